@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from porocore.testing.cell_laws.contact import CellContactSuite as CellContactSuite
     from porocore.testing.cell_laws.meshed import MeshedCellSuite as MeshedCellSuite
     from porocore.testing.macro_laws.base import MacroSolverSuite as MacroSolverSuite
+    from porocore.testing.macro_laws.law import MacroLawSuite as MacroLawSuite
     from porocore.testing.sampler_laws.base import SamplerSuite as SamplerSuite
     from porocore.testing.suite import Suite as Suite
     from porocore.testing.surrogate_laws.base import SurrogateSuite as SurrogateSuite
@@ -36,6 +37,7 @@ _HOMES = {
     "CellSolverSuite": "porocore.testing.cell_laws.base",
     "CellContactSuite": "porocore.testing.cell_laws.contact",
     "MeshedCellSuite": "porocore.testing.cell_laws.meshed",
+    "MacroLawSuite": "porocore.testing.macro_laws.law",
     "MacroSolverSuite": "porocore.testing.macro_laws.base",
     "PotentialSuite": "porocore.testing.surrogate_laws.potential",
     "SamplerSuite": "porocore.testing.sampler_laws.base",

@@ -12,12 +12,15 @@ import numpy as np
 import pytest
 
 from porocore.errors import ConfigurationError, DataError, SolveError
+from porocore.interfaces.law import LawMemory, MacroResponse
 from porocore.interfaces.solution import History, MacroSolution, Profile, StepReport
 from porocore.macro.integration.newton import newton_step
 from porocore.macro.problem import NewtonSettings
+from porocore.states import MacroState
 from porocore.testing.expect import Violation, holds, near, options, refused, same
 from porocore.testing.macro_laws.solving import LINEAR, NONLINEAR, SHORT, Solving
 from porocore.testing.synthetic.response import (
+    AlteredLaw,
     confined_column,
     cubic_reference,
     mean_gradient_law,
@@ -27,6 +30,10 @@ from porocore.testing.synthetic.response import (
 
 class Killed(Exception):
     """A run that ends without warning."""
+
+
+def _unaltered(response: MacroResponse, states: MacroState, memory: LawMemory) -> MacroResponse:
+    return response
 
 
 TIMID = without_large_steps(NONLINEAR, 0.02)
@@ -82,6 +89,19 @@ class Runs(Solving):
     def test_a_linear_law_needs_one_iteration(self) -> None:
         history = self.solve(confined_column(4, time=SHORT), LINEAR).history
         same("iterations", history.iterations[1:], 1.0, "a linear law")
+
+    @pytest.mark.parametrize("kept", [True, False])
+    def test_the_promise_of_a_constant_tangent_changes_no_answer(self, kept: Any) -> None:
+        """Steps of several lengths, under a law that keeps ``constant_tangent`` and under one that breaks it."""
+        problem, law = confined_column(4, load=-0.1, time=SHORT), LINEAR if kept else NONLINEAR
+        promised, plain = AlteredLaw(law, _unaltered), AlteredLaw(law, _unaltered)
+        promised.constant_tangent = True
+        found, wanted = (self.solve(problem, each).history for each in (promised, plain))
+        state = f"constant_tangent = True of a {'linear' if kept else 'nonlinear'} law"
+        for name in ("settlement", "pressure_max", "drained"):
+            expected = getattr(wanted, name)
+            within = self.within(1e-7) * float(np.abs(expected).max())
+            near(name, getattr(found, name), expected, state, within=within)
 
     def test_failed_steps_are_halved_to_the_same_answer(self) -> None:
         problem = confined_column(6, load=-0.1, time=SHORT)

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import sparse
 
 from porocore.errors import DataError
-from porocore.macro.integration import checkpoint
+from porocore.macro.integration import checkpoint, newton
 from porocore.macro.integration.checkpoint import CheckpointFile
 from porocore.macro.problem import NewtonSettings
 from porocore.testing.synthetic.response import AlteredLaw
@@ -49,6 +49,14 @@ class BeginsAnew(Altered):
             return super().solve(prepared, law, **how)
 
 
+def one_system_a_step(solve, prepared, law, **how):
+    """Solve; under a law that promises a constant tangent Newton's method ends after one system."""
+    if not law.constant_tangent:
+        return solve(prepared, law, **how)
+    with patch.object(newton, "_misfit", lambda *words: 1e-20):
+        return solve(prepared, law, **how)
+
+
 class TestFine(Law):
     caught_by = ""
 
@@ -82,6 +90,34 @@ class TestDamped(Law):
     class elements(Elements):
         def solve(self, system, right, jump, **how):
             return 0.9 * super().solve(system, right, jump, **how)
+
+
+class TestOneLengthForAll(Law):
+    """The system of the first step serves steps of every length, and is trusted."""
+
+    caught_by = "test_the_promise_of_a_constant_tangent_changes_no_answer"
+
+    class elements(Elements):
+        promised, first = False, None
+
+        def system(self, tangent, dt, follower=None):
+            self.first = self.first if self.promised and self.first else super().system(tangent, dt, follower)
+            return self.first
+
+    class solver(Altered):
+        def solve(self, prepared, law, **how):
+            prepared.promised = law.constant_tangent
+            return one_system_a_step(super().solve, prepared, law, **how)
+
+
+class TestTrustsThePromise(Law):
+    """No look at what one system leaves of the residual."""
+
+    caught_by = "test_the_promise_of_a_constant_tangent_changes_no_answer"
+
+    class solver(Altered):
+        def solve(self, prepared, law, **how):
+            return one_system_a_step(super().solve, prepared, law, **how)
 
 
 class TestNeverHalves(Law):

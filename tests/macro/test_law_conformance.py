@@ -1,0 +1,53 @@
+"""The macroscopic laws of this repository obey the kit's laws of macroscopic laws."""
+
+from __future__ import annotations
+
+from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.interfaces.law import CellLaw
+from porocore.macro.analytic.xie_leo import XieLeo
+from porocore.macro.laws import ClosedLaw, PotentialClosure
+from porocore.testing import MacroLawSuite
+from porocore.testing.synthetic import potential_cell
+from porocore.testing.synthetic.response import CONDUCTIVITY, SOLID_FRACTION, linear_law, mean_gradient_law
+from porocore.verification.ladder.clay_law import ClayLaw
+
+
+class TestLinear(MacroLawSuite):
+    kit_version = "3"
+
+    @classmethod
+    def make_law(cls):
+        return linear_law()
+
+
+class TestMeanGradient(MacroLawSuite):
+    kit_version = "3"
+
+    @classmethod
+    def make_law(cls):
+        return mean_gradient_law()
+
+
+class PotentialCell(CellLaw):
+    """The made-up cell with a potential."""
+
+    identity = potential_cell.IDENTITY
+
+    def predict(self, states, *, tangent=True):
+        return potential_cell.respond(states)
+
+
+class TestPotential(MacroLawSuite):
+    kit_version = "3"
+
+    @classmethod
+    def make_law(cls):
+        return ClosedLaw(PotentialCell(), PotentialClosure(SOLID_FRACTION, NeoHookean(), CONDUCTIVITY))
+
+
+class TestClay(MacroLawSuite):
+    kit_version = "3"
+
+    @classmethod
+    def make_law(cls):
+        return ClayLaw(XieLeo())
