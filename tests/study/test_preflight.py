@@ -137,8 +137,8 @@ def test_check_notes_drained_surfaces_that_no_pore_leads_to(tmp_path):
 @pytest.mark.parametrize(
     ("kind", "planes", "said"),
     [
-        ("quarter-cylinder", ("x-", "z-"), "a quarter is solved (symmetry planes x- and z-)"),
-        ("wedge", ("oblique", "z-"), "one part in 24 is solved (symmetry planes z- and oblique)"),
+        ("quarter-cylinder", ("x-", "z-"), "a quarter is computed (symmetry planes x- and z-)"),
+        ("wedge", ("oblique", "z-"), "one part in 24 is computed (symmetry planes z- and oblique)"),
     ],
 )
 def test_check_says_of_which_body_the_numbers_are(kind, planes, said, tmp_path):
@@ -147,7 +147,7 @@ def test_check_says_of_which_body_the_numbers_are(kind, planes, said, tmp_path):
     settings = {"macro__body": body, "macro__boundary": faces, "macro__surfaces": {}, "macro__probes": {}}
     done = invoke("check", study_of(tmp_path, **settings))
     assert done.exception is None, done.output
-    assert f"forces and volumes are of the whole body, of which {said}" in done.stdout
+    assert f"forces and volumes are those of the whole body, of which {said}" in done.stdout
     note = "note: the cell, of the point group m-3m, is not its own mirror image at 'oblique'"
     assert (note in done.stdout) == (kind == "wedge")
 

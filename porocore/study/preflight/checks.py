@@ -244,7 +244,7 @@ def _body(config: RunConfig) -> Iterator[str]:
     symmetry = Symmetry.of(macro)
     if symmetry.normals:
         planes = " and ".join(symmetry.normals)
-        yield f"  forces and volumes are {whole_words(symmetry.copies)} (symmetry planes {planes})"
+        yield f"  forces and volumes are those of {whole_words(symmetry.copies)} (symmetry planes {planes})"
     for name, facets in mesh.surfaces.items():
         said = _said(macro.boundary.get(name), units)
         count = f"{len(facets)} {'facet' if len(facets) == 1 else 'facets'}"
