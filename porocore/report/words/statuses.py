@@ -97,6 +97,6 @@ def visited_sentence(visited: list[dict[str, float]]) -> str:
         "For the next numbers, each element of the body is given the status of the nearest solved state of the cell. "
         f"At the end of the run, the pore wall touches itself in the cells of {at_end[0]} of the body."
         f"{_of_the_wall(end, 'each cell')} {at_end[1]} of the body is unstable, and {at_end[2]} has no valid data. "
-        f"At the times at which profiles are stored, the largest shares are {at_most[0]} in contact, {at_most[1]} "
-        f"unstable and {at_most[2]} without valid data."
+        "Over all times at which profiles are stored, the largest values of these shares are "
+        f"{at_most[0]} in contact, {at_most[1]} unstable and {at_most[2]} without valid data."
     )
