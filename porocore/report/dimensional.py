@@ -53,7 +53,7 @@ def dimensional_rows(
     conductivity
         K (3, 3) of the undeformed cell.
     loading_mode
-        The load is a stress only where it scales one; forces are listed where a surface is moved, settlements
+        The load times E is listed only where a stress is prescribed as a share of it; forces are listed where a surface is moved, settlements
         where they are a result.
     """
     found, linear = metrics["nonlinear"], metrics["linear"]
@@ -62,7 +62,7 @@ def dimensional_rows(
     def said(value: float) -> str:
         return f"{number(value)} {[_in_units(value, 'conductivity', each) for each in units.values()]}"
 
-    if loading_mode.stressed:
+    if loading_mode.scales:
         rows.append(("load times E", "stress", metrics["load"]))
     if loading_mode.settles:
         rows += [

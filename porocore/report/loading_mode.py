@@ -34,11 +34,15 @@ class LoadingMode:
         Whether a traction, a pressure or the force on a plate is scaled by the load.
     follows
         Whether a pressure follows a deformed surface.
+    scales
+        Whether the load times E is a prescribed stress: some traction or pressure is 1 in the configuration, so that
+        the load gives it as a share of E. A force, or a stress with a value of its own, makes it a mere factor.
     """
 
     displaced: tuple[str, ...] = ()
     stressed: bool = True
     follows: bool = False
+    scales: bool = False
 
     @property
     def settles(self) -> bool:
@@ -53,11 +57,16 @@ class LoadingMode:
             tuple(name for name, b in faces if _any((*b.displacement, b.normal))),
             any(_any(_stresses(b)) for _, b in faces),
             "follower" in macro.parts,
+            any(_is_one(value) for _, b in faces for value in (*b.traction, b.follower, b.pressure)),
         )
 
 
 def _stresses(boundary: Boundary) -> tuple[Value | None, ...]:
     return (*boundary.traction, boundary.follower, boundary.plate, boundary.pressure)
+
+
+def _is_one(value: Value | None) -> bool:
+    return value is not None and not isinstance(value, TimeFunction) and abs(value) == 1
 
 
 def _any(values: Iterable[Value | None]) -> bool:

@@ -41,8 +41,25 @@ RAMP = TimeFunction(ramp=-0.2, until=1.0)
 def test_what_drives_a_body(top, displaced, stressed):
     held = {"y-": Boundary(displacement=(0, 0, 0)), "y+": Boundary(**top)}
     assert LoadingMode.from_setup(MacroSetup(boundary=held)) == LoadingMode(
-        displaced, stressed, "follower" in top
+        displaced, stressed, "follower" in top, scales=top.get("traction") == (0, 1, 0)
     )
+
+
+@pytest.mark.parametrize(
+    ("top", "scales"),
+    [
+        ({"traction": (0, -1, 0)}, True),
+        ({"follower": 1.0}, True),
+        ({"pressure": 1.0}, True),
+        ({"plate": -1.0}, False),
+        ({"traction": (0, -0.2, 0)}, False),
+        ({"follower": RAMP, "pressure": 0.3}, False),
+        ({"displacement": (None, 1.0, None)}, False),
+    ],
+)
+def test_the_load_is_a_stress_where_it_multiplies_one(top, scales):
+    """Under a plate's force of 58 mN and the factor 1, the report said that the load times E is 400 kPa."""
+    assert LoadingMode.from_setup(MacroSetup(boundary={"y+": Boundary(**top)})).scales is scales
 
 
 @pytest.fixture
@@ -100,10 +117,11 @@ def test_rows_with_units_are_those_of_the_drive(plug, column):
         rows = dimensional_rows(case_metrics(case), plug, np.eye(3), {"this study": UNITS}, loading_mode)
         return {row.name: row.values[0] for row in rows}
 
-    stressed, moved = names(LoadingMode()), names(LoadingMode(("y+",), stressed=False))
+    stressed, moved = names(LoadingMode(scales=True)), names(LoadingMode(("y+",), stressed=False))
     assert "load times E" in stressed
     assert not [name for name in stressed if "force" in name]
     assert "load times E" not in moved
+    assert "load times E" not in names(LoadingMode())
     # A settlement that is prescribed is no result.
     assert [name for name in stressed if "settlement" in name]
     assert not [name for name in moved if "settlement" in name or name.startswith("99 %")]
