@@ -53,8 +53,8 @@ def dimensional_rows(
     conductivity
         K (3, 3) of the undeformed cell.
     loading_mode
-        The load times E is listed only where a stress is prescribed as a share of it; forces are listed where a surface is moved, settlements
-        where they are a result.
+        The load times E is listed only where a stress is prescribed as a share of it; forces are listed where a
+        surface is moved, settlements where they are a result.
     """
     found, linear = metrics["nonlinear"], metrics["linear"]
     rows: list[tuple[str, str, float | None]] = []

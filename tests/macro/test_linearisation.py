@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from porocore.macro.integration.linearisation import Linearisations
+from porocore.macro.integration.newton import ROUND_OFF, _largest_free, _round_off
 from porocore.macro.integration.predictor import Predictor
 from porocore.states import MacroState
 from porocore.testing.synthetic.response import AlteredLaw, confined_column, linear_law, mean_gradient_law
@@ -78,3 +79,18 @@ def test_a_guess_that_leads_nowhere_is_given_up(monkeypatch):
     found, _ = solved(law)
     np.testing.assert_array_equal(found.history.time, plain.history.time)
     np.testing.assert_allclose(found.history.settlement, plain.history.settlement, rtol=1e-7)
+
+
+def test_what_a_step_takes_up_is_round_off_below_that_of_the_fluid_volume():
+    """At 1e-7 of the consolidation time, no step could be short enough for 1e-9 of the volume that it took up."""
+    d, law = SkfemMacroSolver().prepare(confined_column(6, load=-0.1, time=PLAN)), mean_gradient_law()
+    x, dt, eps = np.full(len(d.unknowns), 1e-6), 1e-9, float(np.finfo(float).eps)
+    states, grad_p = d.states(x)
+    response = law.respond(states, grad_p, law.initial(d.n_points))
+    shaken = MacroState(states.grad_u + eps * np.eye(3), states.p)
+    residual = d.residual(law.respond(shaken, grad_p, response.memory), dt, d.loads(0.0), x)
+    _, volume = _largest_free(d, residual.values)
+    linear = Linearisations(d, law).at(response, dt, x, d.loads(0.0))
+    first, later = (_round_off(d, linear, x, ROUND_OFF, begun=begun)[1] for begun in (False, True))
+    assert first < volume < later < 1e3 * volume
+    assert d.mesh.share_of_volume == pytest.approx(d.mesh.weights.sum() / 6 / 4)

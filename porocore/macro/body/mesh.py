@@ -96,6 +96,12 @@ class BodyMesh:
         local = np.einsum("eq,eqaj->ea", self.weights, np.abs(grad))
         return float(np.bincount(self.cells.ravel(), local.ravel()).max())
 
+    @cached_property
+    def share_of_volume(self) -> float:
+        """Largest ∫ N dX over the body of a pressure node's shape function N."""
+        local = self.weights @ self.element.corner_values(self.element.points)
+        return float(np.bincount(self.p_cells.ravel(), local.ravel()).max())
+
     def pressure_everywhere(self, p: Array) -> Array:
         """(nodes,) the linear pressure at all nodes, from its values (p_nodes,) at the corners."""
         everywhere = np.empty(len(self.points))

@@ -6,8 +6,6 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from porocore.interfaces.law import MacroLaw, MacroResponse
 from porocore.macro.boundary.conditions import Loads
 from porocore.macro.integration.discretisation import Discretisation
@@ -32,10 +30,13 @@ class Linearisation:
         Of the discretisation.
     stiffest
         Largest entry of ∂P_E/∂H.
+    fullest
+        Largest entry of ∂storage/∂H.
     """
 
     system: Any
     stiffest: float
+    fullest: float
 
 
 class Linearisations:
@@ -73,10 +74,12 @@ class Linearisations:
         d, tangent = self._d, response.tangent
         assert tangent is not None
         self._dt = _rounded(dt) if self._constant else dt
-        largest, smallest = (each(tangent.stress_grad_u, initial=0.0) for each in (np.max, np.min))
-        stiffest = d.communicator.max(float(max(largest, -smallest)))
+        stiffest, fullest = (
+            d.communicator.max(float(max(each.max(initial=0.0), -each.min(initial=0.0))))
+            for each in (tangent.stress_grad_u, tangent.storage_grad_u)
+        )
         system = d.system(tangent, self._dt, d.follower_tangent(x, loads))
-        self._last, self._age = Linearisation(system, stiffest), 0
+        self._last, self._age = Linearisation(system, stiffest, fullest), 0
         return self._last
 
     def serves(self, misfits: list[float], tolerance: float) -> bool:

@@ -105,7 +105,8 @@ def _iterated(
         allowed = settings.tolerance if iteration else 0.0
         misfit = _misfit(d, residual)
         if misfit > allowed:
-            misfit = _misfit(d, residual, _round_off(d, linear, x, max(ROUND_OFF, law.noise)))
+            share = max(ROUND_OFF, law.noise)
+            misfit = _misfit(d, residual, _round_off(d, linear, x, share, begun=iteration > 0))
         misfits.append(misfit)
         if misfit <= allowed and not moving:
             return Step(x, response, residual, iteration, misfits)
@@ -148,10 +149,16 @@ def _largest_free(d: Discretisation, values: Array) -> tuple[float, float]:
     return force, volume
 
 
-def _round_off(d: Discretisation, tangent: Linearisation, x: Array, share: float) -> tuple[float, float]:
+def _round_off(
+    d: Discretisation, tangent: Linearisation, x: Array, share: float, *, begun: bool
+) -> tuple[float, float]:
     """Return the forces and volumes that are round-off, a ``share`` of the terms that cancel in them.
 
-    These are |A| |x|, and for forces also the stress of the 1 in I + H, which hides loads below some 1e-12.
+    These are |A| |x|, and for forces also the stress of the 1 in I + H, which hides loads below some 1e-12. Volumes
+    differ by what a step takes up, and their round-off is that of the fluid volume itself, again of the 1 in I + H: a
+    step 1e-7 of the consolidation time long takes up so little that it was 2e-9 of it, and no step could be short
+    enough. Of a first guess (not ``begun``) that counts as an error, for over many steps such errors add up.
     """
     force, volume = _largest_free(d, d.magnitudes(tangent.system, x))
-    return share * (force + tangent.stiffest * d.stretch), share * volume
+    filled = tangent.fullest * d.mesh.share_of_volume if begun else 0.0
+    return share * (force + tangent.stiffest * d.stretch), share * (volume + filled)
