@@ -25,6 +25,8 @@ BAR = 10
 #: The time left is estimated after so many reports, and shown after so many seconds, if the whole time has been
 #: estimated alike, within this factor, over this last share of the time so far, and twice at least.
 REPORTS, FIRST_SHOWN, ALIKE, LATELY = 3, 2.0, 2.5, 0.25
+#: A time left that is longer [s], some six weeks, is none: steps that shrink without end told 2.2e+05 h.
+LONGEST = 1000 * 3600.0
 #: Before so many reports, one part in their number goes by the pace since the first: workers end states together.
 FEW = 8
 
@@ -59,7 +61,7 @@ class Pace:
             pace = pace ** (1 - 1 / count) * whole ** (1 / count)
         seconds = left * pace
         self._estimates.append((now, now - self.begun + seconds))
-        return seconds if self._agrees(now) else None
+        return seconds if seconds <= LONGEST and self._agrees(now) else None
 
     def _agrees(self, now: float) -> bool:
         """Return whether the last estimates, at least two, are alike."""

@@ -25,8 +25,12 @@ MARGIN = 0.1
 MOST = 4
 #: The kept times tell why a body is flagged, if at one of them this share of what is ever flagged is.
 KEPT_SHARE = 0.9
+#: No range is proposed below this stretch 1 + H_ii along an axis: a cell is crushed there, and at 0 a body is turned
+#: inside out.
+LEAST_STRETCH = 0.2
 #: The reach beyond a range, as a share of its width, that is round-off.
 ROUND_OFF = 1e-6
+DIAGONAL = ("H11", "H22", "H33")
 MINUS = str.maketrans("-", "−")
 
 
@@ -73,6 +77,8 @@ class Reach:
         inside = self.sampled or (0.0, 0.0)
         low = _outward(low - max(more, further * (inside[0] - low)), -1) if low < inside[0] else inside[0]
         high = _outward(high + max(more, further * (high - inside[1])), 1) if high > inside[1] else inside[1]
+        if self.name in DIAGONAL:
+            low = min(max(low, LEAST_STRETCH - 1), inside[0])
         return f"{self.name}: {{range: [{', '.join(written(self.name, end, units) for end in (low, high))}]}}"
 
 

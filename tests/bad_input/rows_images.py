@@ -85,7 +85,11 @@ FAULTS: dict[str, tuple[str, Content, str]] = {
     "junk": (".npy", bytes(range(256)) * 10, CANNOT),
     "words": (".npy", "Dear diary", CANNOT),
     "cut in its header": (".npy", npy(HALF)[:40], CANNOT),
-    "cut in its data": (".npy", npy(HALF)[:-100], CANNOT),
+    "cut in its data": (
+        ".npy",
+        npy(HALF)[:-100],
+        "the file is cut off, 100 bytes of its 8 x 8 x 8 voxels are missing",
+    ),
     "of version 9": (".npy", b"\x93NUMPY\x09\x00" + npy(HALF)[8:], CANNOT),
     "an archive": (".npy", archive, CANNOT),
     "of objects": (".npy", npy(np.array([{"a": 1}] * 8).reshape(2, 2, 2)), TYPE),

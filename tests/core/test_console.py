@@ -51,6 +51,16 @@ def test_what_a_resumed_run_found_done_does_not_count_for_the_pace():
     assert stream.getvalue().splitlines()[0] == "sampling: 908 of 1000 states, slow ones, 3 min left"
 
 
+def test_a_time_that_nobody_waits_for_is_not_told():
+    """A run whose steps shrank without end had 2.2e+05 h left."""
+    clock = Clock()
+    with Console(io.StringIO(), clock).task("solving", "steps") as task:
+        for done in range(1, 20):
+            clock.now = 4.0 * done
+            task.update(done, 1e9)
+            assert task.left is None
+
+
 def test_nothing_is_estimated_before_it_means_something():
     clock = Clock()
     with Console(io.StringIO(), clock).task("solving", "steps") as task:

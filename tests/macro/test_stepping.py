@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from porocore.errors import SolveError
-from porocore.macro.integration.stepping import Stepper
+from porocore.macro.integration.stepping import STUCK, Stepper
 from porocore.macro.problem import TimePlan
 
 
@@ -124,3 +124,29 @@ def test_a_load_curve_takes_the_place_of_the_ramp_and_its_corners_are_hit():
 def test_a_load_curve_out_of_order_is_refused(curve, message):
     with pytest.raises(ValidationError, match=message):
         TimePlan(load_curve=curve)
+
+
+def test_steps_that_shrink_without_end_are_an_error():
+    """A body that was turned inside out proposed a step of zero, which ended in a ZeroDivisionError."""
+    plan = TimePlan(
+        end=2, step=1, ramp_increments=1, ramp_step=1, profiles=(), smallest_step=0.01, tolerance=1e-3
+    )
+    stepper = Stepper(plan)
+
+    def step(error):
+        while not stepper.tolerates(error):
+            pass
+        stepper.accept(error)
+
+    for _ in range(STUCK - 1):
+        step(5.0)
+        assert stepper.next() > stepper.time
+    assert stepper.proposed == plan.smallest_step
+    step(0.0)  # so it begins to count anew
+    for _ in range(STUCK // 4):
+        step(5.0)
+    stepper.stuck = STUCK - 1
+    with pytest.raises(
+        SolveError, match=r"smallest length 0\.01 \(smallest_step\), 100 of them .*'until' of its ramp"
+    ):
+        step(5.0)

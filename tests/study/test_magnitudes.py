@@ -6,9 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from porocore.core.units.results import ResultUnits
+from porocore.core.units.results import OutputUnits, ResultUnits
 from porocore.core.units.scales import Scales
+from porocore.errors import ConfigurationError
 from porocore.macro.problem import MacroSetup, body_mesh
+from porocore.study.config.sections import MacroSettings
+from porocore.study.magnitudes.prescribed import require_right_side_out
 from porocore.study.magnitudes.run_times import run_times
 from porocore.study.magnitudes.separation import separation
 
@@ -53,11 +56,11 @@ def test_a_ramp_whose_unit_was_left_out_is_seen_with_both_times():
     [
         (10.0, 2.5, ""),
         (1.0, 0.25, ""),
-        (0.11, 0.02, ""),
+        (0.21, 0.02, ""),
         (
-            0.09,
+            0.19,
             0.02,
-            "the run ends after 0.09, long before the body consolidates (1); check macro.time, cell",
+            "the run ends after 0.19, long before the body consolidates (1); check macro.time, cell",
         ),
         (200.0, 0.5, ""),
         (
@@ -145,3 +148,34 @@ def test_across_rigid_planes_a_column_has_no_size():
     assert np.ptp(body_mesh(setup).points, axis=0).min() == pytest.approx(0.01)
     assert notes(setup, 0.1e-3) == []
     assert "2 mm along y" in notes(setup, 0.5e-3)[0]
+
+
+@pytest.mark.parametrize(
+    ("value", "loads", "said"),
+    [
+        ({"ramp": -160, "until": 1}, [1], "u_2 = -160 mm at t = "),
+        ({"ramp": -3.2, "until": 1}, [1], "u_2 = -3.2 mm at t = "),
+        (-1.0, [1, 4], "under the load 4"),
+        ({"ramp": 2.0, "until": 1}, [-2], "u_2 = -4 mm at t = "),
+    ],
+)
+def test_a_body_is_not_turned_inside_out(value, loads, said):
+    """-160 in a plug of 2 mm, without its unit, got a range of [-180, 180], 'no faults', and a crash."""
+    setup = MacroSettings.model_validate(macro(value).model_dump() | {"loads": loads})
+    with pytest.raises(ConfigurationError) as error:
+        require_right_side_out(setup, body_mesh(setup), ResultUnits(SCALES, OutputUnits(length="mm")))
+    text = str(error.value)
+    assert text.startswith("macro.boundary.y+.displacement: u_2 = ")
+    assert said in text
+    assert "which is 3 mm long between the surfaces y- and y+" in text
+    assert "did you leave out a unit? A number without one is a multiple of 1 mm" in text
+    with pytest.raises(ConfigurationError, match="is that its sign and size"):
+        require_right_side_out(setup, body_mesh(setup), ResultUnits())
+
+
+@pytest.mark.parametrize(
+    ("value", "loads"), [({"ramp": -2.9, "until": 1}, [1, 0.5, -1]), (-0.7, [4]), (30.0, [1])]
+)
+def test_a_body_that_is_pressed_or_pulled_far_is_its_own_affair(value, loads):
+    setup = MacroSettings.model_validate(macro(value).model_dump() | {"loads": loads})
+    require_right_side_out(setup, body_mesh(setup), ResultUnits(SCALES))

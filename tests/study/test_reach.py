@@ -97,6 +97,23 @@ def test_check_says_which_ranges_are_much_too_wide(tmp_path):
     assert "uses less than" not in "".join(predicted_reach(narrow, coefficients()))
 
 
+def test_no_range_is_proposed_that_crushes_the_cell(tmp_path):
+    """A load under which the linear solution turns the body inside out is told so; it got H22: [-2.6, 0.01]."""
+    inputs = {"H11": (-0.5, 0.5), "H22": (-0.1, 0.02), "H33": (-0.5, 0.5), "p": (-2, 2)}
+    boundary = PLANES | {name: {"normal": 0} for name in ("x+", "z+")}
+    for pressed, what in ((-0.5, "until it is turned inside out at ("), (-0.4, "of its length at (")):
+        loaded = boundary | {"y+": {"traction": [0, pressed, 0], "pressure": 0}}
+        said = list(predicted_reach(study(tmp_path, loaded, inputs), coefficients()))
+        (note,) = (line for line in said if "the body is compressed " in line)
+        assert what in note
+        assert "under the load 1, which no cell is likely to bear; lower the load, bring it up over" in note
+        assert lines_of("".join(said))["H22"][0] == -0.8
+    loaded = boundary | {"y+": {"traction": [0, -0.1, 0], "pressure": 0}}
+    assert "no cell is likely" not in "".join(
+        predicted_reach(study(tmp_path, loaded, inputs), coefficients())
+    )
+
+
 def test_the_line_of_a_linear_prediction_goes_further():
     """Told to sample [-0.008, 0], the run of the plug reached -0.0100; one that is left by little, little."""
     assert (

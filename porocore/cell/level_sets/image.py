@@ -82,7 +82,14 @@ def _read_npy(
         first = version == (1, 0)
         read = npy.read_array_header_1_0 if first else npy.read_array_header_2_0
         shape, _, dtype = read(file)
+        begin = file.tell()
     check(shape, dtype)
+    missing = begin + math.prod(shape) * dtype.itemsize - path.stat().st_size
+    if missing > 0:
+        raise ValueError(
+            f"the file is cut off, {missing:,} bytes of its {' x '.join(map(str, shape))} voxels are missing; copy it "
+            "again"
+        )
     return np.asarray(_part(np.load(path, mmap_mode="r", allow_pickle=False), crop))
 
 

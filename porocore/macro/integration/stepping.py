@@ -20,6 +20,14 @@ SAFETY, SHRINK, GROW = 0.9, 0.2, 2.0
 TOO_MUCH = 2.0
 #: Accepted steps in a row after which a halving is taken back.
 PATIENCE = 2
+#: Steps in a row at the smallest length whose error is still beyond it: the solution is no longer one in time. After a
+#: jump of the load there are few.
+STUCK = 100
+#: Advice on a load that a body does not follow.
+GENTLER = (
+    "lower the load, bring it up over a longer time ('until' of its ramp, else ramp_increments times ramp_step), or "
+    "use a finer mesh"
+)
 #: Two times closer than this share of a step are one.
 SAME = 1e-9
 
@@ -47,6 +55,8 @@ class Stepper:
         Accepted steps in a row since a halving was made or taken back.
     proposed
         Step that the last error asks for.
+    stuck
+        Steps in a row that were accepted at the smallest length with an error that was too large.
     """
 
     plan: TimePlan
@@ -55,6 +65,7 @@ class Stepper:
     halvings: int = 0
     streak: int = 0
     proposed: float = math.inf
+    stuck: int = 0
     _ramp_end: float = field(init=False, repr=False)
     _stops: tuple[float, ...] = field(init=False, repr=False)
 
@@ -103,15 +114,28 @@ class Stepper:
         return any(abs(time - t) <= SAME * self.plan.ramp_step for t in wanted)
 
     def tolerates(self, error: float | None) -> bool:
-        """Tell whether a step to :meth:`next` with this error can be accepted; else the next one is shorter."""
+        """Tell whether a step to :meth:`next` with this error can be accepted; else the next one is shorter.
+
+        Raises
+        ------
+        SolveError
+            Many steps in a row have such an error at ``plan.smallest_step``.
+        """
         tolerance, length = self.plan.tolerance, self.next() - self.time
-        if (
-            tolerance is None
-            or error is None
-            or error <= TOO_MUCH * tolerance
-            or length <= self.plan.smallest_step
-        ):
+        if tolerance is None or error is None or error <= TOO_MUCH * tolerance:
+            self.stuck = 0
             return True
+        if length <= self.plan.smallest_step * (1 + SAME):
+            self.stuck += 1
+            if self.stuck >= STUCK:
+                now, least = (spoken().text(t, "time", 6) for t in (self.time, self.plan.smallest_step))
+                raise SolveError(
+                    f"the macroscale steps before t = {now} are in error by more than time.tolerance = {tolerance:g} "
+                    f"at their smallest length {least} (smallest_step), {STUCK} of them in a row: the solution "
+                    f"runs away; {GENTLER}"
+                )
+            return True
+        self.stuck = 0
         self.proposed = max(self._wanted(length, error), self.plan.smallest_step)
         return False
 
@@ -128,7 +152,7 @@ class Stepper:
             if self.at_corner:
                 self.proposed = self.plan.ramp_step
             elif error is not None:
-                self.proposed = self._wanted(length, error)
+                self.proposed = max(self._wanted(length, error), self.plan.smallest_step)
         self.streak += 1
         if self.halvings and self.streak >= PATIENCE:
             self.halvings, self.streak = self.halvings - 1, 0
@@ -148,8 +172,7 @@ class Stepper:
             raise SolveError(
                 f"the macroscale step from t = {spoken().text(self.time, 'time', 6)} failed at its smallest length "
                 f"{spoken().text(failed, 'time', 3)} (smallest_step = "
-                f"{spoken().text(self.plan.smallest_step, 'time', 6)}): {reason}{more()}; "
-                "lower the load, use more ramp_increments or a finer mesh"
+                f"{spoken().text(self.plan.smallest_step, 'time', 6)}): {reason}{more()}; {GENTLER}"
             )
         self.streak = 0
         while self.next() - self.time > failed / 2 * (1 + SAME):

@@ -11,8 +11,8 @@ from porocore.macro.problem import Boundary, MacroSetup
 #: A ramp below this share of the time of consolidation is a jump, and most often one whose unit was left out; 1e-2 to
 #: 1e-3 is usual where a relaxation is asked for.
 JUMP = 1e-4
-#: A run that ends before this share of it shows little of the consolidation.
-EARLY = 0.1
+#: Before this share of the time half of the fluid is still in a column (0.46): such a run shows little of it.
+EARLY = 0.2
 #: A run so many times as long, in steps that are longer than it, shows nothing of it either.
 LATE = 100.0
 #: All that the time of consolidation depends on.

@@ -30,6 +30,7 @@ from porocore.sampling.execution.address import check_reachable
 from porocore.study import backends
 from porocore.study.config.config import RunConfig
 from porocore.study.magnitudes.left_out import left_out
+from porocore.study.magnitudes.prescribed import require_right_side_out
 from porocore.study.magnitudes.separation import separation
 from porocore.study.preflight.at_rest import cell_length, edges
 from porocore.study.preflight.guess import RunTimes, decisions
@@ -63,7 +64,7 @@ def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) ->
     ConfigurationError
         Options are unusable, the box reaches det F ≤ 0, states are too few or too many, nobody listens at the
         scheduler's address, a function of time has no value somewhere, there is no such surface, boundary conditions
-        contradict each other or do not hold the body, or a probe lies outside.
+        contradict each other, do not hold the body or turn it inside out, or a probe lies outside.
     """
     with speaking(config.result_units):
         _check(config, KINDS if needed is None else needed)
@@ -73,7 +74,7 @@ def _check(config: RunConfig, needed: Collection[Kind]) -> None:
     find_backends(config, needed)
     check_sampling(config, trained="surrogate" in needed)
     check_time_functions(config.macro)
-    place(config)
+    require_right_side_out(config.macro, place(config), config.result_units)
     for kind in KINDS:
         try:
             backends.check(kind, config)

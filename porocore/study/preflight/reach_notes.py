@@ -1,32 +1,31 @@
 """Notes before a run on components that leave the sampled ranges, or ranges that are too wide.
 
-Between two surfaces across an axis whose displacements are prescribed, a component of H has a known mean along every
-line that joins them, so it reaches at least this mean somewhere on the line.
+What is prescribed is reached in any case, see :mod:`porocore.study.magnitudes.prescribed`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from itertools import combinations
 
 import numpy as np
 
-from porocore.core.formulas.time_function import Value
 from porocore.core.inputs.input_space import NAMES, components
 from porocore.core.units.results import ResultUnits
 from porocore.errors import SolveError
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.laws.linear import LinearCoefficients
-from porocore.macro.problem import Boundary, body_mesh
+from porocore.macro.problem import body_mesh
 from porocore.report.format import percent
 from porocore.report.metrics import LEAST_FLAGGED
-from porocore.states import Array, MacroState
+from porocore.states import MacroState
 from porocore.study.config.config import RunConfig
+from porocore.study.magnitudes.prescribed import known, prescribed_times
 from porocore.study.preflight.linear_reach import linear_solutions, too_large
 from porocore.study.preflight.workload import sheared
 from porocore.study.reach import (
+    LEAST_STRETCH,
     MINUS,
     ROUND_OFF,
     Reach,
@@ -47,10 +46,6 @@ LINEAR_MARGIN = 0.5
 #: Ranges so many times as wide as what is reached are noted: ample ones of the examples are 7, since pressures between
 #: the few steps are higher by a third; a component below the smallest share of its range is zero.
 WIDE, SMALLEST = 10.0, 1e-4
-#: A surface is across an axis if its nodes differ by less than this share of the body along it.
-FLAT = 1e-6
-#: Times at which prescribed values are looked at, beside those of their kinks.
-TIMES = 200
 
 
 def predicted_reach(config: RunConfig, coefficients: LinearCoefficients) -> Iterator[str]:
@@ -75,6 +70,7 @@ def predicted_reach(config: RunConfig, coefficients: LinearCoefficients) -> Iter
     if not reached:
         yield "reach of the body: by linear poroelasticity it stays within the sampled ranges"
         yield from (f"note: {note}" for note in prescribed_reach(config, body_mesh(config.macro)))
+        yield from _crushed(found)
         yield from _too_wide(config, found, [])
         return
     yield (
@@ -82,10 +78,27 @@ def predicted_reach(config: RunConfig, coefficients: LinearCoefficients) -> Iter
         "write under 'sampling.inputs:'"
     )
     yield from (f"  {each.line(units, LINEAR_MARGIN)}, since {each.in_words(units)}" for each in reached)
+    yield from _crushed(found)
     nodes = len(config.cell.make_mesh("solid", "whole").points)
     for note in sheared(config, nodes, [each.name for each in reached]):
         yield f"note: {note}{_without(config, reached, found)}"
     yield from _too_wide(config, found, [each.name for each in reached])
+
+
+def _crushed(found: Sequence[Found]) -> Iterator[str]:
+    """Yield a note where the linear solution crushes the body, or turns it inside out, and no range would do."""
+    F = [np.eye(3) + states.grad_u for states, _ in found]
+    least = [np.where(np.linalg.det(each) > 0, np.linalg.svd(each)[1][:, -1], 0.0) for each in F]
+    k = int(np.argmin([each.min() for each in least]))
+    row = int(least[k].argmin())
+    if least[k][row] >= LEAST_STRETCH:
+        return
+    what = f"to {least[k][row]:.2g} of its length" if least[k][row] > 0 else "until it is turned inside out"
+    yield (
+        f"note: by linear poroelasticity the body is compressed {what} {found[k][1](row)}, which no cell is likely to "
+        "bear; lower the load, bring it up over a longer time ('until' of its ramp, else ramp_increments times "
+        "ramp_step), or check its unit"
+    )
 
 
 def _too_wide(config: RunConfig, found: Sequence[Found], left: Sequence[str]) -> Iterator[str]:
@@ -173,75 +186,19 @@ def _of_solution(solution: MacroSolution, units: ResultUnits) -> Found:
 
 def _prescribed(config: RunConfig, mesh: BodyMesh) -> Found:
     """Return states of single components that are sure to occur, under all loads, and where each does."""
-    units, times, rows, where = config.result_units, _times(config), [np.zeros(10)], ["at rest"]
+    units, times, rows, where = (
+        config.result_units,
+        prescribed_times(config.macro),
+        [np.zeros(10)],
+        ["at rest"],
+    )
     for load in config.macro.loads:
-        for column, values, said in _known(config, mesh, times):
-            k = int(np.abs(values).argmax())
+        for each in known(config.macro, mesh, times):
+            k = int(np.abs(each.values).argmax())
             rows.append(np.zeros(10))
-            rows[-1][column] = load * values[k]
-            where.append(f"{said} at t = {units.text(times[k], 'time', 3)} under the load {load:g}")
+            rows[-1][NAMES.index(each.name)] = load * each.values[k]
+            where.append(
+                f"{each.where} at t = {units.text(float(times[k]), 'time', 3)} under the load {load:g}"
+            )
     flat = np.array(rows)
     return MacroState(flat[:, :9].reshape(-1, 3, 3), flat[:, 9]), where.__getitem__
-
-
-def _times(config: RunConfig) -> Array:
-    """Return times of a run (n,), with all kinks of what is prescribed."""
-    plan = config.macro.time
-    kinks = [*config.macro.corners, plan.ramp_increments * plan.ramp_step]
-    return np.asarray(np.unique(np.concatenate([kinks, np.linspace(0, plan.end, TIMES + 1)])))
-
-
-def _known(config: RunConfig, mesh: BodyMesh, times: Array) -> Iterator[tuple[int, Array, str]]:
-    """Yield components of the state, their values at ``times`` that are sure to occur, and where, without the load."""
-    macro = config.macro
-    for name, boundary in macro.boundary.items():
-        if boundary.pressure is not None:
-            yield NAMES.index("p"), _course(config, boundary.pressure, times), f"on the surface {name}"
-    faces = _faces(config, mesh)
-    for (name, j, at, low, high, boundary), (other, k, there, low2, high2, opposite) in combinations(
-        faces, 2
-    ):
-        others = [axis for axis in range(3) if axis != j]
-        overlap = (np.minimum(high, high2) - np.maximum(low, low2))[others]
-        if j != k or abs(there - at) < 1e-9 or not (overlap > 0).all():
-            continue
-        for i in range(3):
-            one, two = (
-                _displacement(b, i, j, x > y) for b, x, y in ((boundary, at, there), (opposite, there, at))
-            )
-            if one is not None and two is not None:
-                change = _signed(config, two, times) - _signed(config, one, times)
-                yield 3 * i + j, change / (there - at), f"between the surfaces {name} and {other}"
-
-
-def _faces(config: RunConfig, mesh: BodyMesh) -> list[tuple[str, int, float, Array, Array, Boundary]]:
-    """Return name, axis, position, corners of the bounding box and conditions of all surfaces across an axis."""
-    size, found = np.ptp(mesh.points, axis=0), []
-    for name, facets in mesh.surfaces.items():
-        boundary = config.macro.boundary.get(name)
-        if boundary is None:
-            continue
-        points = mesh.points[np.unique(facets)]
-        low, high = points.min(axis=0), points.max(axis=0)
-        for j in np.flatnonzero(high - low < FLAT * size):
-            found.append((name, int(j), float(low[j]), low, high, boundary))
-    return found
-
-
-def _displacement(boundary: Boundary, i: int, axis: int, upper: bool) -> tuple[Value, float] | None:
-    """Return the prescribed displacement along ``i`` of a surface across ``axis``, and its sign; None if it is free."""
-    if boundary.normal is not None:
-        return (boundary.normal, 1.0 if upper else -1.0) if i == axis else None
-    value = boundary.displacement[i]
-    return None if value is None else (value, 1.0)
-
-
-def _signed(config: RunConfig, value: tuple[Value, float], times: Array) -> Array:
-    return value[1] * _course(config, value[0], times)
-
-
-def _course(config: RunConfig, value: Value, times: Array) -> Array:
-    """Return a prescribed value at ``times``, without the load."""
-    problem = config.macro.problem(1.0)
-    factor = np.array([problem.factor(value, float(time)) for time in times])
-    return factor * value if isinstance(value, int | float) else factor
