@@ -73,7 +73,8 @@ def flagged_sentence(metrics: dict[str, Any], left_out: LeftOut | None = None) -
         )
     if is_flagged(nonlinear):
         return (
-            f"Parts of the body are flagged: the surrogate is not reliable there. {flagged_shares(nonlinear)}"
+            "Parts of the body are flagged: there some quantity of the surrogate (stress, fluid volume or "
+            f"conductivity) is not reliable. {flagged_shares(nonlinear)}"
         )
     return "No part of the body is flagged."
 

@@ -16,7 +16,7 @@ from porocore.interfaces.surrogate import OnProgress, Surrogate, TrainingSet
 from porocore.states import CELL_FIELDS, Array, CellResponse, MacroState
 from porocore.surrogates.conductivity.fit import fit_conductivity
 from porocore.surrogates.conductivity.model import ConductivityModel
-from porocore.surrogates.error_estimate.drivers import reasons
+from porocore.surrogates.error_estimate.drivers import ERROR_END, reasons
 from porocore.surrogates.file import file
 from porocore.surrogates.mean_gradient.model import AnchoredModel
 from porocore.surrogates.network.network import Evaluator, Network
@@ -26,6 +26,8 @@ from porocore.surrogates.potential.model import PotentialModel
 _KEPT_MEMORY = 24 << 20
 #: Why a state is flagged that lies within all ranges and has a small estimated error.
 CLOSED = "next to states whose pore walls touch and that have no conductivity; end the ranges before the walls touch"
+#: Learned quantities of each model beside the conductivity.
+MECHANICS = {"mlp": "⟨∇u¹⟩", "potential": "stress and fluid volume"}
 #: Responses that each model predicts.
 PROVIDES = {
     model: tuple(name for name, f in CELL_FIELDS.items() if model in f.models)
@@ -132,10 +134,32 @@ class ModelSurrogate(Surrogate):
         if isinstance(model, PotentialModel):
             states = self.inputs.without_rotation(states)
         found = reasons(self.inputs, states, None if model.estimate is None else self._error)
+        if model.estimate is not None:
+            found = self._named(found, states, model.estimate.tolerance)
         if self.conductivity is None:
             return found
         closed = self.conductivity.next_to_closed(states)
         return [f"{said}, {CLOSED}" if near else said for said, near in zip(found, closed, strict=True)]
+
+    def _named(self, found: list[str], states: MacroState, tolerance: float) -> list[str]:
+        """Return the reasons with the quantities whose estimated errors exceed the tolerance, and what stays good."""
+        model, mechanics = self._fitted(), MECHANICS[self.model]
+        errors, strange = model.error(states), model.predict(states, tangent=False).outside_training_range
+        flows = errors * np.nan if self.conductivity is None else self.conductivity.error(states)
+        named = []
+        for n, said in enumerate(found):
+            if said.endswith(ERROR_END) and np.fmax(errors[n], flows[n]) > tolerance:
+                both = errors[n] > tolerance and flows[n] > tolerance
+                said += f" of the conductivity or of {mechanics}; both exceed the tolerance" if both else ""
+                said += f" of {mechanics}" if not flows[n] > tolerance else ""
+                said += " of the conductivity" if not errors[n] > tolerance else ""
+                if strange is not None and not strange[n]:
+                    said += (
+                        f"; that of {mechanics} is {100 * errors[n]:.2g} %, within the tolerance, so forces and "
+                        "displacements in equilibrium can be relied on, but not the times that flow takes"
+                    )
+            named.append(said)
+        return named
 
     def _error(self, states: MacroState) -> Array:
         """Return the estimated error (n,), a share of the range of whatever is worst."""

@@ -11,6 +11,8 @@ from porocore.states import Array, MacroState
 
 #: Share of its range by which a component is moved inwards to see whether it drives the error.
 WITHIN = 0.25
+#: The last words of a reason with an estimated error.
+ERROR_END = "of the range"
 MINUS = str.maketrans("-", "−")
 
 
@@ -48,7 +50,7 @@ def reasons(
         ends = inputs.range_text(inputs.names[k]).translate(MINUS)
         said += f", beyond {ends}" if excess[n, k] > 1e-9 else f" in {ends}"
         if estimate is not None and np.isfinite(within[1][n]):
-            said += f", where the estimated error is {100 * within[1][n]:.2g} % of the range"
+            said += f", where the estimated error is {100 * within[1][n]:.2g} % {ERROR_END}"
         found.append(said)
     return found
 
