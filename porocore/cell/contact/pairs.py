@@ -24,6 +24,8 @@ BESIDE = 0.9
 #: Only walls that face each other across the undeformed pore may touch; a wall behind a facet is the other side of the
 #: solid, however thin. Tolerance as a sine, for facets in one plane.
 BEHIND = 1e-3
+#: Share by which a distance may be wrong.
+ROUND_OFF = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +60,7 @@ class Wall:
     """The wall of a mesh, or an image of it: deformed and undeformed positions x, X (nodes, 3), and its facets."""
 
     def __init__(self, surface: PoreSurface, x: Array, X: Array, *, reflected: bool = False) -> None:
-        self.surface, self.x, self.X, self.reflected = surface, x, X, reflected
+        self.surface, self.x, self._X, self.reflected = surface, x, X, reflected
 
     @cached_property
     def deformed(self) -> FacetShapes:
@@ -68,11 +70,11 @@ class Wall:
     @cached_property
     def undeformed(self) -> FacetShapes:
         """Shapes of the undeformed facets."""
-        return FacetShapes.from_nodes(self.surface, self.X, reflected=self.reflected)
+        return FacetShapes.from_nodes(self.surface, self._X, reflected=self.reflected)
 
     def shifted(self, by: Array, before: Array) -> Wall:
         """Return the image after translations of the deformed and of the undeformed wall."""
-        image = Wall(self.surface, self.x + by, self.X + before, reflected=self.reflected)
+        image = Wall(self.surface, self.x + by, self._X, reflected=self.reflected)
         image.deformed, image.undeformed = self.deformed.shifted(by), self.undeformed.shifted(before)
         return image
 
@@ -140,10 +142,14 @@ def find_pairs(wall: Wall, image: Wall, reach: float) -> Pairs:
     if image.reflected:
         triangles = triangles[:, :, ::-1]
     points = np.einsum("qa,pai->pqi", surface.N, wall.x[surface.facets[slave]])
-    gaps, where, cosines = nearest(points[:, :, None], image.x[triangles[master]][:, None])
-    pair, point, triangle = np.nonzero((np.abs(gaps) < reach) & (cosines > BESIDE))
+    pair, point, triangle = _near_planes(points, image.x[triangles[master]], reach)
+    gaps, where, cosines = nearest(points[pair, point], image.x[triangles[master[pair], triangle]])
+    gaps = np.abs(gaps)
+    kept = np.flatnonzero((gaps < reach) & (cosines > BESIDE))
+    pair, point, triangle = pair[kept], point[kept], triangle[kept]
+    gaps, where = gaps[kept], where[kept]
     number = slave[pair] * len(surface.N) + point
-    order = np.lexsort((np.abs(gaps[pair, point, triangle]), number))
+    order = np.lexsort((gaps, number))
     chosen = order[np.unique(number[order], return_index=True)[1]]
     pair, point, triangle = pair[chosen], point[chosen], triangle[chosen]
     return Pairs(
@@ -151,10 +157,24 @@ def find_pairs(wall: Wall, image: Wall, reach: float) -> Pairs:
         surface.weights[slave[pair], point],
         surface.facets[slave[pair]],
         triangles[master[pair], triangle],
-        where[pair, point, triangle],
-        slave[pair] * len(surface.N) + point,
-        np.abs(gaps[pair, point, triangle]),
+        where[chosen],
+        number[chosen],
+        gaps[chosen],
     )
+
+
+def _near_planes(points: Array, corners: Array, reach: float) -> tuple[IntArray, IntArray, IntArray]:
+    """Return pair, point and triangle where a point lies within ``reach`` of the plane of a triangle.
+
+    Only these can be within ``reach`` of the triangle. ``points`` are (pairs, q, 3), ``corners`` (pairs, t, 3, 3).
+    """
+    first = corners[:, :, 0]
+    normals = np.cross(corners[:, :, 1] - first, corners[:, :, 2] - first)
+    normals /= np.linalg.norm(normals, axis=2)[:, :, None]
+    heights = points @ normals.swapaxes(1, 2)
+    heights -= (normals * first).sum(axis=2)[:, None]
+    pair, point, triangle = np.nonzero(np.abs(heights) < (1 + ROUND_OFF) * reach)
+    return pair, point, triangle
 
 
 def _facing(wall: Wall, image: Wall, reach: float) -> tuple[IntArray, IntArray]:

@@ -20,26 +20,36 @@ def nearest(points: Array, triangles: Array) -> tuple[Array, IntArray, Array]:
 
     Points are (..., 3) and triangles (..., 3, 3), vertices in rows; positive on the side of the right-handed normal.
     """
-    first = triangles[..., 0, :]
-    m = np.cross(triangles[..., 1, :] - first, triangles[..., 2, :] - first)
-    normal = m / np.linalg.norm(m, axis=-1)[..., None]
-    above = ((points - first) * normal).sum(axis=-1)
+    x = np.ascontiguousarray(np.moveaxis(points, -1, 0))
+    corners = np.ascontiguousarray(np.moveaxis(triangles, (-2, -1), (0, 1)))
+    m = _cross_product(corners[1] - corners[0], corners[2] - corners[0])
+    normal = m / np.sqrt(_product(m, m))
+    above = _product(x - corners[0], normal)
     best = np.full(above.shape, np.inf)
     where = np.zeros(above.shape, dtype=np.int64)
     inside = np.ones(above.shape, dtype=bool)
     for k in range(3):
-        a, b = triangles[..., k, :], triangles[..., (k + 1) % 3, :]
-        t, r = b - a, points - a
-        inside &= (np.cross(t, r) * m).sum(axis=-1) >= 0
-        share = (r * t).sum(axis=-1) / (t * t).sum(axis=-1)
-        clamped = np.clip(share, 0.0, 1.0)
-        distance = np.linalg.norm(r - clamped[..., None] * t, axis=-1)
+        t, r = corners[(k + 1) % 3] - corners[k], x - corners[k]
+        inside &= _product(_cross_product(t, r), m) >= 0
+        share = _product(r, t) / _product(t, t)
+        away = r - np.clip(share, 0.0, 1.0) * t
+        distance = np.sqrt(_product(away, away))
         kind = np.where(share <= 0, VERTEX + k, np.where(share >= 1, VERTEX + (k + 1) % 3, EDGE + k))
         nearer = distance < best
         best, where = np.where(nearer, distance, best), np.where(nearer, kind, where)
     best, where = np.where(inside, np.abs(above), best), np.where(inside, FACE, where)
     cosine = np.abs(above) / np.where(best > 0, best, 1.0)
     return np.where(above < 0, -best, best), where, np.where(best > 0, cosine, 1.0)
+
+
+def _product(a: Array, b: Array) -> Array:
+    """Return a·b of vectors whose components come first; numpy sums over short last axes slowly."""
+    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+def _cross_product(a: Array, b: Array) -> Array:
+    """Return a × b of vectors whose components come first."""
+    return np.stack([a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3)])
 
 
 def distance_derivatives(points: Array, triangles: Array, where: IntArray) -> tuple[Array, Array, Array]:

@@ -65,9 +65,10 @@ def nodes_inside(mesh: CellMesh, grad_u: Array, u: Array) -> npt.NDArray[np.int6
     F0 = np.eye(3) + grad_u
     x = mesh.points @ F0.T + u
     tetrahedra = mesh.cells if mesh.order == 1 else mesh.cells[:, SUBDIVISION].reshape(-1, 4)
-    corners = x[tetrahedra]
+    # Sums over short last axes are slow, so components come first.
+    corners = x.T[:, tetrahedra.T]
     centres = corners.mean(axis=1)
-    radii = np.linalg.norm(corners - centres[:, None], axis=2).max(axis=1)
+    radii = np.sqrt(((corners - centres[:, None]) ** 2).sum(axis=0).max(axis=0))
     low, high = x.min(axis=0), x.max(axis=0)
     nodes = np.unique(mesh.wall)
     queries, names = [], []
@@ -77,18 +78,17 @@ def nodes_inside(mesh: CellMesh, grad_u: Array, u: Array) -> npt.NDArray[np.int6
         queries.append(moved[near])
         names.append(nodes[near])
     points, origin = np.concatenate(queries), np.concatenate(names)
-    neighbours = cKDTree(centres).query_ball_point(points, radii.max())
-    counts = np.fromiter((len(n) for n in neighbours), dtype=np.int64, count=len(points))
-    if not counts.sum():
-        return np.zeros(0, dtype=np.int64)
-    point = np.repeat(np.arange(len(points)), counts)
-    tetrahedron = np.concatenate([np.asarray(n, dtype=np.int64) for n in neighbours if n])
-    close = np.linalg.norm(points[point] - centres[tetrahedron], axis=1) < radii[tetrahedron]
-    point, tetrahedron = point[close], tetrahedron[close]
+    reach = float(radii.max(initial=0.0))
+    near = cKDTree(points, balanced_tree=False).sparse_distance_matrix(
+        cKDTree(centres.T, balanced_tree=False), reach, output_type="ndarray"
+    )
+    point, tetrahedron = near["i"], near["j"]
+    within = near["v"] < radii[tetrahedron]
+    point, tetrahedron = point[within], tetrahedron[within]
     same = mesh.periodic_class[tetrahedra[tetrahedron]] == mesh.periodic_class[origin[point]][:, None]
     apart = ~same.any(axis=1)
     point, tetrahedron = point[apart], tetrahedron[apart]
-    inside = _depth(corners[tetrahedron], points[point]) > DEPTH
+    inside = _depth(x[tetrahedra[tetrahedron]], points[point]) > DEPTH
     return np.asarray(np.unique(origin[point[inside]]))
 
 
