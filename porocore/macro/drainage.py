@@ -9,10 +9,11 @@ from scipy.linalg import eigh_tridiagonal
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
+from porocore.macro.analytic.relaxation import relaxed
 from porocore.macro.body.kinds import Box
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.laws.linear import LinearCoefficients
-from porocore.macro.problem import MacroSetup, body_mesh
+from porocore.macro.problem import Boundary, MacroSetup, body_mesh
 from porocore.states import Array
 
 #: A conductivity below this share of the largest is none: what the cell solver leaves where no pore runs through.
@@ -70,6 +71,56 @@ def drained_axes(macro: MacroSetup) -> tuple[int, ...]:
     if not all(face in Box.surfaces for face in faces):
         return (0, 1, 2)
     return tuple(i for i, axis in enumerate("xyz") if any(face[0] == axis for face in faces))
+
+
+def moved(macro: MacroSetup) -> bool:
+    """Return whether displacements move the body and nothing else does, so that its force relaxes."""
+    faces = macro.boundary.values()
+    pushed = any(f.plate is not None or f.follower != 0 or any(t != 0 for t in f.traction) for f in faces)
+    return any(face.is_moved for face in faces) and not pushed and not any(macro.body_force)
+
+
+def held_sideways(macro: MacroSetup) -> int | None:
+    """Return the axis along which alone a body can deform, since all of its other surfaces are held; None without.
+
+    It is that of two whole flat faces. Along it the other surfaces slide.
+    """
+    names = set(body_mesh(macro).surfaces)
+    for axis, letter in enumerate("xyz"):
+        ends, others = {f"{letter}-", f"{letter}+"}, [i for i in range(3) if i != axis]
+        sides = [macro.boundary.get(name, Boundary()) for name in names - ends]
+        if ends <= names and not macro.surfaces and all(_slides(side, axis, others) for side in sides):
+            return axis
+    return None
+
+
+def _slides(side: Boundary, axis: int, others: list[int]) -> bool:
+    return side.displacement[axis] is None and (
+        side.normal == 0 or all(side.displacement[i] == 0 for i in others)
+    )
+
+
+def relaxation_time(macro: MacroSetup, coefficients: LinearCoefficients, left: float = 0.05) -> float | None:
+    """Return the time after a sudden displacement at which the force is within a share of its final value.
+
+    None where it is not known in closed form: it is for a body that is held sideways, and both of whose ends along the
+    axis that is left are moved or held, through one or both of which it drains.
+    """
+    axis = held_sideways(macro) if moved(macro) else None
+    if axis is None:
+        return None
+    names = [f"{'xyz'[axis]}{sign}" for sign in "-+"]
+    sides = [face for name, face in macro.boundary.items() if name not in names]
+    if any(face.pressure is not None or face.flux != 0 for face in sides):
+        return None
+    ends = [macro.boundary.get(name, Boundary()) for name in names]
+    drained = sum(end.pressure is not None for end in ends)
+    if drained == 0 or any(end.normal is None and end.displacement[axis] is None for end in ends):
+        return None
+    compliance = float(coefficients.biot[axis, axis] ** 2 / coefficients.stiffness[axis, axis, axis, axis])
+    time = relaxed(compliance / (compliance + coefficients.storage), left)
+    length = float(np.ptp(body_mesh(macro).points[:, axis])) / drained
+    return None if time is None else time * length**2 / coefficients.consolidation_coefficient(axis)
 
 
 def drainage_time(macro: MacroSetup, coefficients: LinearCoefficients, share: float = 0.95) -> float | None:

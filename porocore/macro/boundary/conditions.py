@@ -214,7 +214,7 @@ class Collector:
             if not held[i] and not any(abs(normal[i]) > SAME for normal in normals):
                 raise ConfigurationError(
                     f"macro.boundary: nothing holds the body in direction {i + 1}; "
-                    f"prescribe u_{i + 1} on some surface"
+                    f"prescribe u_{i + 1} on some surface, or on a small patch of one (macro.surfaces)"
                 )
         for name in self.plates:
             self._check_plate(name)

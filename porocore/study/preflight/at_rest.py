@@ -11,7 +11,14 @@ from porocore.core.files.store import ResultStore
 from porocore.core.units.results import ResultUnits, length_text
 from porocore.core.units.scales import QUANTITIES
 from porocore.errors import PluginError
-from porocore.macro.drainage import drainage_time, drained_axes, drained_surfaces
+from porocore.macro.drainage import (
+    drainage_time,
+    drained_axes,
+    drained_surfaces,
+    held_sideways,
+    moved,
+    relaxation_time,
+)
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.problem import body_mesh
 from porocore.plugins import registry
@@ -132,11 +139,20 @@ def _consolidation(config: RunConfig, coefficients: LinearCoefficients) -> Itera
     time = drainage_time(config.macro, coefficients)
     if time is None:
         return
-    sideways = "" if config.macro.is_column else "; within a factor of two where it gives way sideways"
+    sideways = (
+        "; within a factor of two where it gives way sideways" if held_sideways(config.macro) is None else ""
+    )
     yield (
         f"  consolidation: {units.text(time, 'time', 3)} until 95 % of what a sudden load drives out has left this "
         f"body through {', '.join(drained_surfaces(config.macro))}, by its confined moduli{sideways}"
     )
+    if (relaxation := relaxation_time(config.macro, coefficients)) is not None:
+        yield (
+            f"  relaxation: {units.text(relaxation, 'time', 3)} until the force after a sudden displacement is "
+            "within 5 % of its final value"
+        )
+    elif moved(config.macro):
+        yield "  the body is moved by displacements, not by a load: how fast its force relaxes is another time"
     yield from (f"note: {note}" for note in run_times(config.macro, time, units))
 
 

@@ -76,7 +76,8 @@ def unmirrored(planes: Mapping[str, Array], group: PointGroup) -> list[str]:
         return []
     return [
         f"the cell, of the point group {group.name}, is not its own mirror image at {' and '.join(names)}: behind "
-        "such a plane the whole body is made of mirrored cells; solve the whole body if it is not"
+        "such a plane the whole body is made of mirrored cells. If it is not, solve the whole body, without such "
+        "planes; a small patch (macro.surfaces) holds it sideways where only smooth plates do, see docs/bodies.md"
     ]
 
 
