@@ -386,7 +386,7 @@ def test_a_prescribed_settlement_is_not_drawn(pair):
     assert {"nonlinear", "linear"} <= set(legend(figure))
 
 
-@pytest.mark.parametrize("height", [0.3, 3.0, 30.0])
+@pytest.mark.parametrize("height", [0.3, 2.0, 3.0, 30.0])
 def test_labels_of_a_body_lie_in_its_picture(pair, height):
     """The label of the axis upwards of a plug of 4 mm by 3 mm was cut off."""
     solution, _ = pair
@@ -395,6 +395,7 @@ def test_labels_of_a_body_lie_in_its_picture(pair, height):
     units = ResultUnits(Scales(modulus=4e4, length=1e-3, pore=8e-6), OutputUnits(length="mm", stress="kPa"))
     flat = replace(wide.profiles[-1], u=np.zeros_like(points))
     figure = body_figure(wide, flat, units)
+    png_bytes(figure)  # Saving must not lay it out again.
     body, bar = figure.axes
     box = body.get_tightbbox()
     assert box.x0 >= 0

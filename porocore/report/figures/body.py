@@ -27,6 +27,8 @@ ROUND_OFF = 1e-9
 MOST_WITH_EDGES = 2000
 #: Sizes of the body in its picture, of which the first is taken that leaves room for the labels.
 ZOOMS = (0.98, 0.88, 0.8, 0.72, 0.64, 0.56)
+#: Pixels that labels keep from the edge: the label of the axis upwards moves by 4 when the figure is saved.
+EDGE = 6
 #: The drawn axes, which are z, x and y of the body.
 AXES = (("x", "$x_3$"), ("y", "$x_1$"), ("z", "$x_2$"))
 
@@ -71,13 +73,17 @@ def body_figure(solution: MacroSolution, profile: Profile, units: ResultUnits | 
 
 
 def _fit(figure: Figure, axes: Any, lengths: Array, bar: Any) -> None:
-    """Draw the body as large as its axes and their labels have room; the layout takes no account of these."""
+    """Draw the body as large as its axes and their labels have room; the layout takes no account of these.
+
+    The layout ends with that: when the figure is saved, it would move the axes again, labels beyond the edge.
+    """
     for zoom in ZOOMS:
         axes.set_box_aspect(lengths, zoom=zoom)
         figure.draw_without_rendering()
         needed, right = axes.get_tightbbox(), bar.get_tightbbox().x0
-        if needed.x0 >= 0 and needed.y0 >= 0 and needed.x1 <= right and needed.y1 <= figure.bbox.y1:
-            return
+        if min(needed.x0, needed.y0) >= EDGE and needed.x1 <= right and needed.y1 <= figure.bbox.y1:
+            break
+    figure.set_layout_engine("none")
 
 
 def _pressure(solution: MacroSolution, profile: Profile) -> tuple[Array, bool]:
