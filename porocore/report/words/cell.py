@@ -127,7 +127,8 @@ def conductivity_sentence(case: LoadCase, cell: CellSummary) -> str:
         turned = cell.law == "piola" and not is_isotropic(cell.linear.conductivity)
         found = (
             f"The conductivity K of the undeformed pore is {_TRANSFORMED[turned]}. The figures show K_t. "
-            "The flux of the fluid through reference area is −K_ref ∇p with K_ref = det F̄ K_t. In this model, "
+            "The flux of the fluid through reference area is −K_ref ∇p with K_ref = det F̄ K_t: K_t is the paper's "
+            "conductivity, and K_ref decides how fast the body drains. In this model, "
             "compression along an axis raises K_t and K_ref along this axis, although the pores become narrower. "
             "Extension lowers them. The time of consolidation depends on K_ref along the axes along which the body "
             "drains."

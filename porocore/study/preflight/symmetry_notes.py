@@ -42,12 +42,13 @@ def uncovered(inputs: InputSpace, group: PointGroup) -> list[str]:
     if not shears:
         return []
     names = " and ".join(shears)
-    them, are = ("it", "is no input") if len(shears) == 1 else ("them", "are no inputs")
+    are = "is no input" if len(shears) == 1 else "are no inputs"
     return [
         f"in a cell of the point group {group.name} {', '.join(inputs.names)} may cause stresses along {names}, which "
-        f"{are}; the stresses are learned, but of the stiffness against {them} only that at rest: where the body gives "
-        f"way to {them}, states are flagged, and Newton's iteration may fail; add {names} (or {_transposed(shears)}, "
-        "where the body moves that) to sampling.inputs, unless the body is held against such shear"
+        f"{are}. The surrogate learns these stresses, but it knows the stiffness against {names} only at rest. Where "
+        f"the body shears by {names}, states are flagged, and Newton's iteration may fail. Add {names} to "
+        f"sampling.inputs, unless the body is held against such shear. Where a boundary prescribes "
+        f"{_transposed(shears)} instead, add that; the cell is stretched the same"
     ]
 
 
