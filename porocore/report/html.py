@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from porocore.core.files.atomic import atomic_path
+from porocore.core.parallel.calls import CallProcesses
 from porocore.core.units.results import ResultUnits, speaking
 from porocore.report import figures
 from porocore.report.context import ReportContext, SamplingSummary, SurrogateSummary
@@ -53,6 +54,7 @@ def write_report(
     context: ReportContext,
     figures_folder: Path | None = None,
     tell: Callable[[str], None] = lambda name: None,
+    processes: CallProcesses | None = None,
 ) -> None:
     """Write the page to ``path``, atomically: figures are embedded, nothing is fetched, nothing is executed.
 
@@ -66,13 +68,15 @@ def write_report(
         Where each figure is kept as PNG and SVG; None: nowhere.
     tell
         Called with the name of each figure before it is drawn.
+    processes
+        Processes that draw the figures; None: this one does.
 
     Raises
     ------
     RunFolderError
         The file cannot be written.
     """
-    html = render(context, Pictures(figures_folder, tell))
+    html = render(context, Pictures(figures_folder, tell, processes))
     with atomic_path(path) as part:
         part.write_text(html, encoding="utf-8")
 

@@ -14,17 +14,39 @@ import markupsafe
 from matplotlib.figure import Figure
 
 from porocore.core.files.atomic import atomic_path
+from porocore.core.parallel.calls import CallProcesses, Tell
 from porocore.report.figures.style import png_bytes, svg_bytes
 from porocore.report.format import difference, duration, in_unit, measured, number, percent, plain, unit
 from porocore.report.metrics import is_flagged
 
+#: Forms of a figure by the ending of their files.
+FORMS = {"svg": svg_bytes, "png": png_bytes}
+#: Kinds of data addresses by the same.
+_KINDS = {"svg": "svg+xml", "png": "png"}
+
 
 @dataclass(frozen=True)
 class Picture:
-    """Figure as a data address, with an alternative text."""
+    """Figure as a data address, with an alternative text.
 
-    source: str
+    Attributes
+    ----------
+    form
+        ``svg``, or ``png``, which is smaller where there are very many parts.
+    drawn
+        Returns the file; another process may still be drawing it.
+    text
+        The alternative text.
+    """
+
+    form: str
+    drawn: Callable[[], bytes]
     text: str
+
+    @property
+    def source(self) -> str:
+        """The data address."""
+        return f"data:image/{_KINDS[self.form]};base64,{base64.b64encode(self.drawn()).decode('ascii')}"
 
 
 @dataclass(frozen=True)
@@ -36,30 +58,52 @@ class Pictures:
     folder
         Where the files are written; None: nowhere.
     tell
-        Called with the name of each figure before it is drawn.
+        Called with the name of each figure before it is drawn, or before a process is waited for that draws it.
+    processes
+        Processes that draw; None: this one does.
     """
 
     folder: Path | None = None
     tell: Callable[[str], None] = lambda name: None
+    processes: CallProcesses | None = None
 
     def svg(self, name: str, figure: Figure, text: str) -> Picture:
         """Return a figure of lines and markers; its files are called ``name``."""
-        return svg_picture(self._drawn(name, figure, {"svg": svg_bytes, "png": png_bytes}), text)
+        return self._picture(name, figure, "svg", text)
 
     def png(self, name: str, figure: Figure, text: str) -> Picture:
         """Return a figure with very many parts; its files are called ``name``."""
-        return png_picture(self._drawn(name, figure, {"png": png_bytes, "svg": svg_bytes}), text)
+        return self._picture(name, figure, "png", text)
 
-    def _drawn(self, name: str, figure: Figure, forms: dict[str, Callable[[Figure], bytes]]) -> bytes:
-        """Return the figure in the first of the forms; keep it in all of them."""
-        self.tell(name)
-        first, *others = forms
-        drawn = forms[first](figure)
-        if self.folder is not None:
-            for ending in (first, *others):
-                with atomic_path(self.folder / f"{file_stem(name)}.{ending}") as part:
-                    part.write_bytes(drawn if ending == first else forms[ending](figure))
-        return drawn
+    def _picture(self, name: str, figure: Figure, form: str, text: str) -> Picture:
+        path = None if self.folder is None else self.folder / file_stem(name)
+        if self.processes is None:
+            self.tell(name)
+            drawn = draw(figure, form, path)
+            return Picture(form, lambda: drawn, text)
+        call = self.processes.submit(f"while it drew figure {name}", draw_elsewhere, figure, form, path)
+
+        def wait() -> bytes:
+            self.tell(name)
+            found: bytes = call.result()
+            return found
+
+        return Picture(form, wait, text)
+
+
+def draw(figure: Figure, form: str, path: Path | None) -> bytes:
+    """Return the figure in one of the forms; keep it in all of them in files with this path and their endings."""
+    drawn = FORMS[form](figure)
+    if path is not None:
+        for ending in (form, *(other for other in FORMS if other != form)):
+            with atomic_path(path.with_name(f"{path.name}.{ending}")) as part:
+                part.write_bytes(drawn if ending == form else FORMS[ending](figure))
+    return drawn
+
+
+def draw_elsewhere(tell: Tell, figure: Figure, form: str, path: Path | None) -> bytes:
+    """Draw a figure of another process; see :func:`draw`."""
+    return draw(figure, form, path)
 
 
 def file_stem(name: str) -> str:
@@ -99,13 +143,3 @@ def retitled(page: str, heading: tuple[str, str], configuration: tuple[str, str]
             return None
         page = page.replace(old, new)
     return page
-
-
-def svg_picture(drawn: bytes, text: str) -> Picture:
-    """Return an SVG document to embed."""
-    return Picture(f"data:image/svg+xml;base64,{base64.b64encode(drawn).decode('ascii')}", text)
-
-
-def png_picture(drawn: bytes, text: str) -> Picture:
-    """Return a PNG image to embed, which is smaller than SVG where there are very many parts."""
-    return Picture(f"data:image/png;base64,{base64.b64encode(drawn).decode('ascii')}", text)

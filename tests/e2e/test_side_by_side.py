@@ -1,4 +1,4 @@
-"""Macro solves side by side: files and words as of one after the other, also when they are cut short."""
+"""Stages and macro solves side by side: files and words as of one after the other, also when they are cut short."""
 
 import io
 import json
@@ -7,13 +7,23 @@ import signal
 import sys
 
 import pytest
-from study import LOADS, Running, assert_tidy, contents
+from study import (
+    LOADS,
+    ONE_LOAD,
+    Running,
+    assert_same_results,
+    assert_tidy,
+    contents,
+    porocore,
+    succeeded,
+    write_study,
+)
 
 from porocore.core.console import Console
 from porocore.core.parallel import calls
 from porocore.errors import PorocoreError
 from porocore.study.config.loading import load_config
-from porocore.study.preflight import workload
+from porocore.study.preflight import guess
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.stages.solving import solve
 
@@ -21,8 +31,7 @@ from porocore.study.stages.solving import solve
 SIDE_BY_SIDE = (
     sys.executable,
     "-c",
-    "from porocore.study.preflight import workload; workload.WORTHWHILE = 0\n"
-    "from porocore.cli import main; main()",
+    "from porocore.study.preflight import guess; guess.WORTHWHILE = 0\nfrom porocore.cli import main; main()",
 )
 CASES = [(load, law) for load in LOADS for law in ("mean-gradient", "linear")]
 
@@ -30,7 +39,7 @@ CASES = [(load, law) for load in LOADS for law in ("mean-gradient", "linear")]
 @pytest.fixture
 def half_done(a_copy, monkeypatch):
     """A run that lacks its solutions, and its configuration with two workers that save every step."""
-    monkeypatch.setattr(workload, "WORTHWHILE", 0)
+    monkeypatch.setattr(guess, "WORTHWHILE", 0)
     folder = RunFolder.open(a_copy("solutions", "timings.json"))
     config = folder.config
     sampling = config.sampling.model_copy(update={"workers": 2})
@@ -168,3 +177,46 @@ def test_killed_with_its_processes_at_work_it_goes_on(half_done, finished, tmp_p
     with folder:
         solve(folder, folder.config, console=Console(io.StringIO()))
     assert_the_same(folder, finished)
+
+
+@pytest.fixture
+def two_workers(tmp_path):
+    """The study with worker processes and one load."""
+    return write_study(tmp_path / "two.yaml", ONE_LOAD | {"sampling.workers": 2})
+
+
+def test_a_run_whose_stages_overlap_has_the_files_and_words_of_another(two_workers, finished, tmp_path):
+    run = tmp_path / "run"
+    running = Running(tmp_path / "streams", "run", two_workers, "--out", run, program=SIDE_BY_SIDE)
+    try:
+        assert running.process.wait(timeout=300) == 0, running.err.read_text()
+    finally:
+        running.kill_all()
+    assert_same_results(run, finished)
+    assert_tidy(run)
+    begins = dict.fromkeys(line.partition(":")[0] for line in running.err.read_text().splitlines())
+    shown = ["cell", "sampling", "held-out states", "training", "solving", "mean-gradient, load -0.04"]
+    assert [title for title in begins if title in shown] == shown
+    stages = json.loads((run / "metrics.json").read_text())["stages"]
+    assert list(stages)[:4] == ["cell", "sampling", "held-out states", "training"]
+    assert min(stages.values()) > 0
+
+
+@pytest.mark.parametrize("stopped", [signal.SIGINT, pytest.param(signal.SIGKILL, marks=pytest.mark.slow)])
+def test_stopped_while_training_runs_beside_the_held_out_states(two_workers, finished, tmp_path, stopped):
+    run = tmp_path / "run"
+    running = Running(tmp_path / "streams", "run", two_workers, "--out", run, program=SIDE_BY_SIDE)
+    try:
+        running.until(lambda: (run / "training.csv").exists())
+        status = running.stop(stopped, only_main=True)
+        running.assert_gone()
+    finally:
+        running.kill_all()
+    assert status == {signal.SIGINT: 130, signal.SIGKILL: -signal.SIGKILL}[stopped]
+    if stopped == signal.SIGINT:
+        assert {"held-out states", "training"} <= json.loads((run / "timings.json").read_text()).keys()
+        assert "Traceback" not in running.err.read_text()
+    one = write_study(tmp_path / "one.yaml", ONE_LOAD)
+    assert succeeded(porocore("run", one, "--out", run, "--resume")) == str(run / "report.html")
+    assert_same_results(run, finished)
+    assert_tidy(run)

@@ -8,13 +8,18 @@ import os
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
+import numpy as np
 import pytest
 from report_page import ODD, Page
 
+from porocore.core.parallel.calls import CallProcesses
 from porocore.errors import RunFolderError
 from porocore.report.html import render, write_report
-from porocore.report.page import file_stem
+from porocore.report.loading_mode import LoadingMode
+from porocore.report.metrics import LoadCase
+from porocore.report.page import Pictures, file_stem
 
 
 def test_stands_alone_and_runs_nothing(html, page):
@@ -76,6 +81,27 @@ def test_written_whole_or_not_at_all(context, html, tmp_path, monkeypatch):
     write_report(path, context)
     assert path.read_text(encoding="utf-8") == html
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.fixture
+def block(context, column):
+    """A report on a block that is pushed, whose fields are drawn on its surface."""
+    solution = column(elements=(2, 2, 1))
+    pushed = replace(solution, reactions={"y+": np.outer(solution.history.time, [0, -1, 0])})
+    mode = LoadingMode(displaced=("y+",))
+    return replace(context, cases=(LoadCase(pushed, None),), loading_mode=mode, published=None)
+
+
+def test_figures_drawn_in_processes_are_the_same_bytes(context, html, block, tmp_path):
+    with CallProcesses(2) as processes:
+        for i, (each, alone) in enumerate([(context, html), (block, render(block))]):
+            folder, told = tmp_path / str(i), []
+            assert render(each, Pictures(folder, told.append, processes)) == alone
+            assert {path.stem for path in folder.glob("*.svg")} == {
+                path.stem for path in folder.glob("*.png")
+            }
+            assert len(told) == len(list(folder.glob("*.svg")))
+        assert any(name.startswith("body") for name in told)
 
 
 @pytest.mark.usefixtures("undrawn")

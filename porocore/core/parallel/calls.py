@@ -80,6 +80,11 @@ class CallProcesses:
         self._calls.append(Call(what, future, self))
         return self._calls[-1]
 
+    @property
+    def started(self) -> bool:
+        """Whether a call has been submitted."""
+        return bool(self._calls)
+
     def receive(self, seconds: float) -> bool:
         """Hand the next report to its call; wait for at most so many seconds, and return whether one came."""
         try:
@@ -172,11 +177,14 @@ class Call:
     def _look(self) -> None:
         if self._processes.receive(PATIENCE) or not self._future.done():
             return
-        if isinstance(self._future.exception(), BrokenProcessPool):
+        trouble = self._future.exception()
+        if isinstance(trouble, BrokenProcessPool):
             raise PorocoreError(
                 f"a process ended without a message {self.what} (out of memory, or killed); what is finished is kept: "
                 "resume, where memory is short with sampling.workers: 1"
             )
+        if trouble is not None:  # of what cannot be sent to the process
+            raise trouble
 
 
 _channel: Any = None

@@ -38,17 +38,13 @@ class CellPool:
     factory, args
         ``factory(*args)`` returns the solver and the prepared cell in each worker. Both must be picklable: ``factory``
         is a function at the top level of a module that can be imported; workers do not see the script that runs.
-    workers
-        Number of processes.
+    workers, scheduler, state_seconds
+        Number of processes; address of a dask scheduler, None: a local cluster; time limit of a solve [s].
     tangent, fields
         Results of each solve, see :meth:`porocore.CellSolver.solve`.
     executor
         One of :data:`porocore.sampling.execution.EXECUTORS`, or any executor with ``submit(function, *args)`` that
         returns futures of :mod:`concurrent.futures`; ``workers`` is then the number of states that it gets at a time.
-    scheduler
-        Address of a dask scheduler; None: a local cluster.
-    state_seconds
-        Time limit for the solve of one state [s].
     like
         A response of this cell, as a pattern for those of lost states. By default, that of the first solved state.
     on_warning, on_start
@@ -116,6 +112,12 @@ class CellPool:
         if self._finished or not self.pending:  # no worker is started for states that the store holds
             return not self._finished
         return self.pending - len(self.losses.doubtful) < self._backend.slots + self._backend.ahead
+
+    def start(self) -> None:
+        """Let workers prepare the cell before there is a state to solve; this process itself does not."""
+        if self._backend.eager and self._backend.separate:
+            for worker in self._backend.workers():
+                self._begin(worker, None, tasks.prepare, self._recipe)
 
     def submit(self, key: str, state: MacroState, start: CellField | None = None) -> None:
         """Submit one state (one row) with the field to start from.
@@ -194,8 +196,8 @@ class CellPool:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if kind is not None and not issubclass(kind, Exception) and self._made is not None:
-            self._made.abort()  # interrupted: running solves have no receiver
+        if kind and self._made and not (self._solving and issubclass(kind, Exception)):
+            self._made.abort()  # running solves and preparations have no receiver
         else:
             self.close()
 

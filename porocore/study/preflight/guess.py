@@ -6,10 +6,13 @@ import math
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
+from multiprocessing import current_process
 
+from porocore.core.parallel import launched_by_mpi
 from porocore.interfaces.sampler import Sampler
 from porocore.macro.integration.forecast import StepForecast
 from porocore.macro.integration.stepping import Stepper
+from porocore.macro.linear_systems.memory import available_bytes, fits
 from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.sampling.forecast import Guess
 from porocore.sampling.samplers.macro_driven import MacroDriven
@@ -20,10 +23,16 @@ from porocore.study.preflight.workload import (
     Workload,
     as_time,
     expected_nodes,
+    share_of_flow,
     share_solved,
     workers_here,
 )
 from porocore.study.stages.exploration import coarse_problem
+
+#: Seconds of work that are worth a process of its own: it starts in 1.3 s, with the libraries of a training in 3 s.
+WORTHWHILE = 3.0
+#: Bytes for each unknown of a body in three dimensions: 22 kB with a factor at 91,000 unknowns, less with an iteration.
+UNKNOWN = 22e3
 
 
 @dataclass(frozen=True)
@@ -55,11 +64,12 @@ class RunTimes:
         """Return the times of a study, of which the states and the meshes are known."""
         training = cost.TRAINING.get((config.surrogate.backend, config.surrogate_model))
         start = cost.START if work.workers > 1 else 0.0
+        macro = [macro_time(config, load) for load in config.macro.loads]
         return cls(
             work.cell_time + start,
             rounds(sampler) * decision_time(config, sampler),
             None if training is None else training.at(sampler.expected),
-            sum(macro_time(config, load) for load in config.macro.loads),
+            max(*macro, sum(macro) / bodies_at_once(config, 2 * len(macro))),
             cost.BEGIN + cost.REPORT + cost.REPORT_OF_LOAD * len(config.macro.loads),
         )
 
@@ -159,8 +169,43 @@ def guessed_times(config: RunConfig, sampler: Sampler, solved: Array | None = No
     if solved is not None and len(solved):
         return Guess(max(workers, 1), 0.0, float(solved.mean()), decision, first=1.0)
     start = 0.0 if workers == 1 else cost.START * slow
-    state = (cost.LEAST + cost.costs(share_solved(config)).state.at(expected_nodes(config)[0])) * slow
-    return Guess(max(workers, 1), start, state, decision)
+    return Guess(max(workers, 1), start, _state(config) * slow, decision)
+
+
+def _state(config: RunConfig) -> float:
+    """Return the time of a state of the cell on a quiet core [s]."""
+    return cost.LEAST + cost.costs(share_solved(config)).state.at(expected_nodes(config)[0])
+
+
+def processes_here(config: RunConfig) -> int:
+    """Return how many processes of this machine may work on stages and solutions beside each other."""
+    alone = config.sampling.executor == "serial" or launched_by_mpi() or current_process().daemon
+    return 1 if alone else config.sampling.worker_count()
+
+
+def bodies_at_once(config: RunConfig, count: int) -> int:
+    """Return how many of ``count`` macro solves run at a time: as many as there are cores and memory for."""
+    load, most = config.macro.loads[0], min(processes_here(config), count)
+    if most < 2 or macro_time(config, load) < WORTHWHILE:
+        return 1
+    each = cost.LIBRARIES + UNKNOWN * body_mesh(config.macro.problem(load)).size
+    there = available_bytes()
+    return next((several for several in range(most, 1, -1) if fits(several * each, there)), 1)
+
+
+def starts_early(config: RunConfig) -> bool:
+    """Return whether there is memory for workers that prepare the cell while its conductivity is computed."""
+    nodes, flow = expected_nodes(config)
+    fluid = cost.LIBRARIES + cost.costs(share_of_flow(config)).fluid.at(flow)
+    return fits(
+        workers_here(config) * cost.process_memory(nodes, share_solved(config)) + fluid, available_bytes()
+    )
+
+
+def trains_beside(config: RunConfig) -> bool:
+    """Return whether the surrogate is trained in a process of its own, while the held-out states are solved."""
+    processes = processes_here(config)
+    return processes > 1 and config.sampling.test.count * _state(config) / processes >= WORTHWHILE
 
 
 def decisions(config: RunConfig, sampler: Sampler) -> Iterator[str]:

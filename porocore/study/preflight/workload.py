@@ -3,15 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from multiprocessing import current_process
 
 from porocore.cell.cell import Cell
-from porocore.core.parallel import launched_by_mpi
-from porocore.interfaces.macro import MacroSolver
-from porocore.macro.linear_systems.memory import available_bytes, fits
-from porocore.macro.problem import body_mesh
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight import cost
 from porocore.study.preflight.cost import LIBRARIES, process_memory
@@ -26,13 +21,6 @@ STATE, NODE = 4_000, 24
 STEP, POINT = 60, 30
 #: Quadrature points of a hexahedron.
 POINTS_OF_ELEMENT = 27
-#: Laws that need no cells of their own, whose solves have processes already.
-_WITHOUT_CELLS = ("surrogate", "linear")
-#: Bytes for each unknown of a body in three dimensions: 22 kB with a factor at 91,000 unknowns, less with an iteration.
-UNKNOWN = 22e3
-#: Unknowns times steps from which a solve is worth a process: a process starts in 1.3 s, and a step of the benchmark's
-#: column takes 10 µs for each of its 2,756 unknowns.
-WORTHWHILE = 2e5
 
 
 @dataclass(frozen=True)
@@ -241,16 +229,3 @@ def as_time(seconds: float) -> str:
         if seconds >= 2 * length:
             return f"{float(f'{seconds / length:.2g}'):g} {unit}"
     return f"{seconds:.1g} s"
-
-
-def bodies_at_once(config: RunConfig, laws: Sequence[str], solver: MacroSolver) -> int:
-    """Return how many of the solves with these laws, one entry each, run at a time; 1: in this process."""
-    most = 1 if config.sampling.executor == "serial" else min(config.sampling.worker_count(), len(laws))
-    shared = solver.communicator.size > 1 or launched_by_mpi() or current_process().daemon
-    if most < 2 or shared or not set(laws) <= set(_WITHOUT_CELLS):
-        return 1
-    unknowns = body_mesh(config.macro.problem(config.macro.loads[0])).size
-    if unknowns * config.macro.time.least_steps < WORTHWHILE:
-        return 1
-    there, each = available_bytes(), LIBRARIES + UNKNOWN * unknowns
-    return next((count for count in range(most, 1, -1) if fits(count * each, there)), 1)

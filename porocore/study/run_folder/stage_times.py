@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from porocore.core.files.totals import Numbers, added_up, read_totals
+from porocore.core.parallel.calls import Call, CallProcesses
+from porocore.errors import PorocoreError
 
 
 class StageTime(NamedTuple):
@@ -72,6 +74,21 @@ def timed(path: Path, stage: str, clock: StageClock | None = None) -> Iterator[S
 
     with added_up(path, _record, stage, gained):
         yield clock
+
+
+@contextmanager
+def cut_short_timed(path: Path, calls: Mapping[str, Call], processes: CallProcesses) -> Iterator[None]:
+    """Where the block is interrupted, add the times of the calls by stage, which end with it."""
+    try:
+        yield
+    except BaseException:
+        while processes.receive(0.0):
+            pass
+        for stage, call in calls.items():
+            if call.began is not None:
+                with suppress(PorocoreError), timed(path, stage, StageClock(call.time)):
+                    call.catch_up()
+        raise
 
 
 def stage_times(path: Path) -> dict[str, StageTime]:

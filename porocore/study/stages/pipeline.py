@@ -11,15 +11,18 @@ from pathlib import Path
 
 from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
+from porocore.core.parallel.calls import Call, CallProcesses
 from porocore.plugins.registry import registry
 from porocore.study.config.config import RunConfig
+from porocore.study.preflight.guess import processes_here, starts_early, trains_beside
 from porocore.study.run_folder.folder import RunFolder
+from porocore.study.run_folder.stage_times import cut_short_timed
 from porocore.study.stages.laws import USUAL_LAWS, LawKind, law_names
 from porocore.study.stages.reference import solve_cell, solve_reference
 from porocore.study.stages.reporting import kept_report, report
-from porocore.study.stages.sampling import sample
+from porocore.study.stages.sampling import cell_pool, sample
 from porocore.study.stages.solving import solve
-from porocore.study.stages.training import train
+from porocore.study.stages.training import begin_training, train, training_stage
 
 __all__ = ["report", "run", "sample", "solve", "solve_cell", "solve_reference", "train"]
 
@@ -40,13 +43,24 @@ def run(
     if all(path.exists() for path in solutions) and kept_report(folder, config, console=console):
         console.note(f"the run is finished; to write its report again: porocore report {folder.path}")
         return folder.report
+    beside, training = trains_beside(config), dict[str, Call]()
 
-    def begin() -> None:
-        if not folder.surrogate_of(config).exists():
+    def load_libraries() -> None:
+        if not (beside or folder.surrogate_of(config).exists()):
             registry().get("surrogate", config.surrogate.backend).load_libraries()
 
-    solve_reference(folder, config, console=console, store=store, begin=begin)
-    sample(folder, config, console=console, store=store, begin=begin)
-    train(folder, config, console=console, store=store)
-    solve(folder, config, console=console, laws=laws, store=store)
-    return report(folder, config, console=console)
+    def sampled() -> None:
+        if beside and (call := begin_training(folder, config, processes, store)):
+            training[training_stage(folder, config)] = call
+
+    with CallProcesses(processes_here(config)) as processes:
+        with (
+            cut_short_timed(folder.timings, training, processes),
+            cell_pool(config, console=console, store=store, begin=load_libraries) as pool,
+        ):
+            begin = pool.start if starts_early(config) else load_libraries
+            solve_reference(folder, config, console=console, store=store, begin=begin)
+            sample(folder, config, console=console, store=store, pool=pool, sampled=sampled)
+        train(folder, config, console=console, store=store, begun=next(iter(training.values()), None))
+        solve(folder, config, console=console, laws=laws, store=store, processes=processes)
+        return report(folder, config, console=console, processes=processes)

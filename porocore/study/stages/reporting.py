@@ -11,6 +11,7 @@ from pathlib import Path
 from porocore.core.console import Console
 from porocore.core.files.atomic import atomic_path
 from porocore.core.files.plain_data import write_json
+from porocore.core.parallel.calls import CallProcesses
 from porocore.core.units.results import speaking
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.study.backends import with_closure
@@ -21,10 +22,13 @@ from porocore.study.run_folder.stage_times import stage_times, timed
 from porocore.study.stages.stage_files import finished, held_out_states
 
 
-def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
+def report(
+    folder: RunFolder, config: RunConfig, *, console: Console, processes: CallProcesses | None = None
+) -> Path:
     """Write metrics.json, histories as tables, files for ParaView, figures and the page; return the page's path.
 
-    The report shows the closure that the run began with, and solutions of other laws beside it.
+    The report shows the closure that the run began with, and solutions of other laws beside it. Processes that work
+    already draw its figures.
     """
     from porocore.macro.series import write_series
     from porocore.report.html import write_report
@@ -61,6 +65,7 @@ def report(folder: RunFolder, config: RunConfig, *, console: Console) -> Path:
             context,
             folder.figures,
             lambda name: show(2, f"figure {name}"),
+            processes if processes is not None and processes.started else None,
         )
         show(3)
         warnings = tuple(all_warnings(context))

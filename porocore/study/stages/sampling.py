@@ -6,6 +6,7 @@ States that the data sets hold are not solved again.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack
 
 from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
@@ -42,11 +43,13 @@ def sample(
     console: Console,
     retry_lost: bool = False,
     store: ResultStore | None = None,
-    begin: Callable[[], None] = lambda: None,
+    pool: CellPool | None = None,
+    sampled: Callable[[], None] = lambda: None,
 ) -> None:
     """Solve the sampler's states and the held-out random states; those that ``store`` holds are taken from there.
 
-    ``begin`` is called before the first is solved. With ``retry_lost``, states over which workers died or hung in an
+    ``pool`` solves them, one of :func:`cell_pool`; by default a new one. ``sampled`` is called when the sampler's
+    states are known, before the held-out ones. With ``retry_lost``, states over which workers died or hung in an
     earlier session are solved again.
     """
     inputs = config.sampling.input_space()
@@ -61,21 +64,19 @@ def sample(
         ("sampling", folder.dataset, config.stages.sampling),
         ("held-out states", folder.test_dataset, config.stages.test),
     ]
-    arguments = (config.fem.backend, config.fem.options, config.cell, config.conductivity)
-    known, options = solved_states(store, *arguments), config.sampling.pool_options()
-    with (
-        speaking(config.result_units),
-        listening(console.note),
-        CellPool(
-            prepare_cell, arguments, **options, on_warning=console.warn, known=known, on_start=begin
-        ) as pool,
-    ):
-        states, ended = sampler, 0
+    with ExitStack() as stack:
+        stack.enter_context(speaking(config.result_units))
+        stack.enter_context(listening(console.note))
+        workers = (
+            stack.enter_context(cell_pool(config, console=console, store=store)) if pool is None else pool
+        )
+        states, ended, known = sampler, 0, workers.known
         solved: Array | None = None
         starts: WarmStarts | None = None
         for title, path, identity in stages:
             dataset = Dataset.create_or_open(path, inputs=inputs, identity=identity, provenance=provenance)
             if path == folder.test_dataset:
+                sampled()
                 samples = Dataset.open(folder.dataset)
                 solved, starts = samples.seconds(), WarmStarts(samples, config.cell.modulus)
                 drop_misplaced(dataset, held_out_states(config, samples))
@@ -85,9 +86,9 @@ def sample(
             guess = guessed_times(config, states, solved)
             with (
                 timed(folder.timings, title) as clock,
-                told(known, title, console.note, clock.add, pool.workers),
+                told(known, title, console.note, clock.add, workers.workers),
             ):
-                summary = _campaign(title, states, pool, dataset, console, guess, starts)
+                summary = _campaign(title, states, workers, dataset, console, guess, starts)
                 clock.idle = not summary.solved
             ended += summary.solved
             _tell(title, summary, folder, console)
@@ -95,6 +96,19 @@ def sample(
         console.note(f"store: {known.found} of {ended} states were taken, {ended - known.found} were solved")
     if known and known.store.fault:
         console.warn(f"{known.store.fault}; the solved states are in the run folder alone")
+
+
+def cell_pool(
+    config: RunConfig,
+    *,
+    console: Console,
+    store: ResultStore | None = None,
+    begin: Callable[[], None] = lambda: None,
+) -> CellPool:
+    """Return the workers that solve the cells of a run; ``begin`` is called before they start."""
+    arguments = (config.fem.backend, config.fem.options, config.cell, config.conductivity)
+    known, options = solved_states(store, *arguments), config.sampling.pool_options()
+    return CellPool(prepare_cell, arguments, **options, on_warning=console.warn, known=known, on_start=begin)
 
 
 def _campaign(

@@ -6,7 +6,7 @@ Existing solutions stay; an interrupted solve continues from its checkpoint.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -15,7 +15,6 @@ from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
 from porocore.core.parallel.calls import Call, CallProcesses, Tell
 from porocore.core.units.results import ResultUnits, speaking
-from porocore.errors import PorocoreError
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import StepReport
 from porocore.macro.boundary.symmetry import whole_specimen
@@ -26,9 +25,9 @@ from porocore.plugins.border import body_solution_of
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.abilities import require_parts
-from porocore.study.preflight.workload import bodies_at_once
+from porocore.study.preflight.guess import bodies_at_once
 from porocore.study.run_folder.folder import RunFolder
-from porocore.study.run_folder.stage_times import StageClock, timed
+from porocore.study.run_folder.stage_times import StageClock, cut_short_timed, timed
 from porocore.study.stages.laws import USUAL_LAWS, LawKind, RunLaw, law_names, macro_laws, require_laws
 from porocore.study.stages.stage_files import load_solution
 
@@ -46,13 +45,15 @@ def solve(
     laws: Sequence[LawKind] = USUAL_LAWS,
     direct_closure: str | None = None,
     store: ResultStore | None = None,
+    processes: CallProcesses | None = None,
 ) -> list[str]:
     """Solve the macro problem under every load with each of ``laws``; return the laws' names.
 
     With ``solver``, named ``backend``, solutions of other backends are replaced; otherwise the configured one solves
     what is missing. All processes that share a solver call this. ``direct_closure`` closes the cells of direct FE²;
     by default the closure of ``config`` does. Cells that a law solves are taken from ``store`` where it holds them.
-    Solutions do not depend on one another: several are solved at a time where there are cores and memory.
+    Solutions do not depend on one another: several are solved at a time where there are cores and memory, in
+    ``processes`` if they are given and not too many.
 
     Raises
     ------
@@ -67,11 +68,13 @@ def solve(
         stack.enter_context(speaking(config.result_units))
         kept = solver.communicator.on_root(partial(_kept, folder, config, list(kinds), backend))
         missing = [case for case, (stays, _) in kept.items() if not stays]
-        count = bodies_at_once(config, [kinds[name] for name, _ in missing], solver)
+        own = {kinds[name] for name, _ in missing} <= set(USUAL_LAWS) and solver.communicator.size == 1
+        count = bodies_at_once(config, len(missing)) if own else 1
         if count > 1:
             console.note(f"solving: {len(missing)} solutions, {count} at a time")
-            with CallProcesses(count) as processes:
-                _solve_beside(folder, config, kinds, kept, backend, console, processes)
+            given = processes is not None and count >= min(processes.count, len(missing))
+            with nullcontext(processes) if processes and given else CallProcesses(count) as workers:
+                _solve_beside(folder, config, kinds, kept, backend, console, workers)
         else:
             chosen = macro_laws(folder, config, stack, laws, closure, store)
             said: set[str] = set()
@@ -204,7 +207,7 @@ def _solve_beside(
     """Solve what is missing in processes; show one after the other, as if they were solved in that order."""
     laws = tuple(kinds.values())
     calls = {
-        case: processes.submit(
+        _stage(*case): processes.submit(
             f"while it solved '{case[0]}' under load {case[1]:g}",
             *(solve_elsewhere, folder, config, laws, case, backend),
         )
@@ -212,10 +215,10 @@ def _solve_beside(
         if not stays
     }
     said: set[str] = set()
-    with _cut_short_timed(folder, calls, processes):
+    with cut_short_timed(folder.timings, calls, processes):
         for (name, load), (_, line) in kept.items():
             _say_once(line, said, console)
-            if call := calls.pop((name, load), None):
+            if call := calls.pop(_stage(name, load), None):
                 _follow(folder, config, name, load, call, console, said)
 
 
@@ -240,24 +243,6 @@ def _follow(
         words = call.result()
     if words:
         console.note(f"{folder.solution(name, load).stem}: {words}")
-
-
-@contextmanager
-def _cut_short_timed(folder: RunFolder, calls: dict[Case, Call], processes: CallProcesses) -> Iterator[None]:
-    """Where the block is interrupted, record the times of the solves that run beside it, which end with it."""
-    try:
-        yield
-    except BaseException:
-        while processes.receive(0.0):
-            pass
-        for (name, load), call in calls.items():
-            if call.began is not None:
-                with (
-                    suppress(PorocoreError),
-                    timed(folder.timings, _stage(name, load), StageClock(call.time)),
-                ):
-                    call.catch_up()
-        raise
 
 
 def _say_once(line: str, said: set[str], console: Console) -> None:

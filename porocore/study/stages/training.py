@@ -5,6 +5,8 @@ An interrupted training continues from its checkpoint.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +14,15 @@ import numpy as np
 from porocore.core.console import Console, duration
 from porocore.core.files.reading import read_text
 from porocore.core.files.store import ResultStore
+from porocore.core.parallel.calls import Call, CallProcesses, Tell
+from porocore.core.units.results import speaking
 from porocore.errors import DataError, RunFolderError
 from porocore.interfaces.surrogate import Surrogate, TrainingProgress, TrainingSet
 from porocore.states import Array
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
 from porocore.study.run_folder.folder import RunFolder
-from porocore.study.run_folder.stage_times import timed
+from porocore.study.run_folder.stage_times import StageClock, timed
 from porocore.study.stages.stage_files import load_surrogate, training_set
 from porocore.study.store import fetch_files, keep_files, training_key
 
@@ -26,42 +30,95 @@ HEADER = "epoch,loss,validation_loss"
 
 
 def train(
-    folder: RunFolder, config: RunConfig, *, console: Console, store: ResultStore | None = None
+    folder: RunFolder,
+    config: RunConfig,
+    *,
+    console: Console,
+    store: ResultStore | None = None,
+    begun: Call | None = None,
 ) -> None:
-    """Fit the surrogate that the closure needs to the stable states, unless folder or store hold it."""
+    """Fit the surrogate that the closure needs to the stable states, unless folder or store hold it.
+
+    ``begun`` is the call of :func:`begin_training` that does so in another process.
+    """
     path = folder.surrogate_of(config)
-    if path.exists():
+    if begun is None and path.exists():
         load_surrogate(folder, config)
         console.note(f"training: {path.name} is there already")
         return
-    data = training_set(folder, config)
-    surrogate: Surrogate = make_backend("surrogate", config)
-    own = config.surrogate_model == folder.written.surrogate_model
-    stage = "training" if own else f"training, {config.surrogate_model}"
+    data, stage = training_set(folder, config), training_stage(folder, config)
     checkpoint = folder.training_checkpoint_of(config)
     files = {"surrogates": path, "training-curves": folder.training_curve_of(config)}
     key = "" if store is None else _key(config, data)
-    saved = None if checkpoint.exists() else fetch_files(store, key, files)
+    saved = None if begun is not None or checkpoint.exists() else fetch_files(store, key, files)
     if saved is not None:
         with timed(folder.timings, stage) as clock:
             clock.add(saved)
         console.note(f"training: {path.name} came from the store, which saved {duration(saved)}")
         return
-    with timed(folder.timings, stage) as clock, console.task("training", "epochs") as task:
-        curve = TrainingCurveFile(folder.training_curve_of(config))
+    if begun is not None:
+        begun.begin()
+    now = None if begun is None else begun.time
+    with (
+        timed(folder.timings, stage, now and StageClock(now)) as clock,
+        console.task("training", "epochs", clock=now) as task,
+    ):
 
         def show(progress: TrainingProgress) -> None:
-            curve.add(progress)
             if progress.epochs == 1:
                 task.done_at_once(progress.words)
                 return
             task.unit, work = progress.unit, (progress.epoch, progress.left)
             task.update(progress.epoch, progress.epochs, detail=progress.words, work=work)
 
-        surrogate.fit(data, seed=config.surrogate.seed, checkpoint=checkpoint, on_progress=show)
-        surrogate.save(path)
+        if begun is None:
+            _fit(folder, config, data, show)
+        else:
+            for progress in begun.reports():
+                show(progress)
+            begun.result()
         keep_files(store, key, files, clock.seconds)
     checkpoint.unlink(missing_ok=True)
+
+
+def begin_training(
+    folder: RunFolder, config: RunConfig, processes: CallProcesses, store: ResultStore | None
+) -> Call | None:
+    """Begin the training in a process; None where folder or store hold the surrogate, or the states are too few."""
+    if folder.surrogate_of(config).exists():
+        return None
+    if store is not None and not folder.training_checkpoint_of(config).exists():
+        with suppress(DataError):  # which is told when it is trained
+            if store.find("surrogates", _key(config, training_set(folder, config))) is not None:
+                return None
+    return processes.submit("while it trained the surrogate", train_elsewhere, folder, config)
+
+
+def train_elsewhere(tell: Tell, folder: RunFolder, config: RunConfig) -> None:
+    """Fit the surrogate in this process and save it; ``tell`` receives the progress."""
+    with speaking(config.result_units):
+        _fit(folder, config, training_set(folder, config), tell)
+
+
+def training_stage(folder: RunFolder, config: RunConfig) -> str:
+    """Return the name of the stage in the record of times."""
+    own = config.surrogate_model == folder.written.surrogate_model
+    return "training" if own else f"training, {config.surrogate_model}"
+
+
+def _fit(
+    folder: RunFolder, config: RunConfig, data: TrainingSet, show: Callable[[TrainingProgress], None]
+) -> None:
+    surrogate: Surrogate = make_backend("surrogate", config)
+    curve = TrainingCurveFile(folder.training_curve_of(config))
+
+    def note(progress: TrainingProgress) -> None:
+        curve.add(progress)
+        show(progress)
+
+    checkpoint = folder.training_checkpoint_of(config)
+    surrogate.fit(data, seed=config.surrogate.seed, checkpoint=checkpoint, on_progress=note)
+    surrogate.save(folder.surrogate_of(config))
 
 
 def _key(config: RunConfig, data: TrainingSet) -> str:

@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from porocore.report.figures.style import svg_bytes
-from porocore.report.page import Picture, environment, svg_picture
+from porocore.report.page import Picture, Pictures, environment
 from porocore.study.run_folder.provenance import versions
 from porocore.verification.crosscheck.check import CrossCheck
 from porocore.verification.crosscheck.comparison import Comparison, Part
@@ -121,8 +120,9 @@ def _sections(result: CrossCheck) -> Any:
 def _pictures(result: CrossCheck) -> list[Picture]:
     laws = dict.fromkeys(run.law for run in result.bodies if run.solution is not None)
     return [
-        svg_picture(
-            svg_bytes(difference_figure([run for run in result.bodies if run.law == law])),
+        Pictures().svg(
+            law,
+            difference_figure([run for run in result.bodies if run.law == law]),
             f"Law {law}: histories and their differences",
         )
         for law in laws
