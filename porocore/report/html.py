@@ -60,16 +60,10 @@ def write_report(
 
     Parameters
     ----------
-    path
-        Of the page.
-    context
-        What it shows.
-    figures_folder
-        Where each figure is kept as PNG and SVG; None: nowhere.
-    tell
-        Called with the name of each figure before it is drawn.
-    processes
-        Processes that draw the figures; None: this one does.
+    path, context
+        Of the page, and what it shows.
+    figures_folder, tell, processes
+        Where each figure is kept as PNG and SVG, whom its name is told, and who draws it; see :class:`Pictures`.
 
     Raises
     ------

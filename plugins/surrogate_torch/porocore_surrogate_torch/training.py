@@ -18,7 +18,7 @@ from porocore.surrogates.network.adam import GAIN, MlpTraining, Part
 from porocore.surrogates.network.network import Network
 from porocore.surrogates.network.options import MlpOptions
 from porocore.surrogates.network.sobolev import Loss, unpack_layers
-from porocore.surrogates.network.training_state import TrainingState
+from porocore.surrogates.network.training_state import BETA1, BETA2, EPSILON, TrainingState
 from porocore_surrogate_torch.evaluator import available_device, one_thread
 
 Tensors = dict[str, torch.Tensor]
@@ -58,32 +58,24 @@ class TorchTraining(MlpTraining):
             {name: self._tensor(array) for name, array in part.items()} for part in (training, validation)
         )
         self._theta = self._tensor(state.theta).requires_grad_()
-        self._adam = torch.optim.Adam([self._theta], lr=self.options.learning_rate, foreach=False)
-        if state.epoch:
-            moments = {
-                "step": torch.tensor(float(state.epoch), dtype=torch.float32),
-                "exp_avg": self._tensor(state.moment),
-                "exp_avg_sq": self._tensor(state.square),
-            }
-            groups = self._adam.state_dict()["param_groups"]
-            self._adam.load_state_dict({"state": {0: moments}, "param_groups": groups})
+        self._moment, self._square = self._tensor(state.moment), self._tensor(state.square)
 
     def step(self, rate: float) -> None:
-        """Take one step of torch's Adam."""
-        for group in self._adam.param_groups:
-            group["lr"] = rate
-        self._adam.zero_grad()
+        """Take one step of Adam in the order of torch.optim.Adam, whose import takes 1.3 s, to the same last bit."""
         self._loss = mean_square(self._theta, self.shapes, self.options.activation, self._training)
-        self._loss.backward()
-        self._adam.step()
+        (gradient,) = torch.autograd.grad(self._loss, self._theta)
         self._state.epoch += 1
+        first, second = 1 - BETA1**self._state.epoch, 1 - BETA2**self._state.epoch
+        with torch.no_grad():
+            self._moment.lerp_(gradient, 1 - BETA1)
+            self._square.mul_(BETA2).addcmul_(gradient, gradient, value=1 - BETA2)
+            size = (self._square.sqrt() / math.sqrt(second)).add_(EPSILON)
+            self._theta.addcdiv_(self._moment, size, value=-rate / first)
 
     def losses(self) -> tuple[float, float]:
         """Copy the parameters and their moments into the state and return both losses."""
-        moments, state = self._adam.state[self._theta], self._state
-        state.theta, state.moment, state.square = (
-            tensor.detach().cpu().numpy().copy()
-            for tensor in (self._theta, moments["exp_avg"], moments["exp_avg_sq"])
+        self._state.theta, self._state.moment, self._state.square = (
+            tensor.detach().cpu().numpy().copy() for tensor in (self._theta, self._moment, self._square)
         )
         with torch.no_grad():
             validation = mean_square(self._theta, self.shapes, self.options.activation, self._validation)

@@ -16,9 +16,11 @@ from porocore import ConfigurationError, DataError, MacroState, RunFolderError
 from porocore.surrogates.file.archive import read_archive
 from porocore.surrogates.mean_gradient.data import ScaledData
 from porocore.surrogates.mean_gradient.model import AnchoredModel
+from porocore.surrogates.network.adam import learning_rate, split
 from porocore.surrogates.network.options import MlpOptions
 from porocore.surrogates.network.sobolev import layered_network
 from porocore.surrogates.network.training_state import FORMAT as TRAINING_FORMAT
+from porocore.surrogates.network.training_state import TrainingState
 from porocore.testing.surrogate_laws.base import synthetic_training_set
 from porocore.testing.synthetic.cell import INPUTS
 from porocore_surrogate_torch import hooks, training
@@ -274,3 +276,42 @@ def test_options_are_refused_with_their_keys():
 def test_options_as_yaml_gives_them():
     """YAML 1.1 reads 1e-3 as a text."""
     assert MlpOptions.parse({"learning_rate": "1e-3", "hidden": [8, 8]}, "torch").learning_rate == 1e-3
+
+
+def test_its_adam_is_that_of_torch_to_the_last_bit(data):
+    options = MlpOptions(hidden=(8, 8), epochs=60)
+    own = training.TorchTraining(ScaledData.from_training_set(data), options, seed=3)
+    parts = split(own.data, options.validation_fraction, own.permutation(len(own.data.x)))
+    state = TrainingState.initial(own.first_weights())
+    theta = torch.tensor(state.theta, requires_grad=True)
+    adam = torch.optim.Adam([theta], foreach=False)
+    with training.one_thread():
+        own.start(state, *parts)
+        for epoch in range(options.epochs):
+            rate = learning_rate(options, epoch)
+            own.step(rate)
+            adam.param_groups[0]["lr"] = rate
+            adam.zero_grad()
+            training.mean_square(theta, own.shapes, options.activation, own._training).backward()
+            adam.step()
+        own.losses()
+    assert state.epoch == options.epochs
+    assert np.array_equal(state.theta, theta.detach().numpy())
+    moments = adam.state[theta]
+    assert np.array_equal(state.moment, moments["exp_avg"].numpy())
+    assert np.array_equal(state.square, moments["exp_avg_sq"].numpy())
+
+
+def test_a_training_does_not_wait_for_the_compiler_of_torch():
+    """Its import takes as long as that of torch."""
+    code = """
+        import sys
+        from porocore.testing.surrogate_laws.base import synthetic_training_set
+        from porocore_surrogate_torch.surrogate import TorchSurrogate
+        TorchSurrogate(epochs=20, hidden=[4]).fit(synthetic_training_set(30, seed=1), seed=0)
+        print("torch" in sys.modules, "torch._dynamo" in sys.modules)
+    """
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.split() == ["True", "False"]

@@ -32,6 +32,7 @@ def report(
     """
     from porocore.macro.series import write_series
     from porocore.report.html import write_report
+    from porocore.report.page import load_elsewhere
     from porocore.report.text import all_warnings
     from porocore.report.vtk import write_vtu_series
     from porocore.study.stages.figures_of_merit import figures_of_merit
@@ -50,6 +51,10 @@ def report(
         def show(done: int, detail: str = "") -> None:
             task.update(done, 3, detail=detail, seconds=0.0)  # parts tell nothing about each other's times
 
+        drawing = processes if processes is not None and processes.started else None
+        if drawing is not None:
+            for _ in range(drawing.count):
+                drawing.submit("while it loaded libraries", load_elsewhere)
         show(0, "reading the results")
         results = RunResults.load(folder, config)
         for solution in results.all_solutions:
@@ -65,7 +70,7 @@ def report(
             context,
             folder.figures,
             lambda name: show(2, f"figure {name}"),
-            processes if processes is not None and processes.started else None,
+            drawing,
         )
         show(3)
         warnings = tuple(all_warnings(context))

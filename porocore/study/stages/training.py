@@ -84,7 +84,7 @@ def train(
 def begin_training(
     folder: RunFolder, config: RunConfig, processes: CallProcesses, store: ResultStore | None
 ) -> Call | None:
-    """Begin the training in a process; None where folder or store hold the surrogate, or the states are too few."""
+    """Begin the training in a process; None where folder or store hold the surrogate."""
     if folder.surrogate_of(config).exists():
         return None
     if store is not None and not folder.training_checkpoint_of(config).exists():
