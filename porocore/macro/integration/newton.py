@@ -125,7 +125,11 @@ def _iterated(
 
 def _refuse_missing_values(d: Discretisation, response: MacroResponse) -> None:
     parts = (response.stress, response.storage, response.flux)
-    bad = ~np.all([np.isfinite(part.reshape(d.n_points, -1)).all(axis=1) for part in parts], axis=0)
+    bad = np.zeros(d.n_points, bool)
+    for part in parts:
+        finite = np.isfinite(part)
+        if not finite.all():  # seldom
+            bad |= ~finite.reshape(d.n_points, -1).all(axis=1)
     count, points = d.communicator.sum(np.array([bad.sum(), len(bad)]))
     if count:
         which = f"{int(count)} of {int(points)} points"

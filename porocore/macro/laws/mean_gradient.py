@@ -86,11 +86,13 @@ class MeanGradientClosure(Closure):
         cof_F = cofactor_tangent(pore.F).reshape(n, 9, 9)
         cof_row = pore.cof.reshape(n, 1, 9)
 
-        stress_F = phi_s * self.energy.tangent(self._solid(pore)).reshape(n, 9, 9) - phi_f * p * cof_F
-        storage_F = step.reshape(n, 1, 9) @ cof_F
-        by_F = np.concatenate([stress_F, storage_F], axis=1)  # (n, 10, 9)
+        by_F = np.empty((n, 10, 9))  # of the stress, and of the storage
+        by_F[:, 9:] = step.reshape(n, 1, 9) @ cof_F
+        cof_F *= phi_f * p
+        np.multiply(self.energy.tangent(self._solid(pore)).reshape(n, 9, 9), phi_s, out=by_F[:, :9])
+        by_F[:, :9] -= cof_F
         by_H, by_p = by_F @ dF_dH, (by_F @ dF_dp)[..., 0]
-        flux_H, flux_p = pore.flux_tangent(grad_p, cell, phi_s, cof_F, (dF_dH, dF_dp))
+        flux_H, flux_p = pore.flux_tangent(grad_p, cell, phi_s, (dF_dH, dF_dp))
         return MacroTangent(
             stress_grad_u=by_H[:, :9].reshape(n, 3, 3, 3, 3),
             stress_p=by_p[:, :9].reshape(n, 3, 3) - phi_f * pore.cof,

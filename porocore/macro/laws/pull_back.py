@@ -11,7 +11,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from porocore.core.tensors.cofactors import cofactor, cofactor_tangent, determinant
+from porocore.core.tensors.cofactors import cofactor, determinant
 from porocore.core.tensors.polar import cross_matrix, polar_rotation, spin
 from porocore.states import Array, CellTangent, MacroState
 
@@ -105,7 +105,6 @@ class PulledBack:
         grad_p: Array,
         cell: CellTangent,
         solid_fraction: float,
-        cof_F: Array | None = None,
         deformation: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:
         """Return ∂q/∂H (n, 3, 9) and ∂q/∂p (n, 3).
@@ -115,14 +114,12 @@ class PulledBack:
 
         Parameters
         ----------
-        cof_F
-            ∂cof F̄/∂F̄ (n, 9, 9) where it is known already.
         deformation
             :func:`deformation_tangent` where it is known already.
         """
         n = len(self.J)
         if self.undeformed is not None:
-            by_F = self._flux_by_deformation(grad_p, self.undeformed, cof_F)
+            by_F = self._flux_by_deformation(grad_p, self.undeformed)
             dF_dH, dF_dp = deformation or deformation_tangent(cell, solid_fraction)
             return by_F @ dF_dH, (by_F @ dF_dp)[..., 0]
         if cell.conductivity_grad_u is None or cell.conductivity_p is None:
@@ -130,25 +127,21 @@ class PulledBack:
         by_H = np.einsum("nijk,nj->nik", cell.conductivity_grad_u.reshape(n, 3, 3, 9), grad_p)
         return -by_H, -(cell.conductivity_p @ grad_p[:, :, None])[..., 0]
 
-    def _flux_by_deformation(self, grad_p: Array, K: Array, cof_F: Array | None) -> Array:
-        """Return ∂q/∂F̄ (n, 3, 9)."""
-        n = len(self.J)
-        if cof_F is None:
-            cof_F = cofactor_tangent(self.F).reshape(n, 9, 9)
-        R = self.rotation
-        carried = np.broadcast_to(K, (n, 3, 3)) if R is None else R @ K @ R.swapaxes(1, 2)
-        # q = −(1/J) cofᵀ K̂ cof ∇p: first by cof, then by J, then by K̂.
-        pulled = self.cof @ grad_p[:, :, None]
-        direct = np.einsum("ib,na->niab", np.eye(3), (carried @ pulled)[..., 0])
-        direct += np.einsum("nia,nb->niab", self.cof.swapaxes(1, 2) @ carried, grad_p)
-        by_J = self.flux[:, :, None] * self.cof.reshape(n, 1, 9)
-        by_F = direct.reshape(n, 3, 9) @ cof_F + by_J
+    def _flux_by_deformation(self, grad_p: Array, K: Array) -> Array:
+        """Return ∂q/∂F̄ (n, 3, 9), for R̄ held q_i F̄⁻¹_lk − F̄⁻¹_ik q_l + (K_ref)_il (F̄⁻ᵀ ∇_X p)_k."""
+        n, R, q = len(self.J), self.rotation, self.flux
+        inverse = np.ascontiguousarray(self.cof.swapaxes(1, 2)) / self.J[:, None, None]
+        pulled = (grad_p[:, None, :] @ inverse)[:, 0]
+        by_F = q[:, :, None, None] * inverse.swapaxes(1, 2)[:, None]
+        by_F -= inverse[:, :, :, None] * q[:, None, None, :]
+        by_F += self.conductivity[:, :, None, :] * pulled[:, None, :, None]
+        found: Array = by_F.reshape(n, 3, 9)
         if R is not None:
             # dK̂ = R̄ (Ω K − K Ω) R̄ᵀ, and Ω v = ω × v.
-            v = (R.swapaxes(1, 2) @ pulled)[..., 0]
+            v = (pulled[:, None, :] @ R)[:, 0]
             by_spin = K @ cross_matrix(v) - cross_matrix(v @ K.T)
-            by_F += self.cof.swapaxes(1, 2) @ R @ by_spin @ spin(self._states_of(R), R)
-        return np.asarray(-by_F / self.J[:, None, None])
+            found -= self.cof.swapaxes(1, 2) @ R @ by_spin @ spin(self._states_of(R), R)
+        return found
 
     def _states_of(self, R: Array) -> Array:
         """Return F̄ (n, 3, 3), and R where there is none."""

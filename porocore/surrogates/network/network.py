@@ -81,7 +81,9 @@ class Network(Evaluator):
         """Evaluate layer by layer."""
         a = x
         for W, b in zip(self.weights[:-1], self.biases[:-1], strict=True):
-            a = _activate(self.activation, a @ W.T + b, 0)[0]
+            z = a @ W.T
+            z += b
+            a = _activate(self.activation, z, 0)[0]
         values: Array = a @ self.weights[-1].T + self.biases[-1]
         return values
 
@@ -151,6 +153,9 @@ def _activate(name: str, z: Array, order: int) -> tuple[Array, Array, Array]:
             return a, none, none
         s = np.where(z < 0, e, 1.0) / (1 + e)
         return a, s, s * (1 - s) if order > 1 else none
-    s = (1 + np.tanh(z / 2)) / 2  # does not overflow, however negative z is
+    s = z / 2  # (1 + tanh(z/2))/2 does not overflow, however negative z is
+    np.tanh(s, out=s)
+    s += 1
+    s /= 2
     slope = s * (1 - s) if order else none
     return s, slope, slope * (1 - 2 * s) if order > 1 else none
