@@ -1,7 +1,8 @@
 """(r) One step of the benchmark's column: law, integration of the tangent, sparse solve, and the rest.
 
-A column of 106 elements with the paper's closure on a network of its size, trained to a made-up cell: how well does not
-matter here. All are parts of one and the same run; the best of several runs.
+A column of 106 elements with the paper's closure on a network of its size, with the potential closure on a polynomial,
+and with the linear law; the first two are trained to a made-up cell, how well does not matter here. All are parts of
+one and the same run; the best of several runs.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from surrogate_calls import SURROGATES, trained
 
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.core.inputs.input_space import InputSpace
-from porocore.macro.laws import ClosedLaw, MeanGradientClosure
+from porocore.macro.laws import ClosedLaw, make_closure
 from porocore.plugins.registry import registry
 from porocore.testing.synthetic.response import CONDUCTIVITY, SOLID_FRACTION, confined_column, linear_law
 
@@ -55,13 +56,23 @@ def run(law: Any) -> dict[str, float]:
     return {name: 1e3 * value / steps for name, value in {**parts.seconds, "whole": whole}.items()}
 
 
-def main() -> str:
-    backend, options, _ = SURROGATES["the paper's network, torch"]
+def closed_law(closure: str, surrogate: str) -> ClosedLaw:
+    """The law of a closure on a surrogate of ``surrogate_calls.py``."""
+    backend, options, _ = SURROGATES[surrogate]
     inputs = InputSpace(("H22", "p"), (-0.2, 0.0), (0.0, 0.2))
-    surrogate = trained(backend, options, inputs)
-    law = ClosedLaw(surrogate, MeanGradientClosure(SOLID_FRACTION, NeoHookean(), CONDUCTIVITY))
+    return ClosedLaw(
+        trained(backend, options, inputs), make_closure(closure, SOLID_FRACTION, NeoHookean(), CONDUCTIVITY)
+    )
+
+
+def main() -> str:
+    laws = {
+        "mean-gradient, the paper's network": closed_law("mean-gradient", "the paper's network, torch"),
+        "potential, polynomial": closed_law("potential", "polynomial"),
+        "linear": linear_law(),
+    }
     rows = []
-    for title, each in (("the paper's network", law), ("linear", linear_law())):
+    for title, each in laws.items():
         found = min((run(each) for _ in range(RUNS)), key=lambda parts: parts["whole"])
         rest = found["whole"] - found["law"] - found["tangent"] - found["solve"]
         rows.append(
