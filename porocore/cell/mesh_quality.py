@@ -10,6 +10,7 @@ import numpy as np
 from porocore.cell.cell import Cell
 from porocore.cell.geometry.sides import CUBE, Sides
 from porocore.cell.level_sets.agreement import grains
+from porocore.cell.level_sets.faces import NOT_PERIODIC
 from porocore.cell.meshing.connectivity import Piece, blocked, pieces, why_disconnected
 from porocore.cell.meshing.mesh import CellMesh, make_mesh
 from porocore.cell.meshing.shape_functions import EDGES, FACETS
@@ -167,7 +168,8 @@ def unmatched(meshes: Sequence[CellMesh]) -> int:
 
 def quality_lines(quality: MeshQuality) -> list[str]:
     """Return the mesh quality as lines of text."""
-    lines = [f"geometry: {quality.description}", *(f"geometry: {note}" for note in quality.notes)]
+    lines = [f"geometry: {quality.description}"]
+    lines += [f"{'note: ' * note.startswith(NOT_PERIODIC)}geometry: {note}" for note in quality.notes]
     if quality.sides != CUBE:
         lines.append(
             f"sides: {', '.join(f'{side:.4g}' for side in quality.sides)} along x, y, z, in units of the cube root of "

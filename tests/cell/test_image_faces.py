@@ -1,5 +1,7 @@
 """Images that are not periodic: named with the share of voxels that differ, mirrored, or blended at their faces."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -81,6 +83,9 @@ def test_the_layer_is_said_and_meshed(tmp_path):
     lines = quality_lines(quality)
     assert lines[0] == "geometry: image image.npy of 14 × 18 × 14 voxels, with a periodic layer of 6"
     assert lines[1].startswith("geometry: opposite sides are blended in a layer of 6 voxels")
+    x, _, z = np.indices((8, 8, 24))
+    torn = replace(quality, notes=mismatch_note((x + z // 8) % 8 < 4))
+    assert quality_lines(torn)[1].startswith("note: geometry: the image is not periodic")
     with pytest.raises(ConfigurationError, match=r"layer: expected at most 10 voxels.*got 11"):
         _ = image(tmp_path / "image.npy", SAMPLE, repeat="layer", layer=11).porosity
 

@@ -13,6 +13,8 @@ from porocore.states import Array
 #: between its opposite faces is a fault; flat walls change as much inside. Along n voxels it is FAULT + FEW/n, since
 #: few layers scatter: of 1,900 periodic images of noise none is accused, of pieces of 24³ voxels or more all are.
 FAULT, FEW = 1.5, 6.0
+#: A sentence on faces that do not match begins with it.
+NOT_PERIODIC = "the image is not periodic"
 
 
 def mismatch_note(solid: Mask) -> tuple[str, ...]:
@@ -27,7 +29,7 @@ def mismatch_note(solid: Mask) -> tuple[str, ...]:
     if not faults:
         return ()
     return (
-        f"the image is not periodic: of the voxels of opposite faces differ {', '.join(faults)}; the cell has walls "
+        f"{NOT_PERIODIC}: of the voxels of opposite faces differ {', '.join(faults)}; the cell has walls "
         "there that the sample has not; choose 'repeat: mirror', by which the image is an eighth of the cell, or "
         "'repeat: layer', which blends opposite sides",
     )
