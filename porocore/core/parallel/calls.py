@@ -26,7 +26,7 @@ Tell = Callable[[Any], None]
 
 @dataclass(frozen=True)
 class Report:
-    """What a call told, and when, by the monotonic clock."""
+    """A report of a call, with its time by the monotonic clock."""
 
     at: float
     told: Any
@@ -82,7 +82,7 @@ class CallProcesses:
 
     @property
     def started(self) -> bool:
-        """Whether a call has been submitted."""
+        """True if a call has been submitted."""
         return bool(self._calls)
 
     def receive(self, seconds: float) -> bool:

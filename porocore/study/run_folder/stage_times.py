@@ -78,7 +78,7 @@ def timed(path: Path, stage: str, clock: StageClock | None = None) -> Iterator[S
 
 @contextmanager
 def cut_short_timed(path: Path, calls: Mapping[str, Call], processes: CallProcesses) -> Iterator[None]:
-    """Where the block is interrupted, add the times of the calls by stage, which end with it."""
+    """Add the times of the calls by stage if the block is interrupted; the calls end with it."""
     try:
         yield
     except BaseException:
