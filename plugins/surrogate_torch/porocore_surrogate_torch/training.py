@@ -69,7 +69,7 @@ class TorchTraining(MlpTraining):
         with torch.no_grad():
             self._moment.lerp_(gradient, 1 - BETA1)
             self._square.mul_(BETA2).addcmul_(gradient, gradient, value=1 - BETA2)
-            size = (self._square.sqrt() / math.sqrt(second)).add_(EPSILON)
+            size = (self._square.sqrt() / second**0.5).add_(EPSILON)
             self._theta.addcdiv_(self._moment, size, value=-rate / first)
 
     def losses(self) -> tuple[float, float]:
