@@ -75,6 +75,7 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
         if comm.size == 1:  # else it would have to happen on all processes together, which garbage is not
             for part in (self._matrix, self._solver):
                 compat.freed_with(self, part)
+        self.keeps_factor = self._solver.keeps_factor
         if petsc:
             self._try_solver()
 
@@ -179,6 +180,7 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
     ) -> PETSc.Mat:
         """Return a PETSc matrix, which the next call overwrites."""
         self._forms.assemble(tangent, dt)
+        self._solver.renew()
         self._tangent = tangent
         if follower is not None:
             self._add(follower)

@@ -63,8 +63,11 @@ class ConfiguredSolver:
         self._ksp = PETSc.KSP().create(comm)
         self._ksp.setTolerances(rtol=ACCURACY, max_it=ITERATIONS)
         self.options.apply(self._ksp)
-        #: True if a factor may serve again: the user has chosen no other solver, and the system is large.
-        self._keeps = not petsc and comm.allreduce(len(is_force)) > LARGE
+        #: State of the matrix of the last factor.
+        self._factored: int | None = None
+        #: True if the factor of another matrix may serve: the user has chosen no other solver, and the system is large.
+        self.is_default = not petsc
+        self._keeps = self.is_default and comm.allreduce(len(is_force)) > LARGE
         if self._keeps:
             self._ksp.setType("gmres")
             self._ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
@@ -133,7 +136,9 @@ class ConfiguredSolver:
             self._ksp.solve(b, x)
         except PETSc.Error as error:
             raise StepFailed(f"PETSc: {explanation(error)}") from error
-        if not reuse:
+        state = self._ksp.getOperators()[1].stateGet()
+        if not reuse and state != self._factored:
+            self._factored = state
             self._work.add_set_up(ready - began)
         iterates = self._ksp.getType() != "preonly"
         self._work.add_solve(self._ksp.getIterationNumber() if iterates else 0, perf_counter() - ready)

@@ -66,6 +66,7 @@ class PetscLinearSolver:
         self._rows: PETSc.IS | None = None
         self._free_matrix: PETSc.Mat | None = None
         self._matrix: PETSc.Mat | None = None
+        self._taken = False  # the equations are those of the present matrix
 
     def destroy(self) -> None:
         """Free factors, hierarchies and matrices; all processes must do so together."""
@@ -77,6 +78,15 @@ class PetscLinearSolver:
     def begin(self) -> None:
         """Have the next system make a hierarchy of its own."""
         self._policy.expire()
+
+    def renew(self) -> None:
+        """Take note that the matrix of all unknowns has changed."""
+        self._taken = False
+
+    @property
+    def keeps_factor(self) -> bool:
+        """True if a matrix that was solved with is solved with again by its factor, on one process."""
+        return self._comm.size == 1 and self._configured is not None and self._configured.is_default
 
     @contextmanager
     def trial(self) -> Iterator[None]:
@@ -156,7 +166,10 @@ class PetscLinearSolver:
             )
 
     def _take(self, matrix: PETSc.Mat) -> None:
-        """Take the equations out of the matrix of all unknowns."""
+        """Take the equations out of the matrix of all unknowns, unless they are known: a factor of them then serves."""
+        if self._taken:
+            return
+        self._taken = self._comm.size == 1
         if self._rows is None:
             start = matrix.getOwnershipRange()[0]
             self._rows = PETSc.IS().createGeneral((start + self._free).astype(np.int32), comm=self._comm)

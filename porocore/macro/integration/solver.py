@@ -18,7 +18,7 @@ from porocore.macro.integration.adaptive import ErrorControl, Reached
 from porocore.macro.integration.checkpoint import CheckpointFile
 from porocore.macro.integration.discretisation import Discretisation, StepFailed
 from porocore.macro.integration.linearisation import Linearisations
-from porocore.macro.integration.newton import newton_step
+from porocore.macro.integration.newton import Step, newton_step
 from porocore.macro.integration.predictor import Predictor
 from porocore.macro.integration.recorder import HistoryRecorder
 from porocore.macro.integration.stepping import Stepper
@@ -88,7 +88,7 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
                 step = newton(memory, x, dt, d.loads(amplitudes), guess=predictor.guess(time))
                 changed = law.before_accept(step.response, memory)
                 if changed is None and reached is not None and control.rate is None:
-                    finer = _halved(d, law, memory, x, stepper.time, time)
+                    finer = _halved(newton, d, memory, x, stepper.time, time)
             except StepFailed as failure:
                 stepper.reject(str(failure), partial(_flagged_points, d, law, memory, x))
                 continue
@@ -115,12 +115,14 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
         return record.solution(law.name)
 
 
-def _halved(d: Discretisation, law: MacroLaw, memory: LawMemory, x: Array, begin: float, end: float) -> Array:
+def _halved(
+    newton: Callable[..., Step], d: Discretisation, memory: LawMemory, x: Array, begin: float, end: float
+) -> Array:
     """Return the unknowns at ``end`` after two steps of half the length from ``x`` at ``begin``."""
     dt = (end - begin) / 2
     for time in (begin + dt, end):
         loads = d.loads(d.boundary.amplitudes(d.problem, time))
-        step = newton_step(d, law, memory, x, dt, loads, d.problem.newton)
+        step = newton(memory, x, dt, loads)
         x, memory = step.x, step.response.memory
     return x
 
