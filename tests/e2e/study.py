@@ -95,6 +95,15 @@ EAGER_SOLVING = (
     "SkfemMacroSolver.__init__.__kwdefaults__['checkpoint_seconds'] = 0.0\n"
     "from porocore.cli import main; main()",
 )
+#: The same with so long a pause after each checkpoint that a signal finds the solve at work.
+PAUSING_SOLVING = (
+    *EAGER_SOLVING[:2],
+    "import time\n"
+    "from porocore.macro.integration.checkpoint import CheckpointFile\n"
+    "save = CheckpointFile.save_if_due\n"
+    "CheckpointFile.save_if_due = lambda *args, **options: (save(*args, **options), time.sleep(0.05))[0]\n"
+    + EAGER_SOLVING[2],
+)
 
 
 def write_study(path: Path, changes: dict[str, Any] | None = None, *, base: dict[str, Any] = STUDY) -> Path:

@@ -11,6 +11,7 @@ from study import (
     EAGER_SOLVING,
     EAGER_TRAINING,
     ONE_LOAD,
+    PAUSING_SOLVING,
     PLAIN,
     QUICK,
     Running,
@@ -181,7 +182,7 @@ def test_ctrl_c_later_on(finished, a_copy, launch, stage):
     run = a_copy(*made)
     program, moment = {
         "train": (EAGER_TRAINING, lambda: max(epochs(run)) > 0),
-        "solve": (EAGER_SOLVING, lambda: checkpoint_time(run, "mean-gradient_load-0.04") > 0),
+        "solve": (PAUSING_SOLVING, lambda: checkpoint_time(run, "mean-gradient_load-0.04") > 0),
     }[stage]
     running = launch(stage, run, program=program)
     running.until(moment)

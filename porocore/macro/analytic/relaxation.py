@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import brentq
 
 from porocore.states import Array
 
@@ -25,6 +24,8 @@ def excess_force(share: float, times: Array) -> Array:
     times
         T > 0.
     """
+    from scipy.optimize import brentq  # slow to import
+
     x = np.arange(1, MODES + 1) * np.pi
     if share < 1:
 
@@ -53,6 +54,8 @@ def relaxed(share: float, left: float) -> float | None:
 
     def more(T: float) -> float:
         return float(excess_force(share, np.array([T]))[0]) - left
+
+    from scipy.optimize import brentq
 
     low, high = 1e-5, 10.0
     return float(brentq(more, low, high, xtol=1e-12)) if more(low) > 0 else None
