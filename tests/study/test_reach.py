@@ -237,10 +237,11 @@ def test_the_share_of_the_body_that_leaves_is_told_and_a_tiny_one_is_none(tmp_pa
     boundary = PLANES | {"x+": {"normal": 0}, "z+": {"normal": 0}, "y+": PRESSED["y+"]}
     body = {"kind": "box", "size": [1, 2, 1], "elements": [1, 8, 1]}
     wide = {"H22": (-2, 0.5), "p": (-0.5, 2.0)}
-    states = study(tmp_path, boundary, wide, body, **FAST)
+    at_once = FAST | {"ramp_increments": 1}
+    states = study(tmp_path, boundary, wide, body, **at_once)
     (solution,) = linear_reach.linear_solutions(states, coefficients())
     mean = float(np.median(solution.profiles[-1].element_p))
-    config = study(tmp_path, boundary, wide | {"p": (0.5 * mean, 2.0)}, body, **FAST)
+    config = study(tmp_path, boundary, wide | {"p": (0.5 * mean, 2.0)}, body, **at_once)
     share = float(re.search(r"up to (\S+) % of the body", next(predicted_reach(config, coefficients())))[1])
     assert 0 < share < 50
     monkeypatch.setattr(reach_notes, "LEAST_FLAGGED", 0.6)

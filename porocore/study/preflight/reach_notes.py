@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from porocore.core.inputs.input_space import NAMES, components
-from porocore.core.units.results import ResultUnits
+from porocore.core.units.results import ResultUnits, length_text
 from porocore.errors import SolveError
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.mesh import BodyMesh
@@ -46,6 +46,9 @@ LINEAR_MARGIN = 0.5
 #: Ranges so many times as wide as what is reached are noted: ample ones of the examples are 7, since pressures between
 #: the few steps are higher by a third; a component below the smallest share of its range is zero.
 WIDE, SMALLEST = 10.0, 1e-4
+#: A component of H, and a pressure as a share of the reference modulus, beyond which the linear solution tells a slip
+#: rather than a range, unless half as much was sampled: pores of a tenth of their size gave H22 = 1.2.
+UNLIKELY = {"H": 0.5, "p": 1.0}
 
 
 def predicted_reach(config: RunConfig, coefficients: LinearCoefficients) -> Iterator[str]:
@@ -73,9 +76,11 @@ def predicted_reach(config: RunConfig, coefficients: LinearCoefficients) -> Iter
         yield from _crushed(found)
         yield from _too_wide(config, found, [])
         return
+    unlikely = list(_unlikely(config, reached))
+    yield from unlikely
     yield (
         f"note: by linear poroelasticity up to {percent(share)} of the body leaves the sampled ranges at one time; "
-        "write under 'sampling.inputs:'"
+        f"{'only if all of these are meant, ' if unlikely else ''}write under 'sampling.inputs:'"
     )
     yield from (f"  {each.line(units, LINEAR_MARGIN)}, since {each.in_words(units)}" for each in reached)
     yield from _crushed(found)
@@ -83,6 +88,29 @@ def predicted_reach(config: RunConfig, coefficients: LinearCoefficients) -> Iter
     for note in sheared(config, nodes, [each.name for each in reached]):
         yield f"note: {note}{_without(config, reached, found)}"
     yield from _too_wide(config, found, [each.name for each in reached])
+
+
+def _unlikely(config: RunConfig, reached: Sequence[Reach]) -> Iterator[str]:
+    """Yield what may be out by a factor of ten or a unit, where the body goes so far that a range would not do."""
+    for each in reached:
+        least = UNLIKELY["H"] if each.name != "p" else UNLIKELY["p"] * config.cell.modulus
+        if abs(each.value) <= max(least, 2 * max(map(abs, each.sampled or (0.0, 0.0)))):
+            continue
+        units, scales = config.result_units, config.scales
+        solid, pores = "the modulus of cell.material", "the size of the pores"
+        if scales is not None:
+            key = "scales.force, so a modulus of" if scales.modulus is None else "scales.modulus ="
+            solid = f"{key} {units.text(1.0, 'stress', 4)}"
+            pores = f"scales.pore = {length_text(scales.pore)} (K goes with its square)"
+        yield (
+            f"note: by linear poroelasticity {each.in_words(units)}, which no cell is likely to bear; is one of these "
+            "out by a factor of ten, or by a unit?"
+        )
+        yield (
+            f"  the loads and times under macro; {solid}; {pores}; cell.viscosity = "
+            f"{units.text(config.cell.viscosity, 'viscosity')}"
+        )
+        return
 
 
 def _crushed(found: Sequence[Found]) -> Iterator[str]:
