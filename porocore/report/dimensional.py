@@ -13,8 +13,13 @@ from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.macro.series import all_series
 from porocore.report.format import measured, number
 from porocore.report.loading_mode import LoadingMode, force_name, reactions
+from porocore.report.metrics import goes_back
 from porocore.report.words.components import symmetric
+from porocore.report.words.settlement import RECORDED, has_suction, nothing_settles
 from porocore.states import Array
+
+#: Name, quantity and dimensionless value of a row.
+Row = tuple[str, str, float | None]
 
 
 @dataclass(frozen=True)
@@ -57,7 +62,7 @@ def dimensional_rows(
         surface is moved, settlements where they are a result.
     """
     found, linear = metrics["nonlinear"], metrics["linear"]
-    rows: list[tuple[str, str, float | None]] = []
+    rows: list[Row] = []
 
     def said(value: float) -> str:
         return f"{number(value)} {[_in_units(value, 'conductivity', each) for each in units.values()]}"
@@ -65,21 +70,11 @@ def dimensional_rows(
     if loading_mode.scales:
         rows.append(("load times E", "stress", metrics["load"]))
     if loading_mode.settles:
-        rows += [
-            ("final settlement", "displacement", found["final_settlement"]),
-            ("95 % of the settlement after", "time", found["time_to_95_percent"]),
-            ("99 % of the settlement after", "time", found["time_to_99_percent"]),
-        ]
-    if loading_mode.settles and linear is not None:
-        rows.insert(-2, ("final settlement, linear", "displacement", linear["final_settlement"]))
-        rows.append(("99 %, linear", "time", linear["time_to_99_percent"]))
+        rows += _settlement_rows(found, linear)
+    rows += _fluid_rows(found)
     rows += [
-        ("largest pore pressure", "pressure", found["max_pressure"]),
-        ("drained volume", "volume", found["drained"]),
-        *(
-            (f"conductivity {name} of the undeformed cell", "conductivity", value)
-            for name, value in symmetric("K", conductivity, said)
-        ),
+        (f"conductivity {name} of the undeformed cell", "conductivity", value)
+        for name, value in symmetric("K", conductivity, said)
     ]
     for name, force in (reactions(solution) if loading_mode.displaced else {}).items():
         for which in ("peak", "final"):
@@ -87,7 +82,8 @@ def dimensional_rows(
     if solution.profiles:
         profile = max(solution.profiles, key=lambda p: float(np.abs(darcy_flux(p)).max()))
         time = measured(profile.time, "time")
-        name = f"largest Darcy flux through the deformed body (averaged over each element; largest at t = {time})"
+        name = "largest Darcy flux at the times of the profiles (through the deformed body, averaged over each element)"
+        name += f", at t = {time}"
         rows.append((name, "velocity", float(np.abs(darcy_flux(profile)).max())))
     return [
         DimensionalRow(
@@ -95,6 +91,36 @@ def dimensional_rows(
         )
         for name, quantity, value in rows
     ]
+
+
+def _settlement_rows(found: dict[str, Any], linear: dict[str, Any] | None) -> list[Row]:
+    """Return the final settlement with its times, and the largest where that is another; heave if nothing settles."""
+    if nothing_settles(found) and found["largest_heave"]:
+        return [(f"largest displacement along +y {RECORDED}", "displacement", found["largest_heave"])]
+    laws = {"": found} | ({} if linear is None else {", linear": linear})
+    rows: list[Row] = []
+    if any(goes_back(law, "final_settlement") for law in laws.values()):
+        for name, law in laws.items():
+            rows.append((f"largest settlement{name}", "displacement", law["largest_settlement"]))
+            rows.append((f"time of the largest settlement{name}", "time", law["time_of_largest_settlement"]))
+    rows += [
+        (f"final settlement{name}", "displacement", law["final_settlement"]) for name, law in laws.items()
+    ]
+    rows.append(("95 % of the settlement after", "time", found["time_to_95_percent"]))
+    rows.append(("99 % of the settlement after", "time", found["time_to_99_percent"]))
+    if linear is not None:
+        rows.append(("99 %, linear", "time", linear["time_to_99_percent"]))
+    return rows
+
+
+def _fluid_rows(found: dict[str, Any]) -> list[Row]:
+    """Return pore pressures and drained volumes."""
+    rows: list[Row] = [("largest pore pressure", "pressure", found["max_pressure"])]
+    if has_suction(found):
+        rows.append((f"least pore pressure {RECORDED}", "pressure", found["least_pressure"]))
+    if goes_back(found, "drained"):
+        rows.append(("largest drained volume", "volume", found["largest_drained"]))
+    return [*rows, ("drained volume", "volume", found["drained"])]
 
 
 def _in_units(value: float | None, quantity: str, units: ResultUnits) -> str:
@@ -117,12 +143,20 @@ FIGURES = {
     "biot_modulus": "stress",
     "consolidation_coefficients": "diffusivity",
     "final_settlement": "displacement",
+    "largest_settlement": "displacement",
+    "time_of_largest_settlement": "time",
+    "largest_heave": "displacement",
+    "time_of_largest_heave": "time",
     "time_to_95_percent": "time",
     "time_to_99_percent": "time",
     "max_pressure": "pressure",
     "time_of_max_pressure": "time",
     "final_pressure": "pressure",
+    "least_pressure": "pressure",
+    "time_of_least_pressure": "time",
     "drained": "volume",
+    "largest_drained": "volume",
+    "time_of_largest_drained": "time",
     "drained_paper": "volume",
     "flagged_first_time": "time",
     "flagged_all_time": "time",

@@ -27,7 +27,6 @@ from porocore.report.text import (
     MEANINGS,
     all_warnings,
     benchmark_rows,
-    case_sentences,
     flagged_around,
     force_sentences,
     whole_words,
@@ -40,6 +39,7 @@ from porocore.report.words.held_out import (
     worst_percent,
     worst_percent_in_body,
 )
+from porocore.report.words.settlement import case_sentences
 from porocore.report.words.statuses import solved_sentence, solved_shares, visited_sentence, visited_shares
 from porocore.states import Array, MacroState, Status
 
@@ -97,7 +97,7 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
                 *flagged_around(
                     [
                         *force_sentences(case, moved, context.units),
-                        *(case_sentences(m) if context.loading_mode.settles else ()),
+                        *case_sentences(m, context.loading_mode.settles),
                         *((FOLLOWER,) if context.loading_mode.follows else ()),
                     ],
                     m,

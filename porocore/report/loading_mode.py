@@ -11,7 +11,7 @@ import numpy as np
 from porocore.core.formulas.time_function import TimeFunction, Value
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.problem import Boundary, MacroSetup
-from porocore.report.metrics import STEADY_TOLERANCE, time_to_fraction
+from porocore.report.metrics import STEADY_TOLERANCE, is_remnant, time_to_fraction
 from porocore.states import Array
 
 #: A component of a force below this share of the largest of all surfaces is round-off.
@@ -105,11 +105,15 @@ def force_name(force: dict[str, Any]) -> str:
 
 def end_words(force: dict[str, Any]) -> str:
     """Return what a force is at the end."""
+    if force["drift"] is None:
+        return "gone"
     return "in equilibrium" if force["equilibrium"] is not None else "still changing"
 
 
-def no_relaxation() -> str:
+def no_relaxation(force: dict[str, Any]) -> str:
     """Return why a force has no times of relaxation."""
+    if force["drift"] is None:
+        return end_words(force)
     return f"drop below {100 * LEAST_DROP:g} %"
 
 
@@ -123,15 +127,17 @@ def relaxation(time: Array, force: Array) -> dict[str, Any]:
         share of the final force; ``equilibrium``, the final force unless it drifts by more than 0.1 %, then None;
         ``peak_over_final``; ``drop``, by which share of the peak the final force lies below it; ``relaxed_50_percent``
         and ``relaxed_95_percent``, the times from the peak until the force has come so far toward the final one, None
-        where it drops by less than 0.1 %. What is not defined is None.
+        where it drops by less than 0.1 %. What is not defined is None: of a force that is gone, a remnant of its peak,
+        drift, equilibrium, ratio and times of relaxation.
     """
     step = int(np.abs(force).argmax())
     peak, final, since = float(force[step]), float(force[-1]), time[step:] - time[step]
     before = float(np.interp(time[-1] - 0.1 * (time[-1] - time[0]), time, force))
-    drift = abs(final - before) / abs(final) if final else None
+    left = final != 0 and not is_remnant(final, peak)
+    drift = abs(final - before) / abs(final) if left else None
     drop = (peak - final) / peak if peak else 0.0
     times = [
-        time_to_fraction(since, peak - force[step:], share) if drop > LEAST_DROP else None
+        time_to_fraction(since, peak - force[step:], share) if left and drop > LEAST_DROP else None
         for share in (0.5, 0.95)
     ]
     return {
@@ -140,7 +146,7 @@ def relaxation(time: Array, force: Array) -> dict[str, Any]:
         "final": final,
         "drift": drift,
         "equilibrium": final if drift is not None and drift <= STEADY_TOLERANCE else None,
-        "peak_over_final": peak / final if final else None,
+        "peak_over_final": peak / final if left else None,
         "drop": drop,
         "relaxed_50_percent": times[0],
         "relaxed_95_percent": times[1],

@@ -1,22 +1,31 @@
-"""Figures of merit of solutions: settlements, times to settle, drained volumes, flagged shares, warnings."""
+"""Figures of merit of solutions: settlements, times to settle, largest values, drained volumes, flagged shares."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from porocore.core.units.results import spoken
 from porocore.interfaces.solution import History, MacroSolution
-from porocore.report.format import number, percent
+from porocore.report.format import number
 from porocore.states import Array
 
-#: A run whose settlement still moves by more than this share of its final value in the last tenth of the time
+#: A run whose settlement still moves by more than this share of its largest value in the last tenth of the time
 #: has not reached the steady state.
 STEADY_TOLERANCE = 1e-3
-#: A share of the body that is flagged but is 0.0 % in words is none.
-LEAST_FLAGGED = 5e-4
+#: A quantity that ends below this share of its largest value has no figures of its final value. A solution counts as
+#: steady to 0.1 % of its largest value, so that a hundredth of it is known to a tenth at best.
+REMNANT = 1e-2
+#: A settlement that exceeds its final value by more than this share leaves the band whose time is that to 99 %.
+OVERSHOOT = 1e-2
+#: The largest value that a final one is held against; the paper's measure is held against the drained volume.
+LARGEST = {
+    "final_settlement": "largest_settlement",
+    "drained": "largest_drained",
+    "drained_paper": "largest_drained",
+}
 
 
 @dataclass(frozen=True)
@@ -130,18 +139,78 @@ def time_mean(time: Array, value: Array) -> float:
     return float(np.sum(value[1:] * np.diff(time)) / (time[-1] - time[0]))
 
 
+def time_within(time: Array, value: Array, fraction: float) -> float | None:
+    """Return the time from which on ``value`` stays as close to its last entry as ``fraction`` of it is.
+
+    A value that grows without going beyond its last one reaches the fraction then; see :func:`time_to_fraction`.
+
+    Returns
+    -------
+    float or None
+        None where the last value is not finite, or a remnant of the largest.
+    """
+    final = float(value[-1])
+    if final == 0 or not np.isfinite(final) or is_remnant(final, largest_value(value)):
+        return None
+    share = value / final
+    away = np.flatnonzero((share < fraction) | (share > 2 - fraction))
+    if not len(away):
+        return float(time[0])
+    i = int(away[-1]) + 1
+    edge = fraction if share[i - 1] < fraction else 2 - fraction
+    step = (edge - share[i - 1]) / (share[i] - share[i - 1])
+    return float(time[i - 1] + step * (time[i] - time[i - 1]))
+
+
+def largest_value(value: Array) -> float:
+    """Return the entry that is largest in size, with its sign."""
+    return float(value[int(np.abs(value).argmax())])
+
+
+def is_remnant(final: float, largest: float) -> bool:
+    """Return True if little is left at the end of what once was; a quantity that is zero throughout has no remnant."""
+    return abs(final) < REMNANT * abs(largest)
+
+
+def is_gone(figures: dict[str, Any], key: str) -> bool:
+    """Return True if a final value of :func:`solution_metrics` is a remnant; other figures never are."""
+    return key in LARGEST and is_remnant(figures[key], figures[LARGEST[key]])
+
+
+def goes_back(figures: dict[str, Any], key: str) -> bool:
+    """Return True if a final value of :func:`solution_metrics` is not the largest, but for :data:`OVERSHOOT`."""
+    return bool(abs(figures[LARGEST[key]]) > (1 + OVERSHOOT) * abs(figures[key]))
+
+
+def time_of_largest(time: Array, value: Array) -> float:
+    """Return when ``value`` first comes within 0.1 % of its largest entry, which it may then keep for long."""
+    near = np.abs(value - largest_value(value)) <= STEADY_TOLERANCE * np.abs(value).max()
+    return float(time[int(np.argmax(near))])
+
+
 def steady_drift(history: History) -> float | None:
-    """Return the change of the settlement over the last tenth of the time, as a share of its final value."""
-    final = float(history.settlement[-1])
-    if final == 0:
+    """Return the change of the settlement over the last tenth of the time, as a share of its largest value."""
+    largest = abs(largest_value(history.settlement))
+    if largest == 0:
         return None
     start, end = history.time[0], history.time[-1]
     before = float(np.interp(end - 0.1 * (end - start), history.time, history.settlement))
-    return abs(final - before) / abs(final)
+    return abs(float(history.settlement[-1]) - before) / largest
 
 
-#: Figures that say nothing where the settlement is prescribed.
-OF_SETTLEMENT = frozenset({"final_settlement", "time_to_95_percent", "time_to_99_percent", "steady_drift"})
+def recorded_largest(
+    solution: MacroSolution, of: Callable[[Array, Array], Array]
+) -> tuple[float, float] | tuple[None, None]:
+    """Return the largest value that probes and profiles have of a function of u (n, 3) and p (n,), and its time."""
+    found = [(float(of(profile.u, profile.p).max()), profile.time) for profile in solution.profiles]
+    for values in solution.probes.values():
+        each = of(values[:, :3], values[:, 3])
+        found.append((float(each.max()), float(solution.history.time[int(each.argmax())])))
+    return max(found, key=lambda pair: pair[0]) if found else (None, None)
+
+
+#: Figures that say nothing where the settlement is prescribed, beside those that it names.
+OF_SETTLEMENT = ("time_to_95_percent", "time_to_99_percent", "steady_drift", "heave")
 
 
 def solution_metrics(solution: MacroSolution) -> dict[str, Any]:
@@ -153,17 +222,27 @@ def solution_metrics(solution: MacroSolution) -> dict[str, Any]:
     """
     history = solution.history
     load = abs(solution.load)
+    suction, time_of_suction = recorded_largest(solution, lambda u, p: -p)
+    heave, time_of_heave = recorded_largest(solution, lambda u, p: u[:, 1])
     return {
         "law": solution.law,
         "final_settlement": float(history.settlement[-1]),
-        "time_to_95_percent": time_to_fraction(history.time, history.settlement, 0.95),
-        "time_to_99_percent": time_to_fraction(history.time, history.settlement, 0.99),
+        "time_to_95_percent": time_within(history.time, history.settlement, 0.95),
+        "time_to_99_percent": time_within(history.time, history.settlement, 0.99),
         "steady_drift": steady_drift(history),
+        "largest_settlement": largest_value(history.settlement),
+        "time_of_largest_settlement": time_of_largest(history.time, history.settlement),
+        "largest_heave": heave,
+        "time_of_largest_heave": time_of_heave,
         "max_pressure": float(history.pressure_max.max()),
         "time_of_max_pressure": float(history.time[int(history.pressure_max.argmax())]),
         "final_pressure": float(history.pressure_max[-1]),
+        "least_pressure": None if suction is None else 0.0 - suction,
+        "time_of_least_pressure": time_of_suction,
         "drained": float(history.drained[-1]),
         "drained_paper": float(history.drained_paper[-1]),
+        "largest_drained": largest_value(history.drained),
+        "time_of_largest_drained": time_of_largest(history.time, history.drained),
         "flagged_end": float(history.outside_training_range[-1]),
         "flagged_largest": float(history.outside_training_range.max()),
         "flagged_time_mean": time_mean(history.time, history.outside_training_range),
@@ -189,7 +268,8 @@ def case_metrics(case: LoadCase) -> dict[str, Any]:
 
     def ratio(key: str) -> float | None:
         top, bottom = nonlinear[key], None if linear is None else linear[key]
-        return None if top is None or not bottom else top / bottom
+        gone = linear is not None and (is_gone(nonlinear, key) or is_gone(linear, key))
+        return None if top is None or not bottom or gone else top / bottom
 
     return {
         "load": case.load,
@@ -199,8 +279,10 @@ def case_metrics(case: LoadCase) -> dict[str, Any]:
         "settlement_ratio": ratio("final_settlement"),
         "time_to_95_percent_ratio": ratio("time_to_95_percent"),
         "time_to_99_percent_ratio": ratio("time_to_99_percent"),
+        "largest_settlement_ratio": ratio("largest_settlement"),
         "drained_ratio": ratio("drained"),
         "drained_paper_ratio": ratio("drained_paper"),
+        "largest_drained_ratio": ratio("largest_drained"),
     }
 
 
@@ -210,54 +292,8 @@ def without_settlement(metrics: Any) -> Any:
         return [without_settlement(each) for each in metrics]
     if not isinstance(metrics, dict):
         return metrics
-    left_out = {*OF_SETTLEMENT, "settlement_ratio", *(f"{name}_ratio" for name in OF_SETTLEMENT)}
-    return {name: without_settlement(value) for name, value in metrics.items() if name not in left_out}
-
-
-def is_flagged(metrics: dict[str, Any]) -> bool:
-    """Return True if a share of the body worth a word is flagged at some time."""
-    return bool(metrics["flagged_largest"] >= LEAST_FLAGGED)
-
-
-def flagged_shares(metrics: dict[str, Any]) -> str:
-    """Return the flagged share of the body over time in words."""
-    largest, mean, end = (percent(metrics[f"flagged_{name}"]) for name in ("largest", "time_mean", "end"))
-    words = (
-        f"Over time the flagged share is at most {largest} of the body and on average {mean}; at the end of the run "
-        f"it is {end}. The first points are flagged at t = {spoken().text(metrics['flagged_first_time'], 'time', 3)}"
-    )
-    whole = metrics["flagged_all_time"]
-    if whole is None:
-        return f"{words}."
-    return f"{words}, and the whole body is flagged at t = {spoken().text(whole, 'time', 3)}."
-
-
-def case_warnings(
-    metrics: dict[str, Any], where: str = "", *, settles: bool = True, left_out: LeftOut | None = None
-) -> list[str]:
-    """Return what a reader must know before trusting the case that :func:`case_metrics` describes.
-
-    ``where`` names a flagged element of the body and the component that causes it, if that is known; ``settles`` tells
-    that the settlement is a result; ``left_out`` is the shear that alone flags the body.
-    """
-    load, found = f"{metrics['load']:g}".replace("-", "−"), []
-    flagged = metrics["nonlinear"]
-    if is_flagged(flagged) and (left_out is None or not left_out.is_small):
-        where = where or (
-            "No stored profile shows the place. Add the time "
-            f"{spoken().text(flagged['flagged_first_time'], 'time', 3)} to macro.time.profiles."
-        )
-        found.append(
-            f"Load {load}: parts of the body are flagged. There the estimated error of the surrogate exceeds "
-            f"surrogate.tolerance, or no cell was solved for a similar state. {flagged_shares(flagged)}"
-            f" {where}"
-            f"{'' if left_out is None else f' {left_out.name} is the only cause. {left_out.estimate}'}"
-        )
-    for kind in ("nonlinear", "linear") if settles else ():
-        drift = metrics[kind] and metrics[kind]["steady_drift"]
-        if drift is not None and drift > STEADY_TOLERANCE:
-            found.append(
-                f"Load {load}: the {kind} settlement still changed by {100 * drift:.1f} % of its final value "
-                "in the last tenth of the time, so the final value is not the steady state. Raise the end time."
-            )
-    return found
+    return {
+        name: without_settlement(value)
+        for name, value in metrics.items()
+        if not any(part in name for part in ("settlement", *OF_SETTLEMENT))
+    }

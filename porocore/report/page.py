@@ -17,7 +17,8 @@ from porocore.core.files.atomic import atomic_path
 from porocore.core.parallel.calls import CallProcesses, Tell
 from porocore.report.figures.style import png_bytes, svg_bytes
 from porocore.report.format import difference, duration, in_unit, measured, number, percent, plain, unit
-from porocore.report.metrics import is_flagged
+from porocore.report.words.settlement import largest_rows
+from porocore.report.words.warnings import is_flagged
 
 #: Forms of a figure by the ending of their files.
 FORMS = {"svg": svg_bytes, "png": png_bytes}
@@ -132,7 +133,7 @@ def environment(*packages: str) -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    filters = (number, plain, percent, duration, difference, in_unit, measured, is_flagged)
+    filters = (number, plain, percent, duration, difference, in_unit, measured, is_flagged, largest_rows)
     made.filters |= {each.__name__: each for each in filters}
     made.globals["unit"] = unit
     return made

@@ -9,8 +9,9 @@ from porocore.core.units.results import ResultUnits
 from porocore.report.context import Published, ReportContext, SurrogateSummary
 from porocore.report.format import difference, measured, number, percent, plain
 from porocore.report.loading_mode import end_words, force_name, no_relaxation, reactions
-from porocore.report.metrics import LeftOut, LoadCase, case_metrics, case_warnings, flagged_shares, is_flagged
+from porocore.report.metrics import LeftOut, LoadCase, case_metrics
 from porocore.report.words.cell import ComparisonRow
+from porocore.report.words.warnings import case_warnings, flagged_shares, is_flagged
 from porocore.states import Status
 
 #: From such a flagged share of the body on the results are told only after it.
@@ -34,32 +35,6 @@ MEANINGS: dict[Status, str] = {
     Status.lost: "two workers died or exceeded the time limit while they solved it, perhaps not because of the cell; "
     "no data",
 }
-
-
-def case_sentences(metrics: dict[str, Any]) -> list[str]:
-    """Return a load case, given its :func:`porocore.report.metrics.case_metrics`, in a few sentences."""
-    nonlinear, linear = metrics["nonlinear"], metrics["linear"]
-    begin = (
-        f"Under the load {plain(metrics['load'])} the final settlement is "
-        f"{measured(nonlinear['final_settlement'], 'displacement')} with the nonlinear law of the cell"
-    )
-    reached = (
-        f"It reaches 95 % of its final value at t = {_time(nonlinear['time_to_95_percent'])} and 99 % at "
-        f"t = {_time(nonlinear['time_to_99_percent'])}."
-    )
-    if linear is None:
-        return [f"{begin}.", *([] if nonlinear["time_to_99_percent"] is None else [reached])]
-    sentences = [
-        f"{begin} and {measured(linear['final_settlement'], 'displacement')} with linear poroelasticity. "
-        f"The nonlinear settlement is {difference(metrics['settlement_ratio'])}."
-    ]
-    if nonlinear["time_to_99_percent"] is not None and linear["time_to_99_percent"] is not None:
-        sentences.append(
-            f"{reached} The linear settlement reaches 95 % at t = {_time(linear['time_to_95_percent'])} and 99 % at "
-            f"t = {_time(linear['time_to_99_percent'])}. The nonlinear time to 99 % is "
-            f"{difference(metrics['time_to_99_percent_ratio'], 'shorter', 'longer')}."
-        )
-    return sentences
 
 
 def flagged_sentence(metrics: dict[str, Any], left_out: LeftOut | None = None) -> str:
@@ -116,8 +91,10 @@ def _force_sentence(where: str, force: dict[str, Any], units: ResultUnits) -> st
     settled = end_words(force) if force["equilibrium"] is not None else f"at the end, {end_words(force)}"
     begin = f"The {force_name(force)} on {where} is {peak} at its peak, at t = "
     begin += _value(force["time_of_peak"], "time", units, 3)
+    if force["drift"] is None:
+        return f"{begin}. At the end, the force is gone."
     if force["relaxed_50_percent"] is None:
-        return f"{begin}, and {final} {settled}: a {no_relaxation()}, so no time of relaxation is given."
+        return f"{begin}, and {final} {settled}: a {no_relaxation(force)}, so no time of relaxation is given."
     half, most = (_value(force[f"relaxed_{n}_percent"], "time", units, 3) for n in (50, 95))
     ratio = "" if force["peak_over_final"] is None else f", a ratio of {number(force['peak_over_final'], 3)}"
     relaxed = f"It has relaxed by 50 % {half} after the peak and by 95 % {most} after it."

@@ -27,8 +27,8 @@ from porocore.plugins.discovery import Broken, Offered, Source
 from porocore.plugins.hookspecs import Offer
 from porocore.plugins.kinds import KINDS
 from porocore.plugins.registry import Registry
-from porocore.report.metrics import case_warnings
 from porocore.report.text import MEANINGS
+from porocore.report.words.warnings import case_warnings
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Status
 from porocore.study.config.loading import load_config

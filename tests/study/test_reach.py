@@ -14,8 +14,9 @@ from porocore.errors import SolveError
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.body.points import point_states
 from porocore.macro.laws.linear import LinearCoefficients
-from porocore.report.metrics import LoadCase, case_metrics, case_warnings
+from porocore.report.metrics import LoadCase, case_metrics
 from porocore.report.text import flagged_sentence
+from porocore.report.words.warnings import case_warnings
 from porocore.states import CellResponse, MacroState
 from porocore.study.config.loading import load_config
 from porocore.study.preflight import linear_reach, reach_notes

@@ -24,7 +24,7 @@ from porocore.report.figures.style import (
     new_figure,
     styled,
 )
-from porocore.report.metrics import time_to_fraction
+from porocore.report.metrics import time_within
 from porocore.states import Array
 
 MARKS = ((0.95, "o"), (0.99, "D"))
@@ -67,7 +67,11 @@ def history_figure(
     rows = list(figure.subplots(3 if settles else 2, 1, sharex=True))
     for solution, colour, style, label in _curves(nonlinear, linear, others):
         _draw(rows, solution, 1 if log_time else 0, units, {"color": colour, "ls": style, "label": label})
-    _shared_legend(rows[0], MARKS if settles else ())
+    drawn = [each.history for each, *_ in _curves(nonlinear, linear, others)]
+    marked = any(
+        time_within(each.time, each.settlement, share) is not None for each in drawn for share, _ in MARKS
+    )
+    _shared_legend(rows[0], MARKS if settles and marked else ())
     rows[0].set_ylabel(axis_label("settlement max$(-u_2)$", "displacement", units))
     rows[-2].set_ylabel(axis_label("largest pore pressure $p$", "pressure", units))
     rows[-1].set_ylabel(axis_label("drained volume", "volume", units))
@@ -120,7 +124,7 @@ def _shared_legend(axes: Axes, marks: Sequence[tuple[float, str]]) -> None:
 
 
 def _mark(axes: Axes, time: Array, value: Array, share: float, marker: str, colour: str) -> None:
-    when = time_to_fraction(time, value, share)
+    when = time_within(time, value, share)
     if when is not None:
         axes.plot(
             when, np.interp(when, time, value), marker=marker, ms=5.5, color=colour, mec="white", mew=0.8

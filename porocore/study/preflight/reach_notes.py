@@ -18,7 +18,7 @@ from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.problem import body_mesh
 from porocore.report.format import percent
-from porocore.report.metrics import LEAST_FLAGGED
+from porocore.report.words.warnings import LEAST_FLAGGED
 from porocore.states import MacroState
 from porocore.study.config.config import RunConfig
 from porocore.study.magnitudes.prescribed import known, prescribed_times
