@@ -126,7 +126,19 @@ def folded(name: str) -> Row:
     return faulty(f"det F: {name}", changes, "sampling.inputs: the ranges reach det F", "narrow them")
 
 
+#: MPa was meant.
+MILLI = {
+    "scales": {"modulus": "3 mPa", "length": "1 mm", "pore": "1 um", "viscosity": "1 mPa*s"},
+    "cell.viscosity": "1 mPa*s",
+    "sampling.inputs": {"p": {"range": ["-5 kPa", "90 kPa"]}, "H22": {"range": [-0.1, 0.02]}},
+    "sampling.sampler": "sobol",
+    "sampling.options": {"count": 64},
+    "sampling.tolerance": None,
+}
 ROWS = [
+    faulty(
+        "a modulus in mPa", MILLI, "no cell bears more: that is 100", "is scales.modulus = 0.003 Pa meant?"
+    ),
     *(counted(key, count) for key in COUNTED for count in COUNTS),
     *(counted(key, count) for key in ("sampling.test.seed", "surrogate.seed") for count in COUNTS[1:]),
     *(

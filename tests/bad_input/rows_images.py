@@ -83,7 +83,7 @@ FAULTS: dict[str, tuple[str, Content, str]] = {
     "of a terabyte": (".npy", holes(1 << 40), "at most"),
     "empty": (".npy", b"", CANNOT),
     "junk": (".npy", bytes(range(256)) * 10, CANNOT),
-    "words": (".npy", "Dear diary", CANNOT),
+    "words": (".npy", "Dear diary", "not an image that can be read: it is no file of a NumPy array"),
     "cut in its header": (".npy", npy(HALF)[:40], CANNOT),
     "cut in its data": (
         ".npy",

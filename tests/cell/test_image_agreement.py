@@ -80,7 +80,9 @@ def test_a_neck_that_the_mesh_closes_is_named_with_its_axis(tmp_path):
 def test_an_open_neck_of_less_than_two_elements_is_named(tmp_path):
     geometry = image(tmp_path, necked(6), repeat="periodic")
     (note,) = [note for note in disagreements(cell_of(geometry, 0.15)) if "necks" in note]
-    assert note.startswith("the image's pores run through along x by necks that no ball wider than 0.2")
+    assert note.startswith(
+        "the image's pores run through along x, but its narrowest necks there let only balls up to a width of 0.2"
+    )
     assert "the permeability there depends on the mesh: give cell.mesh.fluid_size: 0.1" in note
     assert [note for note in disagreements(cell_of(geometry, 0.1)) if "necks" in note] == []
 
@@ -92,7 +94,7 @@ def test_every_neck_of_less_than_two_elements_is_told_with_one_width_and_one_adv
     notes = [note for note in disagreements(cell_of(geometry, size)) if "pores run through along x" in note]
     assert bool(notes) == (width / lattice_edges(geometry, size)[0] < 2)
     assert all("fluid_size: 0.083" in note for note in notes)
-    assert all(f"wider than {width:.2g} of" in note for note in notes if "ball" in note)
+    assert all(f"width of {width:.2g} of" in note for note in notes if "ball" in note)
 
 
 def test_what_smoothing_closes_asks_for_less_smoothing(tmp_path):

@@ -1,6 +1,8 @@
 """Calls in other processes: what they tell comes in order, whenever it is asked for; errors, deaths, interruptions."""
 
 import os
+import subprocess
+import sys
 import time
 from multiprocessing import active_children
 
@@ -72,6 +74,25 @@ def test_an_interrupted_block_ends_its_processes_at_once():
     assert calls[0].began is not None
     calls[0].catch_up()
     assert calls[0].time() > calls[0].began
+
+
+#: What the command line does after Ctrl-C: it ends with nothing unloaded.
+INTERRUPTED = """
+import os, time
+from porocore.core.parallel.calls import CallProcesses
+try:
+    with CallProcesses(1) as processes:
+        processes.submit("while it slept", time.sleep, 60)
+        raise KeyboardInterrupt
+except KeyboardInterrupt:
+    os._exit(130)
+"""
+
+
+def test_python_tells_of_no_leak_after_an_interruption():
+    """It warned of three leaked semaphores, those of the channel."""
+    end = subprocess.run([sys.executable, "-c", INTERRUPTED], capture_output=True, text=True, check=False)
+    assert (end.returncode, end.stderr) == (130, "")
 
 
 def test_processes_that_nobody_needs_are_not_started():

@@ -36,6 +36,7 @@ def test_check_tells_what_a_run_would_do():
         "macro-driven, ",
         "p in [-20 Pa, 200 Pa]; ",
         "body: box, 10 × 10 × 10 mm, 216 hexahedron elements",
+        " unknowns with those that are prescribed",
         "surface punch",
         "u_2 = 0 to -0.6 mm until t = 20 s",
         "probe beneath the punch at 0, 8, 0 mm",

@@ -157,9 +157,9 @@ class _Compared:
             width = min(self.narrow[axis] for axis in weak)
             what = "permeability" if self.phase == "fluid" else "stiffness"
             yield (
-                f"the image's {self.name} {run} through along {joined(weak)} by necks that no ball "
-                f"wider than {width:.2g} of the cell gets through, {count_text(width / self.size)} of mesh.{self.key}; "
-                f"the {what} there depends on the mesh: {self._advice([width])}"
+                f"the image's {self.name} {run} through along {joined(weak)}, but its narrowest necks there let only "
+                f"balls up to a width of {width:.2g} of the cell pass, {count_text(width / self.size)} of "
+                f"mesh.{self.key}; the {what} there depends on the mesh: {self._advice([width])}"
             )
         yield from self._shut()
 

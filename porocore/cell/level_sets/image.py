@@ -76,6 +76,9 @@ def _read_npy(
     """Read an array after a check of its header."""
     npy: Any = np.lib.format
     with path.open("rb") as file:
+        if file.read(len(npy.MAGIC_PREFIX)) != npy.MAGIC_PREFIX:
+            raise ValueError("it is no file of a NumPy array, whatever its name; write one with numpy.save")
+        file.seek(0)
         version = npy.read_magic(file)
         if version not in ((1, 0), (2, 0)):
             raise ValueError(f"its version {version[0]}.{version[1]} is unknown")

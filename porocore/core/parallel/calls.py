@@ -108,6 +108,8 @@ class CallProcesses:
             for process in self._processes:
                 process.terminate()
         self._executor.shutdown(cancel_futures=True)
+        if kind is not None:  # else Python tells its semaphores as leaked where the program ends at once
+            self._executor = self._reports = None
 
 
 class Call:

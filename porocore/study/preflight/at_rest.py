@@ -143,8 +143,8 @@ def _consolidation(config: RunConfig, coefficients: LinearCoefficients) -> Itera
         "; within a factor of two where it gives way sideways" if held_sideways(config.macro) is None else ""
     )
     yield (
-        f"  consolidation: {units.text(time, 'time', 3)} until 95 % of what a sudden load drives out has left this "
-        f"body through {', '.join(drained_surfaces(config.macro))}, by its confined moduli{sideways}"
+        f"  consolidation: after {units.text(time, 'time', 3)}, 95 % of the fluid that a sudden load drives out has "
+        f"left this body through {', '.join(drained_surfaces(config.macro))} (by the confined moduli{sideways})"
     )
     if (relaxation := relaxation_time(config.macro, coefficients)) is not None:
         yield (

@@ -34,7 +34,7 @@ from porocore.study.magnitudes.prescribed import require_right_side_out
 from porocore.study.magnitudes.separation import separation
 from porocore.study.preflight.at_rest import cell_length, edges
 from porocore.study.preflight.guess import RunTimes, decisions
-from porocore.study.preflight.limits import require_memory, slow_states
+from porocore.study.preflight.limits import require_memory, slow_states, unit_of_the_modulus
 from porocore.study.preflight.resolution import resolution
 from porocore.study.preflight.symmetry_notes import uncovered, unmirrored
 from porocore.study.preflight.time_functions import check_time_functions, late_functions
@@ -117,7 +117,7 @@ def check_sampling(config: RunConfig, *, trained: bool) -> None:
         if max(map(abs, swept.range)) > largest:
             raise ConfigurationError(
                 f"sampling.inputs.{name}.range: expected at most {value_text(name, largest)}, got "
-                f"{inputs.range_text(name)}; no cell bears more"
+                f"{inputs.range_text(name)}; no cell bears more{unit_of_the_modulus(config, name)}"
             )
     J, corner = least_volume(inputs)
     if J <= 0:
@@ -240,7 +240,7 @@ def _body(config: RunConfig) -> Iterator[str]:
     name_of_length = f" {units.name('displacement')}" if units.given else ""
     yield (
         f"body: {macro.body.kind}, {sizes}{name_of_length}, {len(mesh.cells)} {mesh.element.shape} elements, "
-        f"{mesh.size} unknowns"
+        f"{mesh.size} unknowns with those that are prescribed"
     )
     symmetry = Symmetry.of(macro)
     if symmetry.normals:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 
-from porocore.core.models.bounds import MOST_STATES
+from porocore.core.models.bounds import LARGEST_PRESSURE, MOST_STATES
 from porocore.errors import ConfigurationError
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.cost import LIBRARIES, costs, process_memory
@@ -96,3 +96,10 @@ def memory_here() -> float | None:
         return float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")
     except (AttributeError, ValueError, OSError):
         return None
+
+
+def unit_of_the_modulus(config: RunConfig, name: str) -> str:
+    """Return which key may be to blame for a pressure that is too large for the cell."""
+    if name != "p" or config.scales is None or config.scales.modulus is None:
+        return ""
+    return f": that is {LARGEST_PRESSURE:g} times the modulus; is scales.modulus = {config.scales.modulus:g} Pa meant?"
