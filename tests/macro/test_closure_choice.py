@@ -8,6 +8,7 @@ import sys
 import pytest
 
 from porocore.cli.entry import main
+from porocore.core.units.scales import Scales
 from porocore.errors import ConfigurationError, DataError, RunFolderError
 from porocore.interfaces.macro import MacroSolver
 from porocore.macro.laws.direct import DirectWork
@@ -88,6 +89,18 @@ def test_a_run_goes_on_with_another_closure_and_keeps_its_names(tmp_path, config
     changed = other.model_copy(update={"cell": config.cell.model_copy(update={"viscosity": 2e-3})})
     with pytest.raises(RunFolderError, match=r"holds another run; this one has cell.viscosity \(0.002, not"):
         RunFolder.claim(tmp_path, changed, resume=True)
+
+
+def test_other_scales_are_named_before_the_numbers_that_they_change(tmp_path, config):
+    """With pores of ten times their size it named four keys in multiples of the scales, and not the pore size."""
+    scales = Scales(modulus=3e6, length=0.03, pore=6e-5, viscosity=0.05)
+    RunFolder.claim(tmp_path, config.model_copy(update={"scales": scales}))
+    wider = scales.model_copy(update={"pore": 6e-4})
+    other = config.cell.model_copy(update={"viscosity": 2e-3})
+    with pytest.raises(
+        RunFolderError, match=r"this one has scales.pore \(0.0006, not .*, cell.viscosity \(0.002"
+    ):
+        RunFolder.claim(tmp_path, config.model_copy(update={"scales": wider, "cell": other}), resume=True)
 
 
 def test_the_report_is_about_the_first_closure_that_is_complete(tmp_path, config):

@@ -174,7 +174,11 @@ class RunFolder(RunFiles):
     def _check_same(self, held: RunFolder, resume: bool) -> None:
         same = with_closure(held.config, self.config.closure)
         if same.identity != self.config.identity:
-            changed = [d for d in differences(self.config, same) if not d.startswith(NOT_PART_OF_A_RUN)]
+            found = differences(self.config, same)
+            changed = [
+                each for each in found if each.startswith("scales.")
+            ]  # which changes all other numbers
+            changed += [each for each in found if not each.startswith(NOT_PART_OF_A_RUN)]
             raise RunFolderError(
                 f"{self.path} holds another run; this one has {_some(changed)}; choose another --out"
             )
