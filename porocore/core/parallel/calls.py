@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import queue
 import time
+import traceback
 from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -110,6 +111,7 @@ class CallProcesses:
         self._executor.shutdown(cancel_futures=True)
         if kind is not None:  # else Python tells its semaphores as leaked where the program ends at once
             self._executor = self._reports = None
+            traceback.clear_frames(trace)  # one of which waits for the channel
 
 
 class Call:
