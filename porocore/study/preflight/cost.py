@@ -139,8 +139,8 @@ class Training:
         return self.once + self.state * states
 
 
-#: By backend and model, on 8 to 300 states with two to seven inputs. A network for the mean gradient ends early on
-#: fewer than 20 states, after 3 s.
+#: By backend and model, on 8 to 300 states: torch with two to seven inputs, jax with two. A network for the mean
+#: gradient ends early on fewer than 20 states, after 3 s. The polynomial took 0.44 s with seven inputs, 0.23 s here.
 TRAINING = {
     ("torch", "potential"): Training(2.7, 0.004),
     ("torch", "mlp"): Training(7.0, 0.015),
