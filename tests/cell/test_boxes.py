@@ -11,9 +11,9 @@ from porocore.cell.cell import Cell
 from porocore.cell.contact.wall_contact import WallContact
 from porocore.cell.geometry.kinds import MeshFile, Voxels
 from porocore.cell.geometry.sides import CUBE, unit_sides
-from porocore.cell.mesh_quality import measure_mesh_quality, quality_lines, unmatched
 from porocore.cell.meshing.connectivity import pieces, why_disconnected
 from porocore.cell.meshing.mesh import MeshSettings
+from porocore.cell.meshing.mesh_quality import measure_mesh_quality, quality_lines, unmatched
 from porocore.cell.meshing.supercell import block, tiled
 from porocore.cell.meshing.tetrahedra import volume
 from porocore.errors import ConfigurationError

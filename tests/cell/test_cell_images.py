@@ -7,9 +7,9 @@ from scipy.ndimage import gaussian_filter
 from porocore.cell.cell import Cell
 from porocore.cell.geometry.kinds import Voxels
 from porocore.cell.level_sets.level_set import CRUMB
-from porocore.cell.mesh_quality import measure_mesh_quality, quality_lines, unmatched
 from porocore.cell.meshing.connectivity import crumbs, pieces
 from porocore.cell.meshing.mesh import MeshSettings, make_mesh
+from porocore.cell.meshing.mesh_quality import measure_mesh_quality, quality_lines, unmatched
 from porocore.errors import ConfigurationError
 from porocore.testing.cell_laws.open_cells import image_cell
 

@@ -11,8 +11,8 @@ from porocore.cell.geometry.kinds import Geometry, SpherePores, TriplyPeriodic
 from porocore.cell.geometry.spheres import Throat
 from porocore.cell.level_sets.lattice import body_centred
 from porocore.cell.level_sets.tpms import below
-from porocore.cell.mesh_quality import dihedral_angles, unmatched
 from porocore.cell.meshing.mesh import MeshSettings, make_mesh
+from porocore.cell.meshing.mesh_quality import dihedral_angles, unmatched
 from porocore.cell.meshing.tetrahedra import least_stretch, volume, volumes
 
 

@@ -10,8 +10,8 @@ from porocore.cell.geometry.kinds import OrthogonalChannels, Voxels
 from porocore.cell.level_sets.agreement import disagreements, grains
 from porocore.cell.level_sets.level_set import lattice_edges
 from porocore.cell.level_sets.percolation import necks, runs
-from porocore.cell.mesh_quality import CLOSED_PORES, measure_mesh_quality, quality_lines
 from porocore.cell.meshing.mesh import MeshSettings
+from porocore.cell.meshing.mesh_quality import CLOSED_PORES, measure_mesh_quality, quality_lines
 from porocore.cell.meshing.tetrahedra import volume
 
 

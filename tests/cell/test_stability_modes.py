@@ -7,11 +7,11 @@ from stability_blocks import block
 
 from porocore.cell.cell import Cell
 from porocore.cell.contact.settings import ContactSettings
+from porocore.cell.equilibrium.mass import lumped_mass
 from porocore.cell.equilibrium.path import follow
 from porocore.cell.equilibrium.responses import respond
 from porocore.cell.geometry.kinds import OrthogonalChannels
 from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.cell.meshing.mass import lumped_mass
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cell.stability.inertia import FAMILIES, WAVES, negative_pivots
 from porocore.cell.stability.modes import folded, lowest_eigenvalues, lowest_mode, lowest_of_class

@@ -16,8 +16,8 @@ from typing_extensions import TypeVar
 from porocore.cell.contact.model import ContactModel, ContactState
 from porocore.cell.contact.pairs import ContactPairs
 from porocore.cell.equilibrium.integrals import DomainIntegrals, Sensitivities
+from porocore.cell.equilibrium.mass import lumped_mass
 from porocore.cell.materials.material import StrainEnergy
-from porocore.cell.meshing.mass import lumped_mass
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.symmetry.exchange import exchanged_axes
 from porocore.states import Array, Status

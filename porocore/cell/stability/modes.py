@@ -16,8 +16,8 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 from scipy.spatial import cKDTree
 
 from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorError, Iterate
+from porocore.cell.equilibrium.mass import lumped_mass
 from porocore.cell.geometry.sides import CUBE, Sides
-from porocore.cell.meshing.mass import lumped_mass
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.stability.inertia import by_wave
 from porocore.cell.symmetry.exchange import images

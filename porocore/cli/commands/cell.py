@@ -145,7 +145,7 @@ def show(
     """
     path, settings = read_config(config, None, cell_only=True)
     with interruptible(), located(path):
-        from porocore.cell.mesh_quality import measure_mesh_quality, quality_lines
+        from porocore.cell.meshing.mesh_quality import measure_mesh_quality, quality_lines
         from porocore.core.files.atomic import new_folder
         from porocore.verification.local_fields.geometry import render_phases, write_phases
 

@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterator
 import numpy as np
 
 from porocore.cell.conductivity.pore import require_one_cell, require_one_wall
-from porocore.cell.mesh_quality import measure_mesh_quality, quality_lines
+from porocore.cell.meshing.mesh_quality import measure_mesh_quality, quality_lines
 from porocore.core.formulas.time_function import TimeFunction, Value
 from porocore.core.inputs.input_space import value_text
 from porocore.core.inputs.possible_states import least_volume

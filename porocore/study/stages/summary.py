@@ -10,8 +10,8 @@ import numpy as np
 
 from porocore.cell.level_sets.agreement import disagreements, grains
 from porocore.cell.level_sets.voxels import Voxels
-from porocore.cell.mesh_quality import CLOSED_PORES, closed_pores
 from porocore.cell.meshing.connectivity import pieces
+from porocore.cell.meshing.mesh_quality import CLOSED_PORES, closed_pores
 from porocore.core.inputs.sampled_range import SampledRange
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.closure_error import ClosureError, closure_error
