@@ -98,7 +98,7 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
     def _schur(self) -> PETSc.Mat:
         """Return the approximate Schur complement of the last tangent, in its free rows and columns."""
         if self._tangent is not None:
-            self._mass = pressure_mass(self._tangent, self.points_of_element)
+            self._mass = pressure_mass(self._tangent, len(self.mesh.element.weights))
         whole = self._forms.schur(self._mass)
         if self._pressures is None:
             first = whole.getOwnershipRange()[0] - self.space.owned_u

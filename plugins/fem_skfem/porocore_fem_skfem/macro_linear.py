@@ -90,7 +90,7 @@ class MacroLinearSolver:
             solved = self._iterative.solve(
                 d.matrices(system),
                 right,
-                lambda: d.mass(pressure_mass(system.tangent, d.points_of_element)),
+                lambda: d.mass(pressure_mass(system.tangent, len(d.mesh.element.weights))),
                 again=again,
                 accuracy=accuracy,
             )

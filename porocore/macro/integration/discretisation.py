@@ -132,11 +132,6 @@ class Discretisation(ABC, Generic[System]):
         return len(self.weights)
 
     @property
-    def points_of_element(self) -> int:
-        """Quadrature points of an element, which follow one another."""
-        return self.mesh.weights.shape[1]
-
-    @property
     def n_u(self) -> int:
         """Displacements of an element, which come first in ``dofs``."""
         return 3 * self.mesh.cells.shape[1]
