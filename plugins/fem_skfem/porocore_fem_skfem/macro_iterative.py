@@ -19,6 +19,7 @@ from porocore.states import Array, IntArray
 from porocore_fem_skfem.krylov import IterationResult, flexible_gmres
 from porocore_fem_skfem.macro_preconditioner import DisplacementCycle, Solve, pressure_cycle
 from porocore_fem_skfem.macro_smoother import ChebyshevSmoother
+from porocore_fem_skfem.products import Product
 
 #: Iterations at most. Bodies that converge take up to 40, so one that takes these will not.
 LIMIT = 120
@@ -168,7 +169,7 @@ class IterativeSolver:
         unit[leader] = 1.0
         return float(self._forces(uu, unit)[leader])
 
-    def _forces(self, uu: sparse.bsr_matrix, u: Array) -> Array:
+    def _forces(self, uu: sparse.bsr_matrix | Product, u: Array) -> Array:
         return self._of_u.collected(uu @ self._of_u.expanded(u))
 
     def _iterate(self, matrices: Matrices, right: Array, accuracy: float) -> IterationResult:
@@ -177,16 +178,18 @@ class IterativeSolver:
         assert self._cycle is not None
         assert self._pressure is not None
         cycle, pressure = self._cycle, self._pressure
-        forces = partial(self._forces, uu)
+        # Half the memory is read. Flexible GMRES bears a preconditioner that is not quite linear.
+        product = Product(uu)
+        forces = partial(self._forces, Product(uu, np.float32))
 
         def apply(x: Array) -> Array:
             x = self._supports.expanded(x)
             u, p = x[:n_u], x[n_u:]
-            return scale * self._supports.collected(np.concatenate([uu @ u + up @ p, pu @ u + pp @ p]))
+            return scale * self._supports.collected(np.concatenate([product @ u + up @ p, pu @ u + pp @ p]))
 
         def precondition(r: Array) -> Array:
             r = r / scale
-            u = cycle.solve(forces, r[:n_u])
+            u = cycle.solve(forces, r[:n_u].astype(np.float32)).astype(float)
             volumes = r[n_u:] - pu @ self._of_u.expanded(u)
             volumes[self._held_p] = 0.0
             return np.concatenate([u, pressure(volumes)])

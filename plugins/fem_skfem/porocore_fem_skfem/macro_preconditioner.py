@@ -25,7 +25,7 @@ Solve = Callable[[Array], Array]
 
 
 class DisplacementCycle:
-    """Approximate inverse of the forces by displacements: smoother, linear level, smoother.
+    """Approximate inverse of the forces by displacements in single precision: smoother, linear level, smoother.
 
     Parameters
     ----------
@@ -47,14 +47,14 @@ class DisplacementCycle:
         mean = float(np.abs(coarse.diagonal()[level.active]).mean()) if level.active.any() else 1.0
         coarse = (coarse + sparse.diags(mean * idle)).tobsr(blocksize=(3, 3))
         coarse.sort_indices()
-        self._prolongation = level.prolongation
-        self._restriction = level.prolongation.T.tocsr()
+        self._prolongation = level.prolongation.astype(np.float32)
+        self._restriction = self._prolongation.T.tocsr()
         self._solve = _inverse(coarse, level.modes, "block_gauss_seidel", CYCLES)
 
     def solve(self, apply: Apply, r: Array) -> Array:
-        """Return the inverse applied to forces that are zero where prescribed."""
+        """Return the inverse applied to forces that are zero where prescribed, all in single precision."""
         x, r = self._smoother.smooth(apply, r)
-        change = self._prolongation @ self._solve(self._restriction @ r)
+        change = self._prolongation @ self._solve(self._restriction @ r).astype(np.float32)
         after, _ = self._smoother.smooth(apply, r - apply(change))
         return np.asarray(x + change + after)
 

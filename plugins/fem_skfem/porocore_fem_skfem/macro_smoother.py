@@ -9,6 +9,7 @@ import numpy.typing as npt
 from scipy import sparse
 
 from porocore.states import Array, IntArray
+from porocore_fem_skfem.products import Product
 
 Apply = Callable[[Array], Array]
 #: Nodes are solved for together where an entry that couples them is larger than this share of the diagonal.
@@ -48,7 +49,7 @@ class ChebyshevSmoother:
     ) -> None:
         blocks, inner = _free_blocks(matrix, held, shared)
         groups = _groups(matrix, blocks, inner)
-        self._inverse = _inverses(matrix, blocks, held, groups)
+        self._inverse = Product(_inverses(matrix, blocks, held, groups), np.float32)
         self._free = ~held.ravel()
         largest = self._largest(apply)
         if not 0 < largest < np.inf:
