@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from porocore.plugins.hookspecs import hookimpl as hookimpl
     from porocore.states import CellExtrema as CellExtrema
     from porocore.states import CellResponse as CellResponse
+    from porocore.states import CellSlopes as CellSlopes
     from porocore.states import CellTangent as CellTangent
     from porocore.states import MacroState as MacroState
     from porocore.states import Status as Status
@@ -102,7 +103,7 @@ _HOMES = {
     "porocore.interfaces.records": ["failed_response"],
     "porocore.core.inputs.sampled_range": ["SampledRange"],
     "porocore.interfaces.solution": ["History", "MacroSolution", "Profile", "StepReport", "StepWork"],
-    "porocore.states": ["CellExtrema", "CellResponse", "CellTangent", "MacroState", "Status"],
+    "porocore.states": ["CellExtrema", "CellResponse", "CellSlopes", "CellTangent", "MacroState", "Status"],
     "porocore.verification.local_fields.solve": ["write_local_fields"],
     "porocore.verification.representative.study": ["study_representative_volume"],
     "porocore.verification.reproduce": ["reproduce"],

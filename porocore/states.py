@@ -1,4 +1,4 @@
-"""Macroscopic states (H, p), responses of the cell (CellResponse, tangent, extrema), status codes.
+"""Macroscopic states (H, p; θ), responses of the cell (CellResponse, tangent, slopes, extrema), status codes.
 
 Every array is float64 and is led by the batch axis of length n. Derivatives carry the indices of the
 response first and those of the variable last. Everything is dimensionless: stresses,
@@ -7,15 +7,17 @@ pressures and energies are in units of the reference modulus E (Young's modulus 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
-from functools import partial
-from typing import Any, Self, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from porocore.core.fields.batch import Batch
 from porocore.core.fields.declaration import declared_fields, documented, row, rows_of
+from porocore.core.fields.derivatives import CellSlopes as CellSlopes
+from porocore.core.fields.derivatives import CellTangent as CellTangent
 
 Array: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int64]
@@ -59,33 +61,8 @@ class Status(IntEnum):
         return self in (Status.converged, Status.contact)
 
 
-class _Batch:
-    """Dataclass of arrays whose rows can be selected, nested ones included."""
-
-    def __getitem__(self, rows: Any) -> Self:
-        picked = {}
-        for f in fields(self):  # type: ignore[arg-type]
-            value = getattr(self, f.name)
-            picked[f.name] = None if value is None else value[rows]
-        return type(self)(**picked)
-
-    @classmethod
-    def concatenate(cls, parts: list[Self]) -> Self:
-        """Join batches end to end; a field that is None in the first part must be None in all."""
-        joined: dict[str, Any] = {}
-        for f in fields(cls):  # type: ignore[arg-type]
-            values = [getattr(part, f.name) for part in parts]
-            if values[0] is None:
-                joined[f.name] = None
-            elif isinstance(values[0], _Batch):
-                joined[f.name] = type(values[0]).concatenate(values)
-            else:
-                joined[f.name] = np.concatenate(values)
-        return cls(**joined)
-
-
 @dataclass(frozen=True, eq=False)
-class MacroState(_Batch):
+class MacroState(Batch):
     """A batch of macroscopic states.
 
     Attributes
@@ -94,6 +71,8 @@ class MacroState(_Batch):
         H = ∇_X u⁰, H_ij = ∂u_i/∂X_j [-].
     p : (n,)
         Pore pressure, positive in compression [E].
+    parameters : (n, m)
+        Parameters θ of the cell, in the order of ``Cell.parameters``; None for a cell without parameters.
 
     Examples
     --------
@@ -102,18 +81,24 @@ class MacroState(_Batch):
     >>> states = MacroState.concatenate([MacroState.zeros(2), pressed])
     >>> len(states), states[2:].p
     (3, array([0.02]))
+    >>> states.with_parameters([0.25, 0.3]).parameters.shape
+    (3, 2)
     """
 
     grad_u: Array
     p: Array
+    parameters: Array | None = None
 
     def __post_init__(self) -> None:
-        if self.grad_u.ndim == 3 and (
-            self.grad_u.shape[1:] != (3, 3) or self.p.shape != self.grad_u.shape[:1]
-        ):
+        if self.grad_u.ndim != 3:
+            return
+        n = len(self.grad_u)
+        if self.grad_u.shape[1:] != (3, 3) or self.p.shape != (n,):
             raise ValueError(
                 f"expected grad_u (n, 3, 3) and p (n,), got {self.grad_u.shape} and {self.p.shape}"
             )
+        if self.parameters is not None and (self.parameters.ndim != 2 or len(self.parameters) != n):
+            raise ValueError(f"expected parameters (n, m) with n = {n}, got {self.parameters.shape}")
 
     def __len__(self) -> int:
         return len(self.p)
@@ -128,39 +113,36 @@ class MacroState(_Batch):
         """Return the undeformed state, n times."""
         return cls(np.zeros((n, 3, 3)), np.zeros(n))
 
+    @classmethod
+    def concatenate(cls, parts: list[MacroState]) -> MacroState:
+        """Join states end to end.
 
-_slope = partial(row, flag="tangent")
+        Raises
+        ------
+        ValueError
+            Some have parameters and others have none, or other numbers of them.
+        """
+        counts = sorted({state.parameter_count for state in parts})
+        if len(counts) > 1:
+            raise ValueError(f"expected states with the same number of parameters, got {counts}")
+        return super().concatenate(parts)
 
+    @property
+    def parameter_count(self) -> int:
+        """Number m of parameters, 0 without."""
+        return 0 if self.parameters is None else self.parameters.shape[-1]
 
-@documented
-@dataclass(frozen=True, eq=False)
-class CellTangent(_Batch):
-    """First derivatives of the responses with respect to (H, p); response indices first.
-
-    A surrogate that does not provide a response leaves its derivatives None.
-    """
-
-    mean_grad_grad_u: Array | None = field(
-        default=None, metadata=_slope("-", "M_ijkl = ∂<∂u¹_i/∂Y_j>_s / ∂H_kl", 3, 3, 3, 3)
-    )
-    mean_grad_p: Array | None = field(
-        default=None, metadata=_slope("1/E", "Q_ij = ∂<∂u¹_i/∂Y_j>_s / ∂p", 3, 3)
-    )
-    stress_grad_u: Array | None = field(default=None, metadata=_slope("E", "∂P_E,ij / ∂H_kl", 3, 3, 3, 3))
-    stress_p: Array | None = field(default=None, metadata=_slope("-", "∂P_E,ij / ∂p", 3, 3))
-    fluid_volume_grad_u: Array | None = field(default=None, metadata=_slope("-", "∂φ / ∂H_kl", 3, 3))
-    fluid_volume_p: Array | None = field(default=None, metadata=_slope("1/E", "∂φ / ∂p"))
-    conductivity_grad_u: Array | None = field(
-        default=None, metadata=row("d²/μ", "∂K_ref,ij / ∂H_kl", 3, 3, 3, 3, flag="surrogate")
-    )
-    conductivity_p: Array | None = field(
-        default=None, metadata=row("d²/(μ E)", "∂K_ref,ij / ∂p", 3, 3, flag="surrogate")
-    )
+    def with_parameters(self, values: npt.ArrayLike | None) -> MacroState:
+        """Return the states at the parameters (m,), the same for all, or (n, m); None takes them away."""
+        if values is None:
+            return replace(self, parameters=None)
+        given = np.asarray(values, dtype=float)
+        return replace(self, parameters=np.broadcast_to(given, (len(self), given.shape[-1])).copy())
 
 
 @documented
 @dataclass(frozen=True, eq=False)
-class CellExtrema(_Batch):
+class CellExtrema(Batch):
     """Extrema over the solid, and signs of instability and contact."""
 
     grad: Array = field(metadata=row("-", "Largest ``|∂u¹_i/∂Y_j|``.", 3, 3))
@@ -182,7 +164,7 @@ class CellExtrema(_Batch):
 
 @documented
 @dataclass(frozen=True, eq=False)
-class CellResponse(_Batch):
+class CellResponse(Batch):
     """Responses of n states, solved or predicted; a response that is not provided is None.
 
     Rows whose status has no values hold NaN in every response, derivative and extremum. ``conductivity`` and
@@ -229,6 +211,7 @@ class CellResponse(_Batch):
         ),
     )
     tangent: CellTangent | None = field(default=None, metadata=rows_of(CellTangent))
+    slopes: CellSlopes | None = field(default=None, metadata=rows_of(CellSlopes))
     extrema: CellExtrema | None = field(default=None, metadata=rows_of(CellExtrema, name="peaks"))
     outside_training_range: npt.NDArray[np.bool_] | None = field(
         default=None,

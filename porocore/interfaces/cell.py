@@ -76,6 +76,8 @@ class CellSolver(ABC, Generic[Prepared]):
     contact: ClassVar[bool] = False
     #: Whether :meth:`solve` returns the micro displacement where ``fields`` are asked for.
     returns_fields: ClassVar[bool] = False
+    #: Whether responses of a cell with parameters hold :class:`~porocore.CellSlopes`, the derivatives by them.
+    slopes: ClassVar[bool] = False
     #: ``core``: it solves on ``cell.make_mesh``, so that it agrees with others on that mesh to round-off; ``own``: on
     #: another mesh, or without any.
     meshes: ClassVar[Literal["core", "own"]] = "own"

@@ -14,12 +14,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from porocore.core.fields.batch import Batch
 from porocore.core.files.plain_data import stable_hash
-from porocore.states import Array, CellResponse, MacroState, _Batch
+from porocore.states import Array, CellResponse, MacroState
 
 
 @dataclass(frozen=True, eq=False)
-class LawMemory(_Batch):
+class LawMemory(Batch):
     """State of a law at the last accepted time, for n points."""
 
     states: MacroState
@@ -28,7 +29,7 @@ class LawMemory(_Batch):
 
 
 @dataclass(frozen=True, eq=False)
-class MacroTangent(_Batch):
+class MacroTangent(Batch):
     """Exact derivatives of a :class:`MacroResponse` with respect to (H, p, ∇_X p); response indices first."""
 
     stress_grad_u: Array  #: (n, 3, 3, 3, 3)
@@ -41,7 +42,7 @@ class MacroTangent(_Batch):
 
 
 @dataclass(frozen=True, eq=False)
-class MacroResponse(_Batch):
+class MacroResponse(Batch):
     """Response of n points, dimensionless.
 
     Attributes

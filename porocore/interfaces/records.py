@@ -9,10 +9,19 @@ from typing import Any
 import numpy as np
 
 from porocore.core.fields.check import response_fault
-from porocore.core.fields.declaration import provided_fields
+from porocore.core.fields.declaration import parameter_count, provided_fields
 from porocore.errors import PluginError
 from porocore.interfaces.cell import CellField
-from porocore.states import CELL_FIELDS, Array, CellExtrema, CellResponse, CellTangent, MacroState, Status
+from porocore.states import (
+    CELL_FIELDS,
+    Array,
+    CellExtrema,
+    CellResponse,
+    CellSlopes,
+    CellTangent,
+    MacroState,
+    Status,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,16 +70,17 @@ def build_response(status: Any, arrays: Mapping[str, Array]) -> CellResponse:
         A name or the shape of an array is not that of ``CELL_FIELDS``, or the batch of extrema is incomplete.
     """
     status = np.asarray(status, dtype=np.int64)
+    if unknown := [name for name in arrays if name not in CELL_FIELDS]:
+        raise ValueError(f"'{unknown[0]}' is no response")
+    m = parameter_count(CELL_FIELDS, arrays)
     for name, array in arrays.items():
-        if name not in CELL_FIELDS:
-            raise ValueError(f"'{name}' is no response")
-        expected = (len(status), *CELL_FIELDS[name].shape)
+        expected = (len(status), *CELL_FIELDS[name].row_shape(m or 0))
         if array.shape != expected:
             raise ValueError(f"{name}: expected shape {expected}, got {array.shape}")
     plain: dict[str, Any] = {name: array for name, array in arrays.items() if "/" not in name}
     if "mean_grad" not in plain:
         raise ValueError("mean_grad is missing")
-    nested: dict[str, dict[str, Array]] = {"tangent": {}, "peaks": {}}
+    nested: dict[str, dict[str, Array]] = {"tangent": {}, "slopes": {}, "peaks": {}}
     for name in arrays.keys() - plain.keys():
         group, attribute = name.split("/")
         nested[group][attribute] = arrays[name]
@@ -80,13 +90,20 @@ def build_response(status: Any, arrays: Mapping[str, Array]) -> CellResponse:
     return CellResponse(
         status=status,
         tangent=CellTangent(**nested["tangent"]) if nested["tangent"] else None,
+        slopes=CellSlopes(**nested["slopes"]) if nested["slopes"] else None,
         extrema=CellExtrema(**nested["peaks"]) if nested["peaks"] else None,
         **plain,
     )
 
 
 def failed_response(
-    status: Status, *, tangent: bool = True, deformed: bool = False, names: Iterable[str] | None = None
+    status: Status,
+    *,
+    tangent: bool = True,
+    deformed: bool = False,
+    parameters: int | None = None,
+    names: Iterable[str] | None = None,
+    like: CellResponse | None = None,
 ) -> CellResponse:
     """Return the row of a state without values: NaN in every response.
 
@@ -98,15 +115,21 @@ def failed_response(
         Also in the derivatives.
     deformed
         Also in the conductivity of the deformed pore.
+    parameters
+        Number of the cell's parameters: also in the slopes by them; None: the response has no slopes.
     names
         The responses instead, by their names in ``porocore.states.CELL_FIELDS``.
+    like
+        A response of the same cell, whose fields it shall hold instead.
     """
+    if like is not None:
+        found = flatten_response(like)
+        names, parameters = found, parameter_count(CELL_FIELDS, found)
     if names is None:
-        flags = ("", *(["tangent"] if tangent else []), *(["deformed"] if deformed else []))
-        names = [name for name, declared in CELL_FIELDS.items() if declared.flag in flags]
-    return build_response(
-        [int(status)], {name: np.full((1, *CELL_FIELDS[name].shape), np.nan) for name in names}
-    )
+        asked = {"": True, "tangent": tangent, "deformed": deformed, "slopes": parameters is not None}
+        names = [name for name, declared in CELL_FIELDS.items() if asked[declared.flag]]
+    shapes = {name: (1, *CELL_FIELDS[name].row_shape(parameters)) for name in names}
+    return build_response([int(status)], {name: np.full(shape, np.nan) for name, shape in shapes.items()})
 
 
 def check_record(record: SolvedState, provided: frozenset[str] | None) -> frozenset[str]:
@@ -122,9 +145,10 @@ def check_record(record: SolvedState, provided: frozenset[str] | None) -> frozen
     Raises
     ------
     PluginError
-        The response is not one row of the declared fields, or holds other responses than its neighbours.
+        The response is not one row of the declared fields, has slopes by another number of parameters than its state,
+        or holds other responses than its neighbours.
     """
-    if fault := response_fault(record.response, 1):
+    if fault := response_fault(record.response, 1, record.state.parameter_count or None):
         raise PluginError(
             f"the cell solver returned a wrong response for state '{record.key}': {fault}; report this to the author "
             "of the backend"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -207,7 +207,7 @@ def left_out_shear(
     if not reached or set(shears(NAMES)).isdisjoint(each.name for each in reached):
         return None
     plain = turned.grad_u * np.eye(3)
-    flagged = prediction_of(surrogate, MacroState(plain, turned.p), tangent=False).outside_training_range
+    flagged = prediction_of(surrogate, replace(turned, grad_u=plain), tangent=False).outside_training_range
     if flagged is None or flagged.any():
         return None
     worst = max((each for each in reached if each.name in shears(NAMES)), key=lambda each: abs(each.value))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,7 @@ def perturbed(states: MacroState, column: int, step: float) -> MacroState:
         p += step
     else:
         flat[:, column] += step
-    return MacroState(flat.reshape(-1, 3, 3), p)
+    return replace(states, grad_u=flat.reshape(-1, 3, 3), p=p)
 
 
 def assert_identical(found: CellResponse, expected: CellResponse, state: str) -> None:

@@ -28,10 +28,10 @@ from porocore.sampling.datasets.dataset import Dataset  # noqa: E402
 
 path, generator = map(Path, sys.argv[1:])
 inputs = InputSpace.from_ranges({"p": (0.0, 1.0)})
-shapes = {name: declared.shape for name, declared in states.CELL_FIELDS.items()}
+shapes = {name: declared.row_shape(2) for name, declared in states.CELL_FIELDS.items()}
 
 # The conditions of every field hold for it: shape, numbers, NaN.
-failed = failed_response(Status.inverted, deformed=True)
+failed = failed_response(Status.inverted, deformed=True, parameters=2)
 assert failed.heat.shape == (1, 2)
 assert np.isnan(failed.heat).all()
 solved = build_response([0], {name: np.full((1, *shape), 0.5) for name, shape in shapes.items()})

@@ -24,6 +24,7 @@ from porocore.states import (
     RESPONSE_FIELDS,
     CellExtrema,
     CellResponse,
+    CellSlopes,
     CellTangent,
     MacroState,
     Status,
@@ -36,14 +37,16 @@ def right(n=2):
 
 
 def test_every_field_of_a_response_is_declared():
-    expected = {f.name for f in fields(CellResponse)} - {"tangent", "extrema"}
+    expected = {f.name for f in fields(CellResponse)} - {"tangent", "slopes", "extrema"}
     expected |= {f"tangent/{f.name}" for f in fields(CellTangent)}
+    expected |= {f"slopes/{f.name}" for f in fields(CellSlopes)}
     expected |= {f"peaks/{f.name}" for f in fields(CellExtrema)}
     assert set(RESPONSE_FIELDS) == expected
     assert all(declared.unit and declared.meaning for declared in RESPONSE_FIELDS.values())
-    for batch in (CellResponse, CellTangent, CellExtrema):
+    for batch in (CellResponse, CellTangent, CellSlopes, CellExtrema):
         assert all(f"{f.name}" in batch.__doc__ for f in fields(batch))
     assert "stress : (n, 3, 3)" in CellResponse.__doc__
+    assert "stress : (n, 3, 3, m)" in CellSlopes.__doc__
 
 
 def test_a_new_field_is_one_line():
@@ -69,18 +72,21 @@ def test_a_new_field_is_one_line():
     assert "heat : (n, 2)\n        Heat. [J]" in Inner.__doc__
 
 
-@pytest.mark.parametrize("flags", [{}, {"tangent": False}, {"deformed": True}])
+@pytest.mark.parametrize("flags", [{}, {"tangent": False}, {"deformed": True}, {"parameters": 2}])
 def test_a_row_without_values_holds_nan_in_what_was_asked_for(flags):
     failed = failed_response(Status.inverted, **flags)
     assert response_fault(failed, 1) is None
     assert failed.status.tolist() == [3]
     assert (failed.tangent is None) == (flags.get("tangent") is False)
     assert (failed.conductivity is None) == ("deformed" not in flags)
+    assert (failed.slopes is None) == ("parameters" not in flags)
     arrays = flatten_response(failed)
     assert all(np.isnan(array).all() for array in arrays.values())
-    assert all(array.shape == (1, *CELL_FIELDS[name].shape) for name, array in arrays.items())
-    like = failed_response(Status.lost, names=arrays)
-    assert flatten_response(like).keys() == arrays.keys()
+    assert all(array.shape == (1, *CELL_FIELDS[name].row_shape(2)) for name, array in arrays.items())
+    like = flatten_response(failed_response(Status.lost, like=failed))
+    assert {name: array.shape for name, array in like.items()} == {
+        name: a.shape for name, a in arrays.items()
+    }
 
 
 def test_a_right_response_has_no_fault():
@@ -89,6 +95,30 @@ def test_a_right_response_has_no_fault():
     assert response_fault(mixed, 2) is None
     open_gap = replace(right(), extrema=replace(right().extrema, min_gap=np.full(2, np.nan)))
     assert response_fault(open_gap, 2) is None
+
+
+def slopes(n=2, m=2):
+    return CellSlopes(potential=np.zeros((n, m)), stress=np.zeros((n, 3, 3, m)))
+
+
+def test_slopes_agree_on_the_number_of_parameters():
+    assert response_fault(replace(right(), slopes=slopes()), 2) is None
+    assert response_fault(replace(right(), slopes=slopes()), 2, parameters=2) is None
+    torn = replace(slopes(), stress=np.zeros((2, 3, 3, 1)))
+    assert response_fault(replace(right(), slopes=torn), 2).startswith(
+        "slopes/stress: expected shape (2, 3, 3, 2)"
+    )
+    fault = response_fault(replace(right(), slopes=slopes()), 2, parameters=3)
+    assert fault == "slopes/potential: expected shape (2, 3), got (2, 2)"
+    arrays = flatten_response(replace(right(), slopes=slopes()))
+    np.testing.assert_array_equal(build_response([0, 0], arrays).slopes.stress, slopes().stress)
+
+
+def test_a_record_has_slopes_by_the_parameters_of_its_state():
+    states = MacroState.zeros(1).with_parameters([0.2, 0.3, 0.4])
+    record = SolvedState("a", (0.0,), states, replace(right(1), slopes=slopes(1)), 1.0)
+    with pytest.raises(PluginError, match=r"slopes/potential: expected shape \(1, 3\), got \(1, 2\)"):
+        check_record(record, None)
 
 
 WRONG = {

@@ -55,3 +55,16 @@ def test_a_component_that_is_no_input_may_move_by_what_is_not_felt():
     H[:, 1, 1] = 0, 1e-7, 2e-6
     H[:, 0, 1] = 0
     assert pressure.moves_other(MacroState(H, np.zeros(3))).tolist() == [False, False, True]
+
+
+def test_the_undeformed_cell_is_known_at_all_parameters():
+    """The reach of the samples depends on the parameter: the hull is one in all inputs."""
+    family = InputSpace.from_ranges({"H22": (-0.4, 0.0)}, {"radius": (0.1, 0.3)})
+    radii = np.linspace(0.1, 0.3, 9)
+    reach = -0.1 - (radii - 0.1)  # −0.1 at the smallest radius, −0.3 at the largest
+    points = [[share * end, r] for r, end in zip(radii, reach, strict=True) for share in (0.25, 0.5, 0.75, 1)]
+    around = SampledRange.around(family, points)
+    assert around.contains([[0, 0.1], [0, 0.3], [-0.09, 0.1], [-0.29, 0.3]]).all()
+    assert not around.contains([[-0.2, 0.1], [-0.05, 0.31]]).any()
+    states = family.scatter([[-0.2, 0.1], [-0.2, 0.3]])
+    assert around.outside(states).tolist() == [True, False]

@@ -8,29 +8,32 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from porocore.core.fields.declaration import RowField, provided_fields
-from porocore.states import RESPONSE_FIELDS, CellExtrema, CellResponse, CellTangent, Status
+from porocore.core.fields.declaration import RowField, parameter_count, provided_fields
+from porocore.states import RESPONSE_FIELDS, CellExtrema, CellResponse, CellSlopes, CellTangent, Status
 
 
-def response_fault(response: Any, n: int) -> str | None:
+def response_fault(response: Any, n: int, parameters: int | None = None) -> str | None:
     """Return what is wrong with a response of n states, as a clause that names field and row; None: nothing.
 
     Rows with values are finite where the declaration says so, the others hold NaN throughout, and every status is a
-    :class:`Status`.
+    :class:`Status`. Slopes are those by ``parameters`` parameters; None: by as many as the first of them says.
     """
-    return shape_fault(response, n) or number_fault(response)
+    return shape_fault(response, n, parameters) or number_fault(response)
 
 
-def shape_fault(response: Any, n: int) -> str | None:
+def shape_fault(response: Any, n: int, parameters: int | None = None) -> str | None:
     """Return which field is missing, or has not the shape or type that n states must have; None: none."""
     if not isinstance(response, CellResponse):
         return f"expected a CellResponse, got {type(response).__name__}"
-    for batch, kind in ((response.tangent, CellTangent), (response.extrema, CellExtrema)):
+    nested = {CellTangent: response.tangent, CellSlopes: response.slopes, CellExtrema: response.extrema}
+    for kind, batch in nested.items():
         if batch is not None and not isinstance(batch, kind):
             return f"expected a {kind.__name__}, got {type(batch).__name__}"
     found = provided_fields(response)
+    m = parameter_count(RESPONSE_FIELDS, found) if parameters is None else parameters
     for name, array in found.items():
-        declared, expected = RESPONSE_FIELDS[name], (n, *RESPONSE_FIELDS[name].shape)
+        declared = RESPONSE_FIELDS[name]
+        expected = (n, *declared.row_shape(m or 0))
         if not isinstance(array, np.ndarray):
             return f"{name}: expected an array of shape {expected}, got {type(array).__name__}"
         if array.shape != expected:

@@ -6,12 +6,15 @@ declaration, so that a new field is one line.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, TypeVar
 
 import numpy as np
 
 _KEY = "porocore"
+#: Axis of the parameters of a cell in the shape of a field.
+PARAMETER_AXIS = "m"
 T = TypeVar("T", bound=type)
 
 
@@ -22,13 +25,15 @@ class RowField:
     Attributes
     ----------
     shape
-        Shape of one row; the array has n of them.
+        Shape of one row; the array has n of them. A text names an axis whose length others give: ``m``, the number of
+        parameters.
     unit
         Unit in dimensionless results: ``-`` where there is none.
     meaning
         What it is, in one sentence.
     flag
-        What must be asked for: ``tangent`` (derivatives), ``deformed`` (conductivity of the deformed pore);
+        What must be asked for: ``tangent`` (derivatives), ``slopes`` (derivatives by the parameters of the cell),
+        ``deformed`` (conductivity of the deformed pore);
         ``surrogate`` where cell solvers never provide it; empty: nothing.
     models
         Models of surrogates that predict it.
@@ -38,7 +43,7 @@ class RowField:
         Type of the numbers.
     """
 
-    shape: tuple[int, ...]
+    shape: tuple[int | str, ...]
     unit: str
     meaning: str
     flag: str = ""
@@ -52,8 +57,26 @@ class RowField:
         shape = ", ".join(map(str, ("n", *self.shape))) + ("" if self.shape else ",")
         return f"({shape})" + ("" if self.dtype is np.float64 else f" {np.dtype(self.dtype).name}")
 
+    def row_shape(self, m: int | None = None) -> tuple[int, ...]:
+        """Return the shape of one row for m parameters.
 
-def row(unit: str, meaning: str, *shape: int, **more: Any) -> dict[str, RowField]:
+        Raises
+        ------
+        ValueError
+            It hangs on their number, and none is given.
+        """
+        if m is None and PARAMETER_AXIS in self.shape:
+            raise ValueError(f"'{self.meaning}' has a row for each parameter; their number is missing")
+        return tuple(int(m or 0) if length == PARAMETER_AXIS else int(length) for length in self.shape)
+
+    def count_parameters(self, shape: tuple[int, ...]) -> int | None:
+        """Return the number m of parameters that an array (n, ...) of this field has; None: it tells nothing of it."""
+        if PARAMETER_AXIS not in self.shape or len(shape) != 1 + len(self.shape):
+            return None
+        return shape[1 + self.shape.index(PARAMETER_AXIS)]
+
+
+def row(unit: str, meaning: str, *shape: int | str, **more: Any) -> dict[str, RowField]:
     """Return the metadata of a dataclass field that declares it; arguments as of :class:`RowField`."""
     return {_KEY: RowField(shape, unit, meaning, **more)}
 
@@ -93,6 +116,12 @@ def provided_fields(batch: Any, prefix: str = "") -> dict[str, Any]:
         elif isinstance(declared, RowField) and value is not None:
             found[prefix + f.name] = value
     return found
+
+
+def parameter_count(declared: Mapping[str, RowField], arrays: Mapping[str, Any]) -> int | None:
+    """Return the number of parameters by which fields are differentiated; None where none of them has such an axis."""
+    counts = (declared[name].count_parameters(np.shape(array)) for name, array in arrays.items())
+    return next((m for m in counts if m is not None), None)
 
 
 def documented(batch: T) -> T:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,14 +23,18 @@ BELOW = ("H21", "H31", "H32")
 
 @dataclass(frozen=True)
 class InputSpace:
-    """An ordered choice of d of the ten inputs H11 … H33, p with a closed range for each; the others stay zero.
+    """An ordered choice of d inputs with a closed range for each; the others stay zero.
+
+    They are some of the ten components H11 … H33 and p of a state, then all parameters of the cell.
 
     Attributes
     ----------
     names
-        From ``H11`` … ``H33`` and ``p``.
+        From ``H11`` … ``H33`` and ``p``, then the ``parameters``.
     lower, upper
         Bounds, one for each name.
+    parameters
+        Names of the cell's parameters in their order, the last of ``names``; empty for a cell without.
 
     Examples
     --------
@@ -41,21 +45,40 @@ class InputSpace:
     (array([-0.2]), array([0.05]))
     >>> inputs.gather(states)
     array([[-0.2 ,  0.05]])
+    >>> family = InputSpace.from_ranges({"H22": (-0.4, 0.04)}, {"radius": (0.15, 0.3)})
+    >>> family.scatter([[-0.2, 0.25]]).parameters
+    array([[0.25]])
     """
 
     names: tuple[str, ...]
     lower: tuple[float, ...]
     upper: tuple[float, ...]
+    parameters: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in self.names:
+        own = len(self.names) - len(self.parameters)
+        if own < 0 or self.names[own:] != self.parameters:
+            raise ConfigurationError(
+                f"expected the parameters {', '.join(self.parameters)} as the last inputs, got {', '.join(self.names)}"
+            )
+        for name in self.names[:own]:
             if name not in NAMES:
                 raise ConfigurationError(f"unknown input '{name}'; the inputs are {', '.join(NAMES)}")
+        for name in self.parameters:
+            if name in NAMES:
+                raise ConfigurationError(f"'{name}' is a component of the state and cannot name a parameter")
+        if twice := next((name for name in self.names if self.names.count(name) > 1), ""):
+            raise ConfigurationError(f"input '{twice}' is given twice; give each one range")
         for name, low, high in zip(self.names, self.lower, self.upper, strict=True):
             if not low < high:
                 raise ConfigurationError(
                     f"the range of input '{name}' is empty: [{low:g}, {high:g}]; give [lower, upper] with lower < upper"
                 )
+
+    def __repr__(self) -> str:
+        # Hashes hang on this text: that of a space without parameters has to stay as it was.
+        more = f", parameters={self.parameters!r}" if self.parameters else ""
+        return f"InputSpace(names={self.names!r}, lower={self.lower!r}, upper={self.upper!r}{more})"
 
     def __len__(self) -> int:
         return len(self.names)
@@ -66,18 +89,57 @@ class InputSpace:
         return f"[{value_text(name, self.lower[k], digits)}, {value_text(name, self.upper[k], digits)}]"
 
     @classmethod
-    def from_ranges(cls, ranges: Mapping[str, tuple[float, float]]) -> InputSpace:
-        """Return the space of ``{"H22": (-0.4, 0.04), ...}``."""
-        low, high = zip(*ranges.values(), strict=True)
-        return cls(tuple(ranges), tuple(low), tuple(high))
+    def from_ranges(
+        cls,
+        ranges: Mapping[str, tuple[float, float]],
+        parameters: Mapping[str, tuple[float, float]] | None = None,
+    ) -> InputSpace:
+        """Return the space of ``{"H22": (-0.4, 0.04), ...}`` and of parameters ``{"radius": (0.15, 0.3), ...}``."""
+        more = dict(parameters or {})
+        low, high = zip(*ranges.values(), *more.values(), strict=True)
+        return cls((*ranges, *more), tuple(low), tuple(high), tuple(more))
 
     @cached_property
     def columns(self) -> tuple[int, ...]:
-        """Position of each input among the ten components (H row by row, then p)."""
-        return tuple(NAMES.index(name) for name in self.names)
+        """Position of each input among the ten components (H row by row, then p) and the parameters behind them."""
+        own = len(self.names) - len(self.parameters)
+        return (*(NAMES.index(name) for name in self.names[:own]), *range(10, 10 + len(self.parameters)))
+
+    @cached_property
+    def parameter_ranges(self) -> Array:
+        """Ranges of the parameters, (m, 2)."""
+        ends: Array = np.array([self.lower, self.upper]).T[len(self) - len(self.parameters) :]
+        return ends
+
+    def require_parameters(self, states: MacroState) -> None:
+        """Refuse states that have not the parameters of this space.
+
+        Raises
+        ------
+        ConfigurationError
+            They lack some, or have more.
+        """
+        if states.parameter_count == len(self.parameters):
+            return
+        if not self.parameters:
+            raise ConfigurationError(
+                f"the states have {states.parameter_count} parameters of a cell, but none were sampled: leave them "
+                "out, or sample a cell with parameters (a number of 'cell' as a range)"
+            )
+        raise ConfigurationError(
+            f"expected a value of each parameter ({', '.join(self.parameters)}) with every state, got "
+            f"{states.parameter_count or 'none'}; give {{{self.parameters[0]}: …}} with the state"
+        )
 
     def gather(self, states: MacroState) -> Array:
-        """Return the inputs of n states, (n, d)."""
+        """Return the inputs of n states, (n, d).
+
+        Raises
+        ------
+        ConfigurationError
+            The states have not the parameters of this space.
+        """
+        self.require_parameters(states)
         return components(states)[list(self.columns)].T
 
     def without_rotation(self, states: MacroState) -> MacroState:
@@ -95,7 +157,7 @@ class InputSpace:
         # F = Q R has the stretch of R, and C = RᵀR is its Cholesky factorisation.
         back = H.copy()
         back[turned] = np.linalg.cholesky(F.swapaxes(1, 2) @ F).swapaxes(1, 2) - np.eye(3)
-        return MacroState(back, states.p)
+        return replace(states, grad_u=back)
 
     def to_unit(self, x: Array) -> Array:
         """Return inputs (n, d) scaled by their ranges: the box becomes the unit box."""
@@ -106,9 +168,10 @@ class InputSpace:
     def scatter(self, x: npt.ArrayLike) -> MacroState:
         """Return n states from inputs (n, d), all other components zero."""
         rows: Array = np.atleast_2d(np.asarray(x, dtype=float))
-        flat = np.zeros((len(rows), 10))
+        flat = np.zeros((len(rows), 10 + len(self.parameters)))
         flat[:, list(self.columns)] = rows
-        return MacroState(flat[:, :9].reshape(-1, 3, 3), flat[:, 9].copy())
+        theta = flat[:, 10:].copy() if self.parameters else None
+        return MacroState(flat[:, :9].reshape(-1, 3, 3), flat[:, 9].copy(), theta)
 
     @property
     def negligible(self) -> float:
@@ -129,7 +192,7 @@ class InputSpace:
         return self.others_move(components(states))
 
     def others_move(self, rows: Array) -> npt.NDArray[np.bool_]:
-        """Return the same for the ten ``components`` (10, n)."""
+        """Return the same for the ``components`` (10, n), or more rows with those of parameters."""
         rest = rows[[column for column in range(10) if column not in self.columns]]
         moves: npt.NDArray[np.bool_] = np.abs(rest, out=rest).max(axis=0, initial=0.0) > self.negligible
         return moves
@@ -141,14 +204,17 @@ def value_text(name: str, value: float, digits: int = 6) -> str:
 
 
 def components(states: MacroState) -> Array:
-    """Return (10, n): H row by row, then p, each contiguous in memory."""
-    rows, H = np.empty((10, len(states))), states.grad_u.reshape(-1, 9)
+    """Return (10 + m, n): H row by row, then p and m parameters, each contiguous in memory."""
+    rows, H = np.empty((10 + states.parameter_count, len(states))), states.grad_u.reshape(-1, 9)
     for i in range(9):
         rows[i] = H[:, i]
     rows[9] = states.p
+    if states.parameters is not None:
+        rows[10:] = states.parameters.T
     return rows
 
 
 def flatten(states: MacroState) -> Array:
-    """Return (n, 10): H row by row, then p."""
-    return np.concatenate([states.grad_u.reshape(-1, 9), states.p[:, None]], axis=1)
+    """Return (n, 10 + m): H row by row, then p and m parameters."""
+    more = [] if states.parameters is None else [states.parameters]
+    return np.concatenate([states.grad_u.reshape(-1, 9), states.p[:, None], *more], axis=1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,6 +26,8 @@ MOST_HULL_INPUTS = 5
 @dataclass(frozen=True, eq=False)
 class SampledRange:
     """A convex polytope {x : A x ≤ b} around the sampled inputs and the undeformed cell, which is always known.
+
+    With parameters it is known at all of their values.
 
     Its faces lie beyond the samples by half of what neighbours usually differ by along an axis, as far from a sample as
     states between two of them, but not beyond the box of the inputs.
@@ -55,7 +58,7 @@ class SampledRange:
     def around(cls, inputs: InputSpace, points: npt.ArrayLike) -> SampledRange:
         """Return the range of ``points`` (n, d): their hull; their bounding box if they span no volume or d is big."""
         d = len(inputs)
-        given: Array = np.concatenate([np.asarray(points, dtype=float).reshape(-1, d), np.zeros((1, d))])
+        given: Array = np.concatenate([np.asarray(points, dtype=float).reshape(-1, d), _at_rest(inputs)])
         known = np.unique(inputs.to_unit(given), axis=0)
         low, high = known.min(axis=0), known.max(axis=0)
         unit = np.eye(d)
@@ -98,6 +101,7 @@ class SampledRange:
         return self._beyond(states, self._planes if few else self._planes[faces], FAR)
 
     def _beyond(self, states: MacroState, planes: Array, by: float) -> npt.NDArray[np.bool_]:
+        self.inputs.require_parameters(states)
         rows = components(states)
         outside = np.logical_not(_within(planes, rows[list(self.inputs.columns)].T, by))
         outside |= self.inputs.others_move(rows)
@@ -110,6 +114,12 @@ def _within(planes: Array, rows: Array, by: float) -> npt.NDArray[np.bool_]:
     with_one[:-1] = rows.T
     inside: npt.NDArray[np.bool_] = (planes @ with_one).max(axis=0) <= by
     return inside
+
+
+def _at_rest(inputs: InputSpace) -> Array:
+    """Return the inputs (2^m, d) of the undeformed cell at the corners of the ranges of the m parameters."""
+    corners = np.array(list(itertools.product(*inputs.parameter_ranges)))
+    return np.concatenate([np.zeros((len(corners), len(inputs) - len(inputs.parameters))), corners], axis=1)
 
 
 def _spacing(points: Array) -> float:

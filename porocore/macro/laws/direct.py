@@ -10,7 +10,7 @@ import numpy as np
 from porocore.core.files.totals import Numbers
 from porocore.interfaces.cell import CellField
 from porocore.interfaces.law import CellLaw
-from porocore.interfaces.records import failed_response, flatten_response
+from porocore.interfaces.records import failed_response
 from porocore.macro.laws.direct_record import Work
 from porocore.sampling.execution import CellPool
 from porocore.states import Array, CellResponse, IntArray, MacroState, Status
@@ -137,14 +137,13 @@ class DirectCellLaw(CellLaw):
         """Return the responses in the order of ``wanted``; known ones are not solved again."""
         found: dict[bytes, _Solved] = {}
         ahead: list[tuple[bytes, IntArray, bytes]] = []
-        names = flatten_response(self._rest.response)
         for key, (place, start) in wanted.items():
             if key in self._known:
                 found[key] = self._known[key]
             elif not place.any():
                 found[key] = self._rest
             elif np.abs(place).max() > FARTHEST / GRID:
-                found[key] = _Solved(failed_response(Status.inverted, names=names), None)
+                found[key] = _Solved(failed_response(Status.inverted, like=self._rest.response), None)
             else:
                 ahead.append((key, place, start))
         self._solve(ahead, found)

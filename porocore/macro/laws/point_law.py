@@ -7,15 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from porocore.core.fields.batch import Batch
 from porocore.core.inputs.given_states import given_states
 from porocore.core.units.results import ResultUnits
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroTangent
-from porocore.states import Array, _Batch
+from porocore.states import Array
 
 
 @dataclass(frozen=True, eq=False)
-class LawTangent(_Batch):
+class LawTangent(Batch):
     """Exact derivatives of a :class:`LawResponse` with respect to (H, p); response indices first.
 
     Attributes
@@ -43,7 +44,7 @@ class LawTangent(_Batch):
 
 
 @dataclass(frozen=True, eq=False)
-class LawResponse(_Batch):
+class LawResponse(Batch):
     """Response of a :class:`Law` at n states, dimensionless; NaN where there is none.
 
     Attributes

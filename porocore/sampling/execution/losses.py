@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from porocore.errors import PorocoreError
 from porocore.interfaces.cell import CellField
-from porocore.interfaces.records import failed_response, flatten_response
+from porocore.interfaces.records import failed_response
 from porocore.sampling.execution.tasks import FinishedSolve
 from porocore.states import CellResponse, MacroState, Status
 
@@ -75,11 +75,10 @@ class Losses:
         """Return the doubtful states as lost, once a pattern of the response is known."""
         if self.like is None:
             return []
-        names, lost = flatten_response(self.like), self.doubtful
-        self.doubtful = []
+        lost, self.doubtful = self.doubtful, []
         return [
             FinishedSolve(
-                task.key, failed_response(Status.lost, names=names), None, time.perf_counter() - task.began
+                task.key, failed_response(Status.lost, like=self.like), None, time.perf_counter() - task.began
             )
             for task in lost
         ]
