@@ -159,8 +159,8 @@ def read_block(path: Path, advice: str, *, sound: bool = True) -> tuple[Header, 
         if (version := file.attribute("version", int)) != VERSION:
             raise DataError(f"{path}: is a dataset of version {version}, expected {VERSION}; {advice}")
         names = tuple(file.texts("inputs/names", "d"))
-        bounds = (tuple(map(float, file.array(f"inputs/{end}", "d"))) for end in ("lower", "upper"))
-        inputs = InputSpace(names, *bounds)
+        low, high = (tuple(map(float, file.array(f"inputs/{end}", "d"))) for end in ("lower", "upper"))
+        inputs = InputSpace(names, low, high)
         provenance = {name: file.text(f"provenance/{name}") for name in file.members("provenance")}
         keys = file.texts("key", "n")
         if len(set(keys)) < len(keys):
