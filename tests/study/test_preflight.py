@@ -41,7 +41,7 @@ def test_check_tells_what_a_run_would_do():
         "u_2 = 0 to -0.6 mm until t = 20 s",
         "probe beneath the punch at 0, 8, 0 mm",
         "up to t = 2000 s",
-        "left out of macro.time, so multiples of the scales: smallest_step ",
+        "not given in macro.time, so at the defaults, multiples of the scales: smallest_step ",
         "no faults; next: porocore run",
     ):
         assert part in done.stdout, part
@@ -111,12 +111,15 @@ def test_check_says_what_left_out_defaults_mean(tmp_path):
     assert 0.05 * scale == pytest.approx(3.151, rel=1e-3)
     (line,) = left_out(MacroSetup.model_validate(given), units)
     assert line == (
-        "left out of macro.time, so multiples of the scales: ramp_step 3.151 min; smallest_step 6.301e-05 min; "
+        "not given in macro.time, so at the defaults, multiples of the scales: ramp_step 3.151 min; smallest_step 6.301e-05 min; "
         "profiles 63.01 min"
     )
     time, body = sorted(left_out(MacroSetup.model_validate({"boundary": boundary}), units), reverse=True)
     assert time.split(": ")[1].startswith("end 6301 min; step 31.51 min; ramp_step 3.151 min")
-    assert body == "left out of macro.body, so multiples of the scales: size 0.1 mm, 7.5 mm, 0.1 mm"
+    assert (
+        body
+        == "not given in macro.body, so at the defaults, multiples of the scales: size 0.1 mm, 7.5 mm, 0.1 mm"
+    )
     assert not list(left_out(MacroSetup.model_validate(given), ResultUnits()))
     plan = {"end": 3, "step": 0.1, "ramp_step": 0.05, "smallest_step": 1e-6, "profiles": []}
     assert not list(left_out(MacroSetup.model_validate(given | {"time": plan}), units))

@@ -29,7 +29,7 @@ def left_out(macro: MacroSetup, units: ResultUnits) -> Iterator[str]:
             values.setdefault(str(field.path[-1]), []).append(units.text(value, dimension.quantity))
     for section, keys in found.items():
         said = "; ".join(f"{key} {', '.join(values)}" for key, values in keys.items())
-        yield f"left out of {section}, so multiples of the scales: {said}"
+        yield f"not given in {section}, so at the defaults, multiples of the scales: {said}"
 
 
 def _field(place: Place) -> Place:

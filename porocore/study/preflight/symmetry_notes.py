@@ -47,8 +47,8 @@ def uncovered(inputs: InputSpace, group: PointGroup) -> list[str]:
         f"in a cell of the point group {group.name} {', '.join(inputs.names)} may cause stresses along {names}, which "
         f"{are}. The surrogate learns these stresses, but it knows the stiffness against {names} only at rest. Where "
         f"the body shears by {names}, states are flagged, and Newton's iteration may fail. Add {names} to "
-        f"sampling.inputs, unless the body is held against such shear. Where a boundary prescribes "
-        f"{_transposed(shears)} instead, add that; the cell is stretched the same"
+        f"sampling.inputs, unless the body is held against such shear. Add "
+        f"{_transposed(shears)} instead where a boundary moves the body so; the cell is stretched the same"
     ]
 
 
