@@ -186,8 +186,8 @@ SLOW = (
     "tests/study/test_tune.py::test_a_search_that_is_interrupted_goes_on",
     "tests/surrogates/test_surrogate_symmetry.py::test_a_potential_with_this_group_is_recovered[trigonal]",
     "tests/surrogates/test_surrogate_symmetry.py::test_a_potential_with_this_group_is_recovered[monoclinic]",
-    # The longest of what shorter tests of the same piece look at, too: the user's store is held to its laws in tests/core,
-    # tests/study and tests/sampling, processes beside each other in tests/core; `make docs` builds the site, in CI too.
+    # The longest of what shorter tests of the same piece look at, too: the user's store is held to its laws in
+    # tests/core, tests/study and tests/sampling, processes beside each other in tests/core; CI builds the site.
     "tests/docs/test_site.py::",
     "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/start.md]",
     "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/install.md]",

@@ -102,8 +102,8 @@ class TimePlan(StrictModel):
     """Shortest length to which a step that fails is halved."""
     tolerance: Positive | None = None
     """Permitted error of a time step, as a share of the largest displacement and of the largest pressure so far. The
-    lengths of the steps follow from it, up to ``step``; null: all are ``step`` long. While a ramp still rises, when half
-    of the load acts, the largest values so far count twice, and so on: they are what the whole load would have given."""
+    lengths of the steps follow from it, up to ``step``; null: all are ``step`` long. While a ramp still rises, when
+    half of the load acts, the largest values so far count twice, and so on: as much as the whole load would give."""
     profiles: Annotated[tuple[Time, ...], Field(max_length=MOST_TIMES)] = (1.0, 10.0, 40.0)
     """Times at which the fields are kept, beside the end; of the default those that lie before it."""
     load_curve: Annotated[tuple[tuple[Time, float], ...], Field(max_length=MOST_TIMES)] = ()

@@ -111,8 +111,8 @@ def test_check_says_what_left_out_defaults_mean(tmp_path):
     assert 0.05 * scale == pytest.approx(3.151, rel=1e-3)
     (line,) = left_out(MacroSetup.model_validate(given), units)
     assert line == (
-        "not given in macro.time, so at the defaults, multiples of the scales: ramp_step 3.151 min; smallest_step 6.301e-05 min; "
-        "profiles 63.01 min"
+        "not given in macro.time, so at the defaults, multiples of the scales: ramp_step 3.151 min; "
+        "smallest_step 6.301e-05 min; profiles 63.01 min"
     )
     time, body = sorted(left_out(MacroSetup.model_validate({"boundary": boundary}), units), reverse=True)
     assert time.split(": ")[1].startswith("end 6301 min; step 31.51 min; ramp_step 3.151 min")
