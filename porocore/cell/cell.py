@@ -16,6 +16,7 @@ from pydantic import (
 )
 
 from porocore.cell.contact.settings import ContactSettings
+from porocore.cell.family.family import Family
 from porocore.cell.geometry.kinds import Geometry, OrthogonalChannels
 from porocore.cell.materials.choice import AnyMaterial
 from porocore.cell.materials.composite import Composite, Solid
@@ -25,7 +26,7 @@ from porocore.cell.meshing.estimate import require_few
 from porocore.cell.meshing.mesh import CellMesh, Domain, MeshSettings, Phase, make_mesh
 from porocore.cell.meshing.supercell import block
 from porocore.core.files.plain_data import json_hash
-from porocore.core.models.strict import CalledByUsers, StrictModel
+from porocore.core.models.strict import CalledByUsers
 from porocore.core.tensors.point_group import PointGroup
 from porocore.core.units.dimensions import Dimension, Unit
 from porocore.errors import ConfigurationError
@@ -35,8 +36,21 @@ Cells = Annotated[int, Field(ge=1, le=8)]
 Region = Annotated[str, BeforeValidator(lambda name: str(name) if isinstance(name, int) else name)]
 
 
-class Cell(StrictModel, metaclass=CalledByUsers):
-    """Configuration of a cell: all that determines its cell problems."""
+class Cell(Family, metaclass=CalledByUsers):
+    """Configuration of a cell: all that determines its cell problems.
+
+    A number of the pores' shape, of a material or the viscosity may be ``{"range": [lower, upper]}``. It is then one
+    of the :attr:`parameters` of a family of cells, and :meth:`at` returns a member of it.
+
+    Examples
+    --------
+    >>> from porocore import Cell
+    >>> family = Cell(material={"poisson_ratio": {"range": [0.2, 0.4]}})
+    >>> [parameter.name for parameter in family.parameters]
+    ['poisson_ratio']
+    >>> family.at({"poisson_ratio": 0.25}).material.poisson_ratio
+    0.25
+    """
 
     geometry: Geometry = OrthogonalChannels()
     """Shape of the pores."""
@@ -82,7 +96,7 @@ class Cell(StrictModel, metaclass=CalledByUsers):
     def _only_what_is_given(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         data: dict[str, Any] = handler(self)
         data.pop("materials" if self.materials is None else "material", None)
-        return data
+        return self._with_ranges(data)
 
     @property
     def solid(self) -> Solid:
@@ -101,19 +115,22 @@ class Cell(StrictModel, metaclass=CalledByUsers):
     @property
     def symmetric(self) -> bool:
         """True where the mirrors of the pores are used; the flow is then solved on the eighth."""
-        return self.symmetry == "auto" and self.geometry.unfolding != "whole"
+        return self.symmetry == "auto" and self._generic.geometry.unfolding != "whole"
 
     @property
     def mirrored(self) -> bool:
         """True where states without shear are solved on the eighth."""
-        return self.symmetric and self.solid.mirrored and self.supercell == (1, 1, 1)
+        return self.symmetric and self._generic.solid.mirrored and self.supercell == (1, 1, 1)
 
     @cached_property
     def point_group(self) -> PointGroup:
         """Point group of the cell: of its pores, its material and its block of cells.
 
-        It is exact for the description; a free mesh breaks some of its operations by the discretisation error.
+        It is exact for the description; a free mesh breaks some of its operations by the discretisation error. That of
+        a family is the group of all its members.
         """
+        if self.is_family:
+            return self._generic.point_group
         counts = np.array(self.supercell)
         return self.geometry.point_group.kept(
             lambda Q: (
@@ -164,8 +181,12 @@ class Cell(StrictModel, metaclass=CalledByUsers):
             )
 
     def specification(self) -> dict[str, Any]:
-        """Return all that the cell problems depend on; of a file its content, not its path."""
-        return {**self.model_dump(mode="json"), "geometry": self.geometry.specification()}
+        """Return all that the cell problems depend on; of a file its content, not its path.
+
+        That of a member has its own numbers, and the base values from which its mesh was moved.
+        """
+        found = {**self.model_dump(mode="json"), "geometry": self.geometry.specification()}
+        return {**self._with_ranges(found), **({"moved_from": self.moved_from} if self.moved_from else {})}
 
     @property
     def identity(self) -> str:

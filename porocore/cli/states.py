@@ -13,6 +13,7 @@ from porocore.core.echo import cut, echo
 from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
+    from porocore.cell.cell import Cell
     from porocore.core.units.scales import Scales
 
 #: How the help of a group tells it.
@@ -47,6 +48,38 @@ PressureOption = Annotated[
         show_default=False,
     ),
 ]
+ParametersOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--parameters",
+        metavar="NAME=VALUE,…",
+        help="Values of the cell's parameters: of each that the configuration gives as a range; a number that it gives "
+        "may be replaced, too.",
+        show_default=False,
+    ),
+]
+
+
+def read_parameters(cell: Cell, given: Sequence[str] | None) -> Cell:
+    """Return the member of a cell at the values of ``--parameters``.
+
+    Raises
+    ------
+    ConfigurationError
+        The text cannot be read, a range has no value, or a name is unknown.
+    """
+    from porocore.cell.family.ranges import member_with
+
+    if not given:
+        cell.require_member(
+            f"give its value with --parameters {','.join(f'{p.name}={p.base:g}' for p in cell.parameters)}"
+        )
+        return cell
+    values = parse_inputs("--parameters", "values such as radius=0.22,poisson_ratio=0.3", ",".join(given))
+    try:
+        return member_with(cell, values)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"--parameters: {error}") from error
 
 
 def read_state(

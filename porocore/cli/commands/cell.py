@@ -8,7 +8,7 @@ from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperGroup
@@ -16,9 +16,20 @@ from typer.core import TyperGroup
 from porocore.cli.common import chosen_store, command_group, in_units_of, interruptible, located, read_config
 from porocore.cli.options import ConfigArgument, FemOption, JsonOption, NoStoreOption, StoreOption
 from porocore.cli.representative import rev
-from porocore.cli.states import STATE_HELP, AtOption, GradUOption, PressureOption, read_state
+from porocore.cli.states import (
+    STATE_HELP,
+    AtOption,
+    GradUOption,
+    ParametersOption,
+    PressureOption,
+    read_parameters,
+    read_state,
+)
 from porocore.core.console import Console
 from porocore.core.files.plain_data import json_ready
+
+if TYPE_CHECKING:
+    from porocore.study.config.config import RunConfig
 
 #: Anything smaller is printed as 0 for reading; the cell solver's tolerance is of this size.
 ZERO = 1e-12
@@ -58,6 +69,7 @@ def state(
     at: AtOption = None,
     grad_u: GradUOption = None,
     p: PressureOption = None,
+    parameters: ParametersOption = None,
     fem: FemOption = None,
     as_json: JsonOption = False,
     store: StoreOption = None,
@@ -73,6 +85,7 @@ def state(
     path, settings = read_config(config, fem, cell_only=True)
     units = settings.result_units
     with interruptible(), located(path), in_units_of(settings):
+        settings = _member(settings, parameters)
         found = read_state(at, grad_u, p, settings.cell.modulus, {}, settings.scales)
         from porocore.core.inputs.input_space import NAMES
         from porocore.report.dimensional import figures_with_units
@@ -93,6 +106,7 @@ def fields(
     at: AtOption = None,
     grad_u: GradUOption = None,
     p: PressureOption = None,
+    parameters: ParametersOption = None,
     fem: FemOption = None,
     no_pictures: NoPicturesOption = False,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of file and pictures.")] = Path(
@@ -109,6 +123,8 @@ def fields(
     """
     kept = chosen_store(store, no_store)
     path, settings = read_config(config, fem, cell_only=True)
+    with located(path):
+        settings = _member(settings, parameters)
     asked = read_state(at, grad_u, p, settings.cell.modulus, {"H22": -0.1}, settings.scales)
     with interruptible(), located(path):
         from porocore.verification.local_fields.solve import write_local_fields
@@ -131,6 +147,7 @@ def fields(
 @cell.command()
 def show(
     config: ConfigArgument = None,
+    parameters: ParametersOption = None,
     no_pictures: NoPicturesOption = False,
     as_json: JsonOption = False,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of files and picture.")] = Path(
@@ -149,6 +166,8 @@ def show(
         from porocore.core.files.atomic import new_folder
         from porocore.verification.local_fields.geometry import render_phases, write_phases
 
+        if parameters:
+            settings = _member(settings, parameters)
         new_folder(out)
         quality = measure_mesh_quality(settings.cell)
         if as_json:
@@ -162,6 +181,11 @@ def show(
     if not as_json:
         for file in written:
             typer.echo(file)
+
+
+def _member(settings: RunConfig, parameters: list[str] | None) -> RunConfig:
+    """Return the configuration with the member of its cell at the values of ``--parameters``."""
+    return settings.model_copy(update={"cell": read_parameters(settings.cell, parameters)})
 
 
 def as_text(result: Mapping[str, Any], belongs: Mapping[str, str] = MappingProxyType({})) -> str:

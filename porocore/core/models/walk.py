@@ -11,6 +11,9 @@ from pydantic import BaseModel, Discriminator, Tag
 
 from porocore.core.files.yaml_document import Location
 
+#: Key of the ends of a range in place of a number.
+RANGE = "range"
+
 
 @dataclass(frozen=True)
 class Place:
@@ -74,6 +77,9 @@ def _parts(annotation: Any, value: Any) -> Iterator[tuple[str, Any, tuple[Any, .
     elif get_origin(annotation) is dict and isinstance(value, Mapping):
         for key, child in value.items():
             yield str(key), arguments[1], (), child
+    elif is_number(annotation) and isinstance(value, Mapping) and isinstance(value.get(RANGE), list | tuple):
+        # The ends of a range in place of a number are declared like the number.
+        yield RANGE, types.GenericAlias(tuple, (annotation, ...)), (), value[RANGE]
     elif get_origin(annotation) is tuple and isinstance(value, list | tuple):
         same = arguments[-1] is Ellipsis
         for i, child in enumerate(value):
@@ -87,6 +93,14 @@ def bare(annotation: Any) -> tuple[Any, tuple[Any, ...]]:
         annotation, *more = get_args(annotation)
         metadata += tuple(more)
     return annotation, metadata
+
+
+def is_number(annotation: Any) -> bool:
+    """Return True for a real number, and for one that may be left out."""
+    annotation, _ = bare(annotation)
+    if is_union(annotation):
+        return any(is_number(member) for member in get_args(annotation))
+    return annotation is float
 
 
 def is_section(annotation: Any) -> TypeGuard[type[BaseModel]]:

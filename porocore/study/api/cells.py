@@ -10,6 +10,7 @@ from typing import Any
 import numpy.typing as npt
 
 from porocore.cell.cell import Cell
+from porocore.cell.family.ranges import member_with
 from porocore.core.echo import echo
 from porocore.core.inputs.given_states import given_states
 from porocore.errors import ConfigurationError
@@ -32,6 +33,8 @@ class CellProblem:
         The section ``cell`` of a configuration, as :class:`porocore.Cell` or nested settings.
     fem
         Name of the backend.
+    parameters
+        Values of the cell's parameters by name: of each that is a range, and of further numbers to replace.
     store
         Folder of results that studies share; True: that of the user, False: none. A state that it holds is not solved.
     **options
@@ -60,6 +63,7 @@ class CellProblem:
         cell: Cell | Mapping[str, Any] | None = None,
         *,
         fem: str = "skfem",
+        parameters: Mapping[str, float] | None = None,
         store: str | Path | bool = True,
         **options: Any,
     ) -> None:
@@ -69,7 +73,15 @@ class CellProblem:
             )
         if not isinstance(fem, str):
             raise ConfigurationError(f"fem: expected the name of a backend, such as 'skfem', got {echo(fem)}")
-        self.cell = cell if isinstance(cell, Cell) else cell_from(cell or {})
+        if parameters is not None and not isinstance(parameters, Mapping):
+            raise ConfigurationError(
+                f"parameters: expected values by name, such as {{'radius': 0.22}}, got {echo(parameters)}"
+            )
+        described = cell if isinstance(cell, Cell) else cell_from(cell or {})
+        if not parameters:
+            names = ", ".join(f"'{p.name}': {p.base:g}" for p in described.parameters)
+            described.require_member(f"give its value with parameters={{{names}}}")
+        self.cell = member_with(described, parameters) if parameters else described
         registry().find("cell solver", fem)
         self._solver: CellSolver
         self._solver, self._prepared = prepare_cell(fem, options, self.cell)

@@ -11,9 +11,11 @@ from functools import cache
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel
+from pydantic.fields import FieldInfo
 from pydantic.json_schema import GenerateJsonSchema
 
-from porocore.core.models.walk import is_section
+from porocore.cell.cell import Cell
+from porocore.core.models.walk import bare, is_section
 from porocore.core.units.dimensions import MULTIPLES, Carried, Dimension, Unit
 from porocore.core.units.scales import QUANTITIES
 from porocore.study.config.config import RunConfig
@@ -35,6 +37,9 @@ class _WithDescriptions(GenerateJsonSchema):
                 unit = unit_of(field.annotation, field.metadata, carried="that of the key above")
                 said = f"{text} Unit: {unit}." if unit else text
                 found["properties"][name].setdefault("description", said)
+        for name, field in model.model_fields.items():
+            if name in found.get("properties", {}) and may_have_range(model, name, field):
+                found["properties"][name] = _with_range(found["properties"][name])
         return found
 
 
@@ -46,6 +51,70 @@ def configuration_schema() -> dict[str, Any]:
     """
     found = RunConfig.model_json_schema(schema_generator=_WithDescriptions)
     return {"$schema": DIALECT, **found, "title": "Configuration of a porocore study"}
+
+
+def may_have_range(model: type[BaseModel], name: str, field: FieldInfo) -> bool:
+    """Return whether the numbers of a field may be ranges, since a cell may have them as parameters."""
+    if model is Cell:
+        return name == "viscosity"
+    fixed = any(isinstance(extra, Dimension) and extra.si for extra in field.metadata)
+    return model in _sections_of_the_cell() and name != "directions" and not fixed
+
+
+@cache
+def _sections_of_the_cell() -> frozenset[type[BaseModel]]:
+    """Return the sections of pores and materials, with those in them."""
+    found: set[type[BaseModel]] = set()
+
+    def visit(annotation: Any) -> None:
+        annotation, _ = bare(annotation)
+        if is_section(annotation) and annotation not in found:
+            found.add(annotation)
+            for field in annotation.model_fields.values():
+                visit(field.annotation)
+        elif not is_section(annotation) and get_origin(annotation) is not Literal:
+            for part in get_args(annotation):
+                visit(part)
+
+    for name in ("geometry", "material"):
+        visit(Cell.model_fields[name].annotation)
+    return frozenset(found)
+
+
+def _with_range(schema: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema that accepts ``{range: [lower, upper]}`` wherever it accepts a real number."""
+    said: dict[str, Any] = {
+        key: schema[key] for key in ("default", "title", "description", "x-dimension") if key in schema
+    }
+    plain = {key: value for key, value in schema.items() if key not in said}
+    if schema.get("type") == "number":
+        return {**said, "anyOf": [plain, _range_of(plain)]}
+    found = dict(schema)
+    if any(part.get("type") == "number" for part in schema.get("anyOf", ())):
+        numbers = [part for part in schema["anyOf"] if part.get("type") in ("number", "string")]
+        return {
+            **found,
+            "anyOf": [*schema["anyOf"], _range_of({"anyOf": numbers} if numbers[1:] else numbers[0])],
+        }
+    for key in ("items", "additionalProperties"):
+        if isinstance(schema.get(key), dict):
+            found[key] = _with_range(schema[key])
+    for key in ("anyOf", "oneOf", "prefixItems"):
+        if key in schema:
+            found[key] = [_with_range(part) for part in schema[key]]
+    return found
+
+
+def _range_of(end: dict[str, Any]) -> dict[str, Any]:
+    """Return the schema of a range by that of its ends."""
+    ends = {"type": "array", "items": end, "minItems": 2, "maxItems": 2}
+    return {
+        "type": "object",
+        "description": "A parameter of the cell: it varies between the two ends.",
+        "properties": {"range": ends},
+        "required": ["range"],
+        "additionalProperties": False,
+    }
 
 
 def schema_text() -> str:

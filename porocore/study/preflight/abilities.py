@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from porocore.cell.cell import Cell
 from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.macro import MacroSolver
@@ -66,3 +67,17 @@ def require_parts(solver: type[MacroSolver], name: str, problem: MacroSetup) -> 
             f"macro: this problem needs {missing.partition(' (')[0]}, which the macro solver '{name}' does not offer; "
             "choose another macro.backend, or leave it out"
         )
+
+
+def require_parameters(cell: Cell) -> None:
+    """Refuse a study of a cell with parameters, which samples and surrogates do not have yet.
+
+    Raises
+    ------
+    ConfigurationError
+        A number of the cell is a range.
+    """
+    cell.require_member(
+        "the parameters of a cell are no inputs of samples and surrogates yet: give one number, or solve single "
+        "members with porocore cell state --parameters"
+    )

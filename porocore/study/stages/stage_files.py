@@ -37,8 +37,9 @@ def prepare_cell(
     Raises
     ------
     ConfigurationError
-        The solver cannot compute the conductivity of a deformed pore, or not of this cell.
+        The solver cannot compute the conductivity of a deformed pore, or not of this cell; or the cell is a family.
     """
+    cell.require_member()
     solver: CellSolver = registry().get("cell solver", backend)(**options)
     require_conductivity(type(solver), backend, conductivity)
     if conductivity != "deformed":

@@ -73,6 +73,7 @@ def make_meshes(config: RunConfig) -> None:
     PorocoreError
         The cell cannot be meshed.
     """
+    config.cell.require_member()
     domains = {"eighth", "whole"} if config.cell.symmetric else {"whole"}
     for domain in sorted(domains):
         config.cell.make_mesh("solid", domain)  # type: ignore[arg-type]

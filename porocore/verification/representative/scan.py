@@ -65,6 +65,7 @@ class Scan:
         ConfigurationError
             The cell is no image, or its file no segmented one.
         """
+        config.cell.require_member()
         geometry, mesh = config.cell.geometry, config.cell.mesh
         if not isinstance(geometry, Voxels):
             raise ConfigurationError(
