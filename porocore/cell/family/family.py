@@ -1,4 +1,4 @@
-"""Family of cells by the values of parameters (Family), base of a cell: members, base values, ranges in dumps."""
+"""Family of cells by the values of parameters (Family), base of a cell: members, ranges in dumps."""
 
 from __future__ import annotations
 
