@@ -127,6 +127,10 @@ class MacroState(Batch):
             raise ValueError(f"expected states with the same number of parameters, got {counts}")
         return super().concatenate(parts)
 
+    def arrays(self) -> list[Array]:
+        """Return H, p and, where there are some, the parameters, to hash and to compare."""
+        return [self.grad_u, self.p, *([] if self.parameters is None else [self.parameters])]
+
     @property
     def parameter_count(self) -> int:
         """Number m of parameters, 0 without."""

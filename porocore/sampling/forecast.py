@@ -82,7 +82,7 @@ class StateForecast:
     def __init__(self, inputs: InputSpace, guess: Guess | None = None) -> None:
         low, high = np.array(inputs.lower), np.array(inputs.upper)
         self._reach = np.maximum(np.abs(low), np.abs(high))
-        moving = np.array([name != "p" for name in inputs.names])
+        moving = np.array([column < 9 for column in inputs.columns])
         self._moving = moving if moving.any() else ~moving
         cloud = low + (high - low) * np.random.default_rng(0).random((POINTS, len(inputs)))
         self._mean = float(self._cost(cloud).mean())

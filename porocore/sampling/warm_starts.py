@@ -44,13 +44,15 @@ class WarmStarts:
         """Return the name and the field of the nearest state; None where the undeformed cell is as good.
 
         The distance is that of the load path: of the components of H, and of p over Young's modulus. A state without
-        shear has another domain than one with shear.
+        shear has another domain than one with shear, and one with other parameters is that of another cell.
         """
         if not self._keys:
             return None
         change = np.abs(self._states.grad_u - state.grad_u).max(axis=(1, 2))
         distance = np.maximum(change, np.abs(self._states.p - state.p) / self._modulus)
         distance[self._sheared != _sheared(state)] = np.inf
+        if self._states.parameters is not None:
+            distance[(self._states.parameters != state.parameters).any(axis=1)] = np.inf
         nearest = int(distance.argmin())
         at_rest = max(np.abs(state.grad_u).max(), np.abs(state.p).max() / self._modulus)
         if distance[nearest] > NEAR * at_rest or self._begins[nearest]:

@@ -26,7 +26,7 @@ def make_backend(kind: Kind, config: RunConfig) -> Any:
         The backend does not take these options.
     """
     name, options = _configured(kind, config)
-    positional = (config.sampling.input_space(),) if kind == "sampler" else ()
+    positional = (config.input_space(),) if kind == "sampler" else ()
     implementation = registry().get(kind, name)
     if kind == "surrogate" and implementation.models:
         options = {**options, "model": surrogate_model(implementation, config)}

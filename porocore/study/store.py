@@ -8,6 +8,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ from porocore.interfaces.records import flatten_response
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.plugins.registry import registry
 from porocore.sampling.execution.solved_store import SolvedStore
-from porocore.states import CellResponse, MacroState
+from porocore.states import Array, CellResponse, MacroState
 
 #: Version of the equations of porocore and of their discretisation: raised with every correction that changes a number
 #: of a cell or of a surrogate, so that no store returns the old one. ``tests/study/test_store.py`` holds it to numbers.
@@ -57,12 +58,28 @@ def solved_states(
     options: dict[str, Any],
     cell: Cell,
     conductivity: str = "piola",
-    **results: bool,
+    *,
+    tangent: bool = True,
+    fields: bool = True,
 ) -> SolvedStore | None:
-    """Return the solved states of a cell in the store; ``results`` are ``tangent`` and ``fields`` of each solve."""
+    """Return the solved states of a cell in the store, with ``tangent`` and ``fields`` of each solve.
+
+    Those of a family are found by their members.
+    """
     if store is None:
         return None
-    return SolvedStore(store, cell_key(backend, options, cell, conductivity), **results)
+    identity = cell_key(backend, options, cell, conductivity)
+    if not cell.is_family:
+        return SolvedStore(store, identity, tangent, fields)
+
+    @cache
+    def key_of(values: tuple[float, ...]) -> str:
+        return cell_key(backend, options, cell.at(values), conductivity)
+
+    def member(values: Array) -> str:
+        return key_of(tuple(values.tolist()))
+
+    return SolvedStore(store, identity, tangent, fields, member=member)
 
 
 @contextmanager
@@ -103,7 +120,7 @@ def training_key(backend: str, options: dict[str, Any], seed: int, data: Trainin
 def arrays_hash(states: MacroState, responses: CellResponse) -> str:
     """Return the hash of states and their responses."""
     digest = hashlib.sha256()
-    for array in (states.grad_u, states.p, responses.status, *flatten_response(responses).values()):
+    for array in (*states.arrays(), responses.status, *flatten_response(responses).values()):
         digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()
 

@@ -47,7 +47,7 @@ def write_dataset(path: Path) -> None:
         kept.append(
             CellField(np.zeros((3, 3)), x[0], "eighth", random.standard_normal((4, 3))) if i else None
         )
-    write_block(path, Header(INPUTS, "cell", {"numpy": "2"}), Block.join(path, rows, 2), kept)
+    write_block(path, Header(INPUTS, "cell", {"numpy": "2"}), Block.join(path, rows, INPUTS), kept)
 
 
 def read_dataset(path: Path) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -16,8 +16,10 @@ from porocore.interfaces.law import CellLaw
 from porocore.macro.laws import ClosedLaw, MeanGradientClosure, PotentialClosure
 from porocore.macro.laws.direct import GRID, DirectCellLaw
 from porocore.sampling.execution import CellPool
+from porocore.sampling.execution.members import MemberSolver
 from porocore.sampling.execution.solved_store import SolvedStore
 from porocore.states import CellResponse, MacroState, Status
+from porocore.testing.synthetic import family
 from porocore.testing.synthetic.cell import SOLID_FRACTION, respond
 from porocore.testing.synthetic.response import CONDUCTIVITY
 
@@ -252,3 +254,28 @@ def test_what_another_run_has_solved_comes_from_the_store(diary, tmp_path):
     with CellPool(make, (other,), known=SolvedStore(ResultStore(tmp_path), "cell")) as pool:
         DirectCellLaw(pool, REST, "cell").predict_from(along(-0.1), along(-0.15))
     assert len(other.solves) == 1
+
+
+def make_family():
+    solver = MemberSolver(family.SyntheticFamilySolver())
+    return solver, solver.prepare(family.SyntheticFamily())
+
+
+def test_each_point_has_the_cell_of_its_parameters():
+    """Points that agree share a solve; the cell at rest is that of the point, too."""
+    theta = np.array([[0.4, 1.0], [0.4, 1.0], [0.35, 1.3], [0.35, 1.3], [0.1 + 0.2, 0.7]])
+    H = np.zeros((5, 3, 3))
+    H[[0, 1, 3], 1, 1] = -0.05
+    states = MacroState(H, np.array([0.1, 0.1, 0.0, 0.1, 0.0]), theta)
+    rest = family.respond(MacroState.zeros(1).with_parameters([0.45, 1.25]))
+    with CellPool(make_family, fields=True, executor="serial") as pool:
+        law = DirectCellLaw(pool, rest, "family")
+        found = law.predict(states)
+        assert law.work.solves == 4
+        before = replace(states, grad_u=0.5 * H)
+        again = law.predict_from(before, states)
+    expected = family.respond(states)
+    for name in ("potential", "stress", "fluid_volume", "mean_grad"):
+        np.testing.assert_allclose(getattr(found, name), getattr(expected, name), atol=1e-12)
+        np.testing.assert_array_equal(getattr(again, name), getattr(found, name))
+    np.testing.assert_array_equal(found.stress[4], family.respond(states[4:]).stress[0])

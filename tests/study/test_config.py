@@ -112,6 +112,15 @@ def test_input_names_agree_with_the_input_space():
     assert InputName.__args__ == NAMES
 
 
+def test_ranges_of_the_cell_are_the_last_inputs(edit):
+    path = edit(("radius: 0.25", "radius: {range: [0.2, 0.3]}"))
+    inputs, states = load_config(path).input_space(), load_config(BENCHMARK).input_space()
+    assert inputs.names == (*states.names, "radius")
+    assert inputs.parameters == ("radius",)
+    np.testing.assert_array_equal(inputs.parameter_ranges, [[0.2, 0.3]])
+    assert load_config(BENCHMARK).sampling.input_space() == states
+
+
 def test_workers_are_counted():
     config = load_config(BENCHMARK)
     assert config.sampling.worker_count() >= 1

@@ -72,7 +72,7 @@ def rows_as_declared(
 ) -> npt.NDArray[np.bool_]:
     """Return which rows of a field hold numbers where they should and NaN where none belong, (n,).
 
-    The derivatives of an unstable state may be missing: a solver for definite matrices does not find them.
+    The derivatives and slopes of an unstable state may be missing: a solver for definite matrices does not find them.
     """
     if not np.issubdtype(array.dtype, np.floating):
         return np.ones(len(array), dtype=bool)
@@ -81,7 +81,7 @@ def rows_as_declared(
     numbers = np.isfinite(flat).all(axis=1)
     if declared.gaps:
         numbers |= missing
-    elif declared.flag == "tangent":
+    elif declared.flag in ("tangent", "slopes"):
         numbers |= missing & unstable
     return np.where(valid, numbers, missing)
 

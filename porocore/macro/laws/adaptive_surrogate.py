@@ -143,6 +143,7 @@ class AdaptiveSurrogate:
         for it again, and so on.
         """
         inputs = self.base.inputs
+        own = len(inputs) - len(inputs.parameters)
         low, span = np.array(inputs.lower), np.array(inputs.upper) - np.array(inputs.lower)
         here, solved = inputs.to_unit(x), inputs.to_unit(self.dataset.x())
         known = np.concatenate([inputs.to_unit(inputs.gather(self.base.states)), solved])
@@ -159,6 +160,8 @@ class AdaptiveSurrogate:
                 break
             way = here[k] - known[nearest[k]]
             beyond = here[k] + max(AHEAD, LEAST / distance[k]) * way
+            # No cell has parameters outside their ranges.
+            beyond[own:] = beyond[own:].clip(0, 1)
             chosen += [here[k], beyond]
             known = np.concatenate([known, [here[k], beyond]])
         return [low + span * point for point in chosen]

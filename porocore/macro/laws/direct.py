@@ -20,6 +20,8 @@ from porocore.states import Array, CellResponse, IntArray, MacroState, Status
 GRID = 1e-10
 #: Digits of a cell's averages below this share are left over from its Newton iteration.
 NOISE = 1e-11
+#: Components of H and p.
+COMPONENTS = 10
 #: No cell is asked for a displacement gradient or a pressure beyond this.
 FARTHEST = 1e3
 
@@ -69,6 +71,9 @@ class DirectCellLaw(CellLaw):
     them, nor on failed steps, the order of the points or the number of processes. Fields are found by state; after a
     restart the first solves begin at the undeformed cell.
 
+    With parameters each point has the cell of its own; those that have the same share it, and the cell at rest is
+    solved like others.
+
     A cell without solution gives NaN, so that the macro step is refused and halved. Cells in an unstable
     equilibrium keep their values and are flagged as ``outside_training_range``.
 
@@ -101,7 +106,8 @@ class DirectCellLaw(CellLaw):
 
     def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
         """Return the responses of n states, reached from the undeformed cell."""
-        return self.predict_from(MacroState.zeros(len(states)), states, tangent=tangent)
+        before = MacroState.zeros(len(states)).with_parameters(states.parameters)
+        return self.predict_from(before, states, tangent=tangent)
 
     def predict_from(self, before: MacroState, states: MacroState, *, tangent: bool = True) -> CellResponse:
         """Return the responses of n points whose last accepted states were ``before``.
@@ -127,7 +133,7 @@ class DirectCellLaw(CellLaw):
         self._known |= answers
         self.work.points += len(states)
         response = CellResponse.concatenate([answers[key].response for key in wanted])[inverse]
-        response = _moved(response, states, places[inverse] * GRID)
+        response = _moved(response, states, places[inverse, :COMPONENTS] * GRID)
         unstable = response.status == int(Status.unstable)
         return replace(
             response, outside_training_range=unstable, tangent=response.tangent if tangent else None
@@ -140,9 +146,9 @@ class DirectCellLaw(CellLaw):
         for key, (place, start) in wanted.items():
             if key in self._known:
                 found[key] = self._known[key]
-            elif not place.any():
+            elif len(place) == COMPONENTS and not place.any():
                 found[key] = self._rest
-            elif np.abs(place).max() > FARTHEST / GRID:
+            elif np.abs(place[:COMPONENTS]).max() > FARTHEST / GRID:
                 found[key] = _Solved(failed_response(Status.inverted, like=self._rest.response), None)
             else:
                 ahead.append((key, place, start))
@@ -164,17 +170,24 @@ class DirectCellLaw(CellLaw):
 
 
 def _place(states: MacroState) -> IntArray:
-    """Return the states as multiples of the grid (n, 10), clipped to a place beyond :data:`FARTHEST`."""
+    """Return the states as multiples of the grid (n, 10), clipped to a place beyond :data:`FARTHEST`.
+
+    The bits of the parameters follow in further columns: they take no error, so that a cell is the one of its numbers.
+    """
     values = np.concatenate([states.grad_u.reshape(-1, 9), states.p[:, None]], axis=1)
     beyond = 2 * FARTHEST
     inside = np.clip(np.nan_to_num(values, nan=beyond, posinf=beyond, neginf=-beyond), -beyond, beyond)
     place: IntArray = np.rint(inside / GRID).astype(np.int64)
-    return place
+    if states.parameters is None:
+        return place
+    bits = np.ascontiguousarray(states.parameters, dtype=np.float64).view(np.int64)
+    return np.concatenate([place, bits], axis=1)
 
 
 def _state(place: IntArray) -> MacroState:
-    values: Array = place * GRID
-    return MacroState(values[:9].reshape(1, 3, 3), values[9:])
+    values: Array = place[:COMPONENTS] * GRID
+    theta = place[COMPONENTS:].view(np.float64)
+    return MacroState(values[:9].reshape(1, 3, 3), values[9:], theta.reshape(1, -1) if len(theta) else None)
 
 
 def _moved(response: CellResponse, states: MacroState, solved: Array) -> CellResponse:
@@ -203,4 +216,4 @@ def _moved(response: CellResponse, states: MacroState, solved: Array) -> CellRes
 
 
 def _lean(response: CellResponse) -> CellResponse:
-    return replace(response, extrema=None, outside_training_range=None)
+    return replace(response, slopes=None, extrema=None, outside_training_range=None)

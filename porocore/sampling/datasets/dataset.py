@@ -72,7 +72,7 @@ class Dataset:
             if path.exists():
                 raise RunFolderError(f"{path} exists; resume its run or choose another --out")
             header = Header(inputs, identity, dict(provenance or {}))
-            write_block(path, header, Block.empty(path, len(inputs)), [])
+            write_block(path, header, Block.empty(path, inputs), [])
             return cls.open(path, inputs=inputs, identity=identity)
 
     @classmethod
@@ -132,6 +132,8 @@ class Dataset:
         ------
         ValueError
             The key is there already.
+        ConfigurationError
+            The state has not the parameters of the inputs.
         PluginError
             The response has not the documented shapes, or other parts than those of the other states.
         RunFolderError
@@ -140,6 +142,7 @@ class Dataset:
         with self.writing():
             if record.key in self._where:
                 raise ValueError(f"state '{record.key}' is in the dataset already")
+            self.inputs.require_parameters(record.state)
             provided = check_record(record, self._provided)
             name = stable_hash(record.key, length=32)
             block = Block.from_record(parts_folder(self.path) / f"{name}.h5", record)
@@ -173,7 +176,7 @@ class Dataset:
         parts = [block.path for block in self._blocks if block.path != self.path]
         if parts or dropped:
             rows = [self._where[key] for key in self.keys if key not in dropped]
-            merged = Block.join(self.path, rows, len(self.inputs))
+            merged = Block.join(self.path, rows, self.inputs)
             header = Header(self.inputs, self.identity, self.provenance)
             write_block(self.path, header, merged, read_fields(rows))
             self._blocks, self._where = [], {}
@@ -260,7 +263,7 @@ class Dataset:
         """Return the SHA-256 of all contents but times and provenance: equal for bit-identical results."""
         rows = self._joined()
         hasher = hashlib.sha256(repr((self.identity, self.inputs, rows.keys, rows.starts)).encode())
-        arrays = [rows.x, rows.states.grad_u, rows.states.p, rows.response.status]
+        arrays = [rows.x, *rows.states.arrays(), rows.response.status]
         for array in (*arrays, *flatten_response(rows.response).values()):
             hasher.update(np.ascontiguousarray(array).tobytes())
         for kept in read_fields([self._where[key] for key in rows.keys]):
@@ -271,7 +274,7 @@ class Dataset:
         return hasher.hexdigest()
 
     def _joined(self) -> Block:
-        return Block.join(self.path, [self._where[key] for key in self.keys], len(self.inputs))
+        return Block.join(self.path, [self._where[key] for key in self.keys], self.inputs)
 
     def _register(self, block: Block) -> None:
         if len(block.keys):

@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from porocore.core.fields.declaration import PARAMETER_AXIS
 from porocore.core.files.atomic import atomic_path
 from porocore.core.files.plain_data import write_csv
 from porocore.errors import ConfigurationError, PluginError
 from porocore.interfaces.records import flatten_response
 from porocore.sampling.datasets.dataset import Dataset
-from porocore.states import Status
+from porocore.states import CELL_FIELDS, Status
 
 #: Formats by the end of the file's name.
 FORMATS = (".csv", ".parquet")
@@ -26,7 +27,7 @@ def export(dataset: Dataset, out: Path, *, derivatives: bool = False) -> Path:
     Parameters
     ----------
     derivatives
-        Also the first derivatives of the responses, 200 columns more.
+        Also the first derivatives of the responses, 200 columns more, and those by the parameters.
 
     Raises
     ------
@@ -57,9 +58,10 @@ def export(dataset: Dataset, out: Path, *, derivatives: bool = False) -> Path:
 
 
 def table(dataset: Dataset, *, derivatives: bool = False) -> dict[str, list[Any]]:
-    """Return the columns by name: key, status, start, seconds, H11 … H33, p, and the responses.
+    """Return the columns by name: key, status, start, seconds, H11 … H33, p, the parameters, and the responses.
 
-    Entries of tensors have 1-based indices: ``stress_12``, ``mean_grad_31``, ``tangent_stress_grad_u_1122``.
+    Entries of tensors have 1-based indices: ``stress_12``, ``mean_grad_31``, ``tangent_stress_grad_u_1122``; slopes end
+    with the name of the parameter: ``slopes_stress_12_radius``.
     """
     states = dataset.states()
     columns: dict[str, list[Any]] = {
@@ -71,16 +73,21 @@ def table(dataset: Dataset, *, derivatives: bool = False) -> dict[str, list[Any]
     for i, j in product(range(3), repeat=2):
         columns[f"H{i + 1}{j + 1}"] = states.grad_u[:, i, j].tolist()
     columns["p"] = states.p.tolist()
+    parameters = dataset.inputs.parameters
+    if states.parameters is not None:
+        columns |= dict(zip(parameters, states.parameters.T.tolist(), strict=True))
     if not len(dataset):
         return columns
     response = dataset.responses()
     columns["status"] = [Status(int(status)).name for status in response.status]
     for name, array in flatten_response(response).items():
-        if name.startswith("tangent/") and not derivatives:
+        if name.startswith(("tangent/", "slopes/")) and not derivatives:
             continue
+        by_parameter = PARAMETER_AXIS in CELL_FIELDS[name].shape and len(parameters) == array.shape[-1]
         for index in product(*map(range, array.shape[1:])):
-            end = "".join(str(i + 1) for i in index)
+            end = "".join(str(i + 1) for i in (index[:-1] if by_parameter else index))
             column = name.replace("/", "_") + (f"_{end}" if end else "")
+            column += f"_{parameters[index[-1]]}" if by_parameter else ""
             entry: Any = (slice(None), *index)
             columns[column] = np.asarray(array[entry]).tolist()
     return columns

@@ -1,12 +1,12 @@
 """HDF5 layout of solved states: blocks of rows written and read, fields u¹ read row by row.
 
-Layout, n rows sorted by key, d sampled inputs: attributes ``format``, ``version``, ``identity``;
-``inputs/names, lower, upper`` (d); ``provenance/*`` (texts); ``key``, ``start`` (n, text, empty: from the
-undeformed cell; ``samples: `` and a key: from a state of the samples beside this file); ``x`` (n, d);
-``grad_u`` (n, 3, 3); ``p``, ``seconds``, ``status`` (n);
-``response/*`` as in :data:`porocore.states.CELL_FIELDS`;
-``field/domain`` (n, text, empty: no field), ``field/grad_u``, ``field/p``, ``field/end`` (n), where its rows
-of ``field/u`` (all nodes, 3) end and those of the next row begin. Every array carries checksums.
+Layout, n rows sorted by key, d sampled inputs, the last m of them parameters of the cell: attributes ``format``,
+``version``, ``identity``; ``inputs/names, lower, upper`` (d), ``inputs/parameters`` (m); ``provenance/*`` (texts);
+``key``, ``start`` (n, text, empty: from the undeformed cell; ``samples: `` and a key: from a state of the samples
+beside this file); ``x`` (n, d); ``grad_u`` (n, 3, 3); ``p``, ``seconds``, ``status`` (n); ``parameters`` (n, m);
+``response/*`` as in :data:`porocore.states.CELL_FIELDS`; ``field/domain`` (n, text, empty: no field),
+``field/grad_u``, ``field/p``, ``field/end`` (n), where its rows of ``field/u`` (all nodes, 3) end and those of the
+next row begin. Without parameters there is no array of them. Every array carries checksums.
 """
 
 from __future__ import annotations
@@ -55,10 +55,11 @@ class Block:
     response: CellResponse
 
     @classmethod
-    def empty(cls, path: Path, d: int) -> Block:
+    def empty(cls, path: Path, inputs: InputSpace) -> Block:
         """Return a block without rows."""
         response = CellResponse(np.zeros((0, 3, 3)), np.zeros(0, dtype=np.int64))
-        return cls(path, [], [], np.zeros((0, d)), MacroState.zeros(0), np.zeros(0), response)
+        x = np.zeros((0, len(inputs)))
+        return cls(path, [], [], x, inputs.scatter(x), np.zeros(0), response)
 
     @classmethod
     def from_record(cls, path: Path, record: SolvedState) -> Block:
@@ -67,10 +68,10 @@ class Block:
         return cls(path, [record.key], [record.start or ""], x, record.state, seconds, record.response)
 
     @classmethod
-    def join(cls, path: Path, rows: list[tuple[Block, int]], d: int) -> Block:
+    def join(cls, path: Path, rows: list[tuple[Block, int]], inputs: InputSpace) -> Block:
         """Return the given rows of the given blocks in this order, for a file at ``path``."""
         if not rows:
-            return cls.empty(path, d)
+            return cls.empty(path, inputs)
         blocks = list({id(block): block for block, _ in rows}.values())
         lengths = [len(block.keys) for block in blocks]
         first = dict(zip(map(id, blocks), np.cumsum([0, *lengths[:-1]]), strict=True))
@@ -102,6 +103,8 @@ def _write(file: Any, header: Header, block: Block, fields: Iterable[CellField |
     file.attrs.update(format=FORMAT, version=VERSION, identity=header.identity)
     file.create_dataset("inputs/names", data=list(header.inputs.names), dtype=TEXT)
     file["inputs/lower"], file["inputs/upper"] = header.inputs.lower, header.inputs.upper
+    if header.inputs.parameters:
+        file.create_dataset("inputs/parameters", data=list(header.inputs.parameters), dtype=TEXT)
     for name, text in header.provenance.items():
         file.create_dataset(f"provenance/{name}", data=text, dtype=TEXT)
     file.create_dataset("key", data=block.keys, shape=(len(block.keys),), dtype=TEXT)
@@ -113,6 +116,8 @@ def _write(file: Any, header: Header, block: Block, fields: Iterable[CellField |
         "seconds": block.seconds,
         "status": block.response.status,
     }
+    if block.states.parameters is not None:
+        arrays["parameters"] = block.states.parameters
     arrays |= {f"response/{name}": array for name, array in flatten_response(block.response).items()}
     nodes = file.create_dataset(
         "field/u", (0, 3), "f8", maxshape=(None, 3), chunks=(CHUNK_NODES, 3), fletcher32=True
@@ -160,7 +165,8 @@ def read_block(path: Path, advice: str, *, sound: bool = True) -> tuple[Header, 
             raise DataError(f"{path}: is a dataset of version {version}, expected {VERSION}; {advice}")
         names = tuple(file.texts("inputs/names", "d"))
         low, high = (tuple(map(float, file.array(f"inputs/{end}", "d"))) for end in ("lower", "upper"))
-        inputs = InputSpace(names, low, high)
+        parameters = tuple(file.texts("inputs/parameters", "m")) if "inputs/parameters" in file else ()
+        inputs = InputSpace(names, low, high, parameters)
         provenance = {name: file.text(f"provenance/{name}") for name in file.members("provenance")}
         keys = file.texts("key", "n")
         if len(set(keys)) < len(keys):
@@ -170,11 +176,15 @@ def read_block(path: Path, advice: str, *, sound: bool = True) -> tuple[Header, 
             keys,
             file.texts("start", "n"),
             file.array("x", "n", "d"),
-            MacroState(file.array("grad_u", "n", 3, 3), file.array("p", "n")),
+            MacroState(
+                file.array("grad_u", "n", 3, 3),
+                file.array("p", "n"),
+                file.array("parameters", "n", "m") if parameters else None,
+            ),
             file.array("seconds", "n"),
             read_response(file),
         )
-        if sound and (fault := response_fault(block.response, len(keys))):
+        if sound and (fault := response_fault(block.response, len(keys), len(parameters) or None)):
             raise ValueError(fault)
         _Fields(file)  # what it says of them belongs together
         return Header(inputs, file.attribute("identity", str), provenance), block

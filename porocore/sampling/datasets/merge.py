@@ -48,7 +48,7 @@ def merge(datasets: Sequence[Dataset], out: Path) -> Dataset:
         if out.exists():
             raise RunFolderError(f"{out} exists; choose another --out or delete it")
         ordered = [rows[key] for key in sorted(rows)]
-        merged = Block.join(out, ordered, len(first.inputs))
+        merged = Block.join(out, ordered, first.inputs)
         header = Header(first.inputs, first.identity, _provenance(datasets))
         write_block(out, header, merged, read_fields(ordered))
     return Dataset.open(out)
@@ -70,9 +70,10 @@ def _check_same_kind(one: Dataset, other: Dataset) -> None:
 def _check_equal(key: str, one: tuple[Block, int], other: tuple[Block, int], path: Path) -> None:
     (a, i), (b, j) = one, other
     pairs = {"the inputs": (a.x[i], b.x[j]), "the status": (a.response.status[i], b.response.status[j])}
-    pairs |= {"H": (a.states.grad_u[i], b.states.grad_u[j]), "p": (a.states.p[i], b.states.p[j])}
-    ours, theirs = flatten_response(a.response[i : i + 1]), flatten_response(b.response[j : j + 1])
-    pairs |= {name: (ours[name], theirs[name]) for name in ours}
+    ours, theirs = a.states[i : i + 1].arrays(), b.states[j : j + 1].arrays()
+    pairs |= dict(zip(("H", "p", "the parameters"), zip(ours, theirs, strict=True), strict=False))
+    one_row, other_row = flatten_response(a.response[i : i + 1]), flatten_response(b.response[j : j + 1])
+    pairs |= {name: (one_row[name], other_row[name]) for name in one_row}
     wrong = [name for name, (x, y) in pairs.items() if not np.array_equal(x, y, equal_nan=True)]
     if a.starts[i] != b.starts[j]:
         wrong.append("the start")

@@ -1,14 +1,17 @@
-"""Account of dead workers: a state is tried again, recorded as lost, or reported as an error."""
+"""Account of dead workers (a state is tried again, lost, or an error); the state that a worker takes next."""
 
 from __future__ import annotations
 
 import time
+from collections import deque
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from porocore.errors import PorocoreError
 from porocore.interfaces.cell import CellField
 from porocore.interfaces.records import failed_response
 from porocore.sampling.execution.tasks import FinishedSolve
+from porocore.sampling.execution.worker_backend import Worker
 from porocore.states import CellResponse, MacroState, Status
 
 #: Times that a state is tried when workers die or hang over it.
@@ -28,6 +31,12 @@ class PendingState:
     #: Host of the worker that died over it.
     host: str | None = None
     began: float = field(default_factory=time.perf_counter)
+
+    @property
+    def member(self) -> bytes:
+        """Parameters of the cell, which a worker has prepared if it has just solved another state of the same."""
+        values = self.state.parameters
+        return b"" if values is None else values.tobytes()
 
 
 class Losses:
@@ -98,6 +107,20 @@ class Losses:
                 f"{'' if self._limit is None else ' or more time'}"
             )
         ]
+
+
+def next_for(worker: Worker, waiting: deque[PendingState], workers: Sequence[Worker]) -> PendingState:
+    """Take the first state out of the queue for a worker, of those with the parameters of its last state if it can.
+
+    A second try goes to another machine if there is one.
+    """
+    alone = len({other.host for other in workers}) == 1
+    suitable = [task for task in waiting if alone or task.host is None or task.host != worker.host]
+    queue = suitable or list(waiting)
+    task = next((task for task in queue if task.member == worker.member), queue[0])
+    waiting.remove(task)
+    worker.member = task.member
+    return task
 
 
 def means_death(trouble: BaseException | None) -> bool:

@@ -16,7 +16,7 @@ from porocore.errors import PorocoreError
 from porocore.interfaces.cell import CellField
 from porocore.sampling.execution import tasks
 from porocore.sampling.execution.choice import ExecutorChoice, check_choice, make_worker_backend
-from porocore.sampling.execution.losses import Losses, PendingState, means_death, place_of
+from porocore.sampling.execution.losses import Losses, PendingState, means_death, next_for, place_of
 from porocore.sampling.execution.solved_store import SolvedStore
 from porocore.sampling.execution.tasks import SOLVER, Factory, FinishedSolve, Ready, Recipe, Unprepared
 from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
@@ -216,7 +216,7 @@ class CellPool:
             if self._backend.separate and not worker.prepared:
                 self._begin(worker, None, tasks.prepare, self._recipe)
             elif self._waiting:
-                task = self._next_for(worker)
+                task = next_for(worker, self._waiting, self._backend.workers())
                 what = (task.key, task.state, task.start)
                 if self._backend.separate:
                     self._begin(worker, task, tasks.solve, self._recipe.token, *what, self._limit)
@@ -230,15 +230,6 @@ class CellPool:
             self._backend.lost(worker)
             if task is not None:
                 self._waiting.appendleft(task)
-
-    def _next_for(self, worker: Worker) -> PendingState:
-        """Return the first of the queue; a second try goes to another machine if there is one."""
-        hosts = {other.host for other in self._backend.workers()}
-        for task in self._waiting:
-            if task.host is None or task.host != worker.host or len(hosts) == 1:
-                self._waiting.remove(task)
-                return task
-        return self._waiting.popleft()
 
     def _collect(self) -> None:
         """Wait briefly for calls that end and for workers that vanish."""
@@ -274,6 +265,8 @@ class CellPool:
             assert task is not None
             if self.known is not None:
                 self.known.keep(result, task.state, task.start)
+            if result.warning:
+                self._tell([result.warning])
             self._finish(result)
 
     def _finish(self, result: FinishedSolve) -> None:

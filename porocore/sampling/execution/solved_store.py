@@ -6,13 +6,14 @@ import hashlib
 import io
 import time
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from porocore.core.files.store import ResultStore
+from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.records import build_response, flatten_response
 from porocore.plugins.border import conductivity_of, solution_of
@@ -40,6 +41,9 @@ class SolvedStore:
         none, too.
     found, saved
         Number of states that the store held, and the seconds that their solves had taken.
+    member
+        For a family the hash of its member with some parameters (m,), in place of ``identity``. A state whose
+        parameters no member has is not kept.
     """
 
     store: ResultStore
@@ -48,10 +52,12 @@ class SolvedStore:
     fields: bool = True
     found: int = 0
     saved: float = 0.0
+    member: Callable[[Array], str] | None = None
 
     def find(self, key: str, state: MacroState, start: CellField | None) -> FinishedSolve | None:
         """Return the solve of a state (one row) that started from a field, under the name ``key``; None if unknown."""
-        found = self.store.find(STATES, self._hash(state, start))
+        place = self._hash(state, start)
+        found = self.store.find(STATES, place) if place else None
         if found is None or (self.fields and not found.facts.get("fields")):
             return None
         try:
@@ -64,8 +70,8 @@ class SolvedStore:
 
     def keep(self, solve: FinishedSolve, state: MacroState, start: CellField | None) -> None:
         """Keep a finished solve, one without values too; not one that was lost, since it was never finished."""
-        response, field = solve.response, solve.field
-        if response.status[0] == Status.lost:
+        response, field, place = solve.response, solve.field, self._hash(state, start)
+        if response.status[0] == Status.lost or not place:
             return
         arrays = flatten_response(response) | {"status": response.status}
         if field is not None:
@@ -74,11 +80,17 @@ class SolvedStore:
         payload = io.BytesIO()
         np.savez(payload, **arrays)
         facts = {"seconds": solve.seconds, "cell": self.identity, "fields": self.fields}
-        self.store.keep(STATES, self._hash(state, start), payload.getvalue(), facts)
+        self.store.keep(STATES, place, payload.getvalue(), facts)
 
     def _hash(self, state: MacroState, start: CellField | None) -> str:
-        found = hashlib.sha256(repr((self.identity, self.tangent)).encode())
-        arrays: list[Array] = [state.grad_u, state.p]
+        """Return the hash of all that a solve depends on; empty where there is no such cell."""
+        identity, arrays = self.identity, state.arrays()
+        if self.member is not None and state.parameters is not None:
+            try:
+                identity, arrays = self.member(state.parameters[0]), arrays[:2]
+            except ConfigurationError:
+                return ""
+        found = hashlib.sha256(repr((identity, self.tangent)).encode())
         if start is not None:
             found.update(start.domain.encode())
             arrays += [start.grad_u, np.array(start.p), start.u]

@@ -24,6 +24,7 @@ from porocore.core.parallel.threads import THREAD_VARIABLES
 from porocore.interfaces.cell import CellField, CellSolver
 from porocore.interfaces.records import SolvedState
 from porocore.plugins.border import solution_of
+from porocore.sampling.execution.members import MemberSolver
 from porocore.states import CellResponse, MacroState
 
 #: Returns a solver and its prepared cell; called once in each worker.
@@ -36,13 +37,17 @@ MOST_CELLS = 4
 
 @dataclass(frozen=True, eq=False)
 class FinishedSolve:
-    """Finished solve: one row, its field if requested, the wall time [s], and whether it came from the store."""
+    """Finished solve: one row, its field if requested, the wall time [s], and whether it came from the store.
+
+    ``warning`` is for the user; empty: there is none.
+    """
 
     key: str
     response: CellResponse
     field: CellField | None
     seconds: float
     stored: bool = False
+    warning: str = ""
 
     def record(self, inputs: InputSpace, x: tuple[float, ...], start: str | None = None) -> SolvedState:
         """Return the solve at ``inputs`` with the values ``x`` for a dataset, begun at the field of ``start``."""
@@ -127,6 +132,8 @@ def solve(
         solver, prepared, recipe = _cells[token, place]
     try:
         began = time.perf_counter()
+        # A member that has to be prepared is no part of what is limited, like the cell of a worker.
+        missing = solver.why_missing(prepared, state) if isinstance(solver, MemberSolver) else []
         with _ended_after(limit):
             solution = solution_of(
                 solver, prepared, state, start=[start], tangent=recipe.tangent, fields=recipe.fields
@@ -134,7 +141,8 @@ def solve(
         seconds = time.perf_counter() - began
     except Exception as error:  # noqa: BLE001 - as above
         return Failure.from_exception(error)
-    return FinishedSolve(key, solution.response, solution.fields[0] if solution.fields else None, seconds)
+    field, warning = solution.fields[0] if solution.fields else None, "; ".join(missing)
+    return FinishedSolve(key, solution.response, field, seconds, warning=warning)
 
 
 def prepare_and_solve(

@@ -19,11 +19,14 @@ class Worker(ABC):
         True if it holds the cell; kept by the pool.
     host
         Machine, if known, so that a second try can be made on another one.
+    member
+        Parameters of the cell of its last state; kept by the pool.
     """
 
     def __init__(self) -> None:
         self.prepared = False
         self.host = ""
+        self.member = b""
 
     @abstractmethod
     def submit(self, call: Callable[..., Any], *args: Any) -> Future[Any]:

@@ -58,6 +58,11 @@ class DensitySweep(Sampler):
         **unknown: Any,
     ) -> None:
         refuse_unknown("density-sweep", ("smallest",), unknown)
+        if inputs.parameters:
+            raise ConfigurationError(
+                "sampling.sampler: density-sweep sweeps from the undeformed cell, and varies no parameters of the cell "
+                f"({', '.join(inputs.parameters)}); take another sampler such as sobol, or give each of them one value"
+            )
         self.inputs = inputs
         self.tolerance = positive("sampling.tolerance", tolerance)
         self.smallest = positive("sampling.options.smallest", smallest)

@@ -18,6 +18,7 @@ from porocore.cell.cell import Cell
 from porocore.core.echo import cut, echo, suggestion
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.yaml_document import Location, dotted
+from porocore.core.inputs.input_space import InputSpace
 from porocore.core.models.strict import StrictModel
 from porocore.core.units.results import OutputUnits, ResultUnits
 from porocore.core.units.scales import Scales
@@ -173,6 +174,11 @@ class RunConfig(StrictModel):
     def resolved_yaml(self) -> str:
         """Return every setting, defaults included; loading it gives an equal configuration."""
         return yaml.safe_dump(self.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+
+    def input_space(self) -> InputSpace:
+        """Return the sampled inputs: components of the state, then the parameters of a family of cells."""
+        varied = self.cell.parameters if self.cell.is_family else ()
+        return self.sampling.input_space({each.name: (each.lower, each.upper) for each in varied})
 
     # Not a cached property: model_copy would carry the cache over to a changed configuration.
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
@@ -91,9 +92,9 @@ class SamplingSettings(StrictModel):
             raise ValueError(fault)
         return self
 
-    def input_space(self) -> InputSpace:
-        """Return the inputs and their ranges."""
-        return InputSpace.from_ranges({name: swept.range for name, swept in self.inputs.items()})
+    def input_space(self, parameters: Mapping[str, tuple[float, float]] | None = None) -> InputSpace:
+        """Return the inputs and their ranges, those of the cell's parameters last."""
+        return InputSpace.from_ranges({name: swept.range for name, swept in self.inputs.items()}, parameters)
 
     def sampler_options(self) -> dict[str, Any]:
         """Return the keyword arguments of the sampler, as far as set: ``step`` by input, ``tolerance``, ``options``."""

@@ -177,7 +177,7 @@ def outline(config: RunConfig) -> Iterator[str]:
     yield from edges(config)
     with speaking(units):
         yield f"  {config.cell.solid.description}, viscosity {units.text(config.cell.viscosity, 'viscosity')}"
-        swept = config.sampling.input_space()
+        swept = config.input_space()
         ranges = ", ".join(f"{name} in {swept.range_text(name, 4)}" for name in swept.names)
     yield f"  point group {config.cell.point_group.name} of pores and solid together"
     yield from _without_contact(config)

@@ -29,10 +29,10 @@ from porocore.study.run_folder.folder import RunFolder
 from porocore.study.run_folder.provenance import versions
 from porocore.study.run_folder.stage_times import StageClock
 from porocore.study.stages.stage_files import (
+    factory_of,
     linear_coefficients,
     load_reference,
     load_surrogate,
-    prepare_cell,
     training_set,
 )
 from porocore.study.store import solved_states, told
@@ -127,7 +127,7 @@ def macro_laws(
 def _pool(config: RunConfig, store: ResultStore | None) -> CellPool:
     arguments = (config.fem.backend, config.fem.options, config.cell, config.conductivity)
     known: SolvedStore | None = solved_states(store, *arguments)
-    return CellPool(prepare_cell, arguments, **config.sampling.pool_options(), known=known)
+    return CellPool(factory_of(config.cell), arguments, **config.sampling.pool_options(), known=known)
 
 
 def _learning(folder: RunFolder, config: RunConfig, pool: CellPool, stack: ExitStack, name: str) -> RunLaw:
@@ -135,7 +135,7 @@ def _learning(folder: RunFolder, config: RunConfig, pool: CellPool, stack: ExitS
     reference, surrogate = load_reference(folder, config), load_surrogate(folder, config)
     dataset = Dataset.create_or_open(
         folder.fallback,
-        inputs=config.sampling.input_space(),
+        inputs=config.input_space(),
         identity=config.stages.sampling,
         provenance=versions(),
     )

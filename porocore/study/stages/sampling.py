@@ -29,9 +29,9 @@ from porocore.study.run_folder.stage_times import timed
 from porocore.study.stages.exploration import inform
 from porocore.study.stages.stage_files import (
     drop_misplaced,
+    factory_of,
     held_out_states,
     load_reference,
-    prepare_cell,
 )
 from porocore.study.store import solved_states, told
 
@@ -52,7 +52,7 @@ def sample(
     states are known, before the held-out ones. With ``retry_lost``, states over which workers died or hung in an
     earlier session are solved again.
     """
-    inputs = config.sampling.input_space()
+    inputs = config.input_space()
     for warning in uncovered(inputs, config.cell.point_group):
         console.warn(warning)
     sampler: Sampler = make_backend("sampler", config)
@@ -108,7 +108,9 @@ def cell_pool(
     """Return the workers that solve the cells of a run; ``begin`` is called before they start."""
     arguments = (config.fem.backend, config.fem.options, config.cell, config.conductivity)
     known, options = solved_states(store, *arguments), config.sampling.pool_options()
-    return CellPool(prepare_cell, arguments, **options, on_warning=console.warn, known=known, on_start=begin)
+    return CellPool(
+        factory_of(config.cell), arguments, **options, on_warning=console.warn, known=known, on_start=begin
+    )
 
 
 def _campaign(

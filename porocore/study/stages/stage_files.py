@@ -20,6 +20,8 @@ from porocore.plugins.registry import registry
 from porocore.sampling.campaign import is_complete
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.datasets.parts import describe
+from porocore.sampling.execution.members import MemberSolver, PreparedFamily
+from porocore.sampling.execution.tasks import Factory
 from porocore.sampling.samplers.random_states import RandomStates
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
@@ -40,12 +42,35 @@ def prepare_cell(
         The solver cannot compute the conductivity of a deformed pore, or not of this cell; or the cell is a family.
     """
     cell.require_member()
+    solver: Any = registry().get("cell solver", backend)(**options)
+    require_conductivity(type(solver), backend, conductivity)
+    return solver, solver.prepare(cell, **_how(conductivity))
+
+
+def prepare_family(
+    backend: str, options: dict[str, Any], cell: Cell, conductivity: str = "piola"
+) -> tuple[MemberSolver, PreparedFamily]:
+    """Return a solver of the members of a family, and the family; worker processes call this once.
+
+    Raises
+    ------
+    ConfigurationError
+        The solver cannot compute the conductivity of a deformed pore, or not of this cell.
+    """
     solver: CellSolver = registry().get("cell solver", backend)(**options)
     require_conductivity(type(solver), backend, conductivity)
-    if conductivity != "deformed":
-        return solver, solver.prepare(cell)
-    deformed: Any = solver
-    return solver, deformed.prepare(cell, deformed=True)
+    members = MemberSolver(solver)
+    return members, members.prepare(cell, **_how(conductivity))
+
+
+def factory_of(cell: Cell) -> Factory:
+    """Return the function that prepares a cell, or a family of cells, in each worker."""
+    return prepare_family if cell.is_family else prepare_cell
+
+
+def _how(conductivity: str) -> dict[str, Any]:
+    """Return the keywords with which a solver prepares a cell."""
+    return {"deformed": True} if conductivity == "deformed" else {}
 
 
 def load_reference(folder: RunFolder, config: RunConfig) -> CellReference:
@@ -77,7 +102,7 @@ def load_surrogate(folder: RunFolder, config: RunConfig) -> Surrogate:
             f"{path}: trained for another cell (identity {surrogate.identity}, expected {config.stages.cell}); "
             f"delete it and run porocore train {folder.path}"
         )
-    expected = config.sampling.input_space()
+    expected = config.input_space()
     if surrogate.inputs != expected:
         raise DataError(
             f"{path}: trained on other inputs ({describe(surrogate.inputs)}, expected {describe(expected)}); "
@@ -115,7 +140,7 @@ def held_out_states(config: RunConfig, samples: Dataset) -> RandomStates:
     test, within = config.sampling.test, None
     if not registry().get("sampler", config.sampling.sampler).fills_ranges:
         within = SampledRange.around(samples.inputs, samples.x()[samples.responses().stable])
-    return RandomStates(config.sampling.input_space(), count=test.count, seed=test.seed, within=within)
+    return RandomStates(config.input_space(), count=test.count, seed=test.seed, within=within)
 
 
 def drop_misplaced(held_out: Dataset, states: RandomStates) -> None:
@@ -164,7 +189,7 @@ def finished(folder: RunFolder, path: Path, identity: str, sampler: Sampler) -> 
     DataError
         A state is missing.
     """
-    dataset = Dataset.open(path, inputs=folder.config.sampling.input_space(), identity=identity)
+    dataset = Dataset.open(path, inputs=folder.config.input_space(), identity=identity)
     if not is_complete(sampler, dataset):
         raise DataError(
             f"{path}: sampling was interrupted and is not finished; run porocore sample {folder.path}"

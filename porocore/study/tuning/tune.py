@@ -158,7 +158,7 @@ def smallest_good(results: Sequence[Result], margin: float) -> Result:
 
 def _held_out(folder: RunFolder, config: RunConfig) -> tuple[MacroState, CellResponse]:
     path = folder.require(folder.test_dataset, "sample")
-    dataset = Dataset.open(path, inputs=config.sampling.input_space(), identity=config.stages.test)
+    dataset = Dataset.open(path, inputs=config.input_space(), identity=config.stages.test)
     responses = dataset.responses()
     good = np.flatnonzero(responses.stable)
     if not len(good):

@@ -1,0 +1,173 @@
+"""Cell solver for states of several members of a family, which it prepares as they come (MemberSolver)."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from porocore.errors import ConfigurationError
+from porocore.interfaces.cell import CellField, CellSolution, CellSolver
+from porocore.interfaces.records import failed_response
+from porocore.plugins.border import conductivity_of, solution_of
+from porocore.states import Array, CellResponse, MacroState, Status
+
+#: Prepared members that are kept, those that were used last: meshes and factors of each take memory.
+MOST_MEMBERS = 4
+
+
+@dataclass(eq=False)
+class PreparedFamily:
+    """Members of a family that are prepared, and what those have in common.
+
+    Attributes
+    ----------
+    cell
+        The family.
+    how
+        Keywords with which each member is prepared.
+    members
+        Prepared members by their parameters, the one used last at the end; or the reason why there is none.
+    like
+        Response of a member with derivatives and one without, as patterns for those that are missing.
+    """
+
+    cell: Any
+    how: dict[str, Any]
+    members: OrderedDict[bytes, Any] = field(default_factory=OrderedDict)
+    like: dict[bool, CellResponse] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class NoMember:
+    """Reason why there is no cell with some parameters."""
+
+    reason: str
+
+
+class MemberSolver(CellSolver[PreparedFamily]):
+    """Cell solver that prepares a member of a family for each state that has other parameters.
+
+    It keeps the members that were used last. States at parameters at which there is no cell, or whose mesh cannot
+    follow them, have the status ``inverted``.
+
+    Parameters
+    ----------
+    solver
+        Solves the states of one member.
+    kept
+        Number of prepared members that are kept.
+    """
+
+    def __init__(self, solver: CellSolver[Any], kept: int = MOST_MEMBERS) -> None:
+        self._solver, self._kept = solver, kept
+
+    def prepare(self, cell: Any, **how: Any) -> PreparedFamily:
+        """Return the family, of which no member is prepared yet."""
+        return PreparedFamily(cell, how)
+
+    def member(self, prepared: PreparedFamily, parameters: Array) -> Any:
+        """Return the member with the parameters (m,) as the solver prepares it.
+
+        Raises
+        ------
+        ConfigurationError
+            There is none.
+        """
+        found = self._member(prepared, parameters)
+        if isinstance(found, NoMember):
+            raise ConfigurationError(found.reason)
+        return found
+
+    def why_missing(self, prepared: PreparedFamily, states: MacroState) -> list[str]:
+        """Prepare the members of n states, and return the reasons why some of them are missing."""
+        found = (self._member(prepared, values) for values in _different(states)[0])
+        return [one.reason for one in found if isinstance(one, NoMember)]
+
+    def conductivity_at(self, prepared: PreparedFamily, parameters: Array) -> Array:
+        """Return K (3, 3) of the member with the parameters (m,); errors as in :meth:`member`."""
+        return conductivity_of(self._solver, self.member(prepared, parameters))
+
+    def remark(self, prepared: PreparedFamily) -> str:
+        """Return the remark of the solver on the member that was used last."""
+        last = next(reversed(prepared.members.values()), None)
+        return "" if last is None or isinstance(last, NoMember) else self._solver.remark(last)
+
+    def solve(
+        self,
+        prepared: PreparedFamily,
+        states: MacroState,
+        *,
+        start: Sequence[CellField | None] | None = None,
+        tangent: bool = True,
+        fields: bool = False,
+    ) -> CellSolution:
+        """Return the solutions of n states with their parameters; those of one member are solved together.
+
+        Raises
+        ------
+        ConfigurationError
+            The states have no parameters.
+        """
+        values, of_row = _different(states)
+        responses: list[CellResponse | None] = [None] * len(states)
+        reached: list[CellField | None] | None = None
+        for k, theta in enumerate(values):
+            rows = np.flatnonzero(of_row == k)
+            member = self._member(prepared, theta)
+            if isinstance(member, NoMember):
+                continue
+            how: dict[str, Any] = {} if start is None else {"start": [start[i] for i in rows]}
+            own = states[rows].with_parameters(None)
+            solution = solution_of(self._solver, member, own, tangent=tangent, fields=fields, **how)
+            prepared.like[tangent] = solution.response[:1]
+            if solution.fields is not None and reached is None:
+                reached = [None] * len(states)
+            for j, i in enumerate(rows):
+                responses[i] = solution.response[j : j + 1]
+                if reached is not None and solution.fields is not None:
+                    reached[i] = solution.fields[j]
+        like = self._pattern(prepared, tangent) if not responses or None in responses else None
+        whole = [failed_response(Status.inverted, like=like) if one is None else one for one in responses]
+        return CellSolution(
+            CellResponse.concatenate(whole) if whole else self._pattern(prepared, tangent)[:0], reached
+        )
+
+    def _pattern(self, prepared: PreparedFamily, tangent: bool) -> CellResponse:
+        """Return a response of a member; that of the middle one at rest where none was solved yet."""
+        if tangent not in prepared.like:
+            middle = [(one.lower + one.upper) / 2 for one in prepared.cell.parameters]
+            member = self._solver.prepare(prepared.cell.at(middle), **prepared.how)
+            prepared.like[tangent] = solution_of(
+                self._solver, member, MacroState.zeros(1), tangent=tangent
+            ).response
+        return prepared.like[tangent]
+
+    def _member(self, prepared: PreparedFamily, parameters: Array) -> Any:
+        key = np.ascontiguousarray(parameters, dtype=float).tobytes()
+        if key not in prepared.members:
+            while len(prepared.members) >= self._kept:
+                prepared.members.popitem(last=False)
+            try:
+                member = prepared.cell.at(parameters)
+                prepared.members[key] = self._solver.prepare(member, **prepared.how)
+            except ConfigurationError as error:
+                prepared.members[key] = NoMember(str(error))
+        prepared.members.move_to_end(key)
+        return prepared.members[key]
+
+
+def _different(states: MacroState) -> tuple[Array, Array]:
+    """Return the different parameters (k, m) of n states in order of appearance, and which each state has (n,)."""
+    if states.parameters is None:
+        raise ConfigurationError(
+            "expected the parameters of the cell with every state, got none; give them with it"
+        )
+    values, first, of_row = np.unique(states.parameters, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    place = np.empty_like(order)
+    place[order] = np.arange(len(order))
+    return values[order], place[of_row.reshape(-1)]

@@ -1,0 +1,44 @@
+"""A family of cells in a study: its parameters are inputs, workers and store solve its members."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from porocore.cell.cell import Cell
+from porocore.core.files.store import ResultStore
+from porocore.sampling.execution import CellPool
+from porocore.states import MacroState, Status
+from porocore.study.stages.stage_files import factory_of, prepare_cell
+from porocore.study.store import cell_key, solved_states
+
+FAMILY = Cell.model_validate(
+    {
+        "geometry": {"radius": 0.25},
+        "material": {"poisson_ratio": {"range": [0.2, 0.4]}},
+        "mesh": {"size": 0.45},
+    }
+)
+
+
+def test_workers_solve_the_member_of_each_state_and_the_store_keeps_it(tmp_path: Path) -> None:
+    known = solved_states(ResultStore(tmp_path), "skfem", {}, FAMILY)
+    assert known is not None
+    pressed = MacroState.single(np.diag([0.0, -0.05, 0.0]), 0.02)
+    with CellPool(factory_of(FAMILY), ("skfem", {}, FAMILY), executor="serial", known=known) as pool:
+        for name, nu in (("soft", 0.22), ("stiff", 0.38)):
+            pool.submit(name, pressed.with_parameters([nu]))
+        found = {outcome.key: outcome.response for outcome in (pool.wait(), pool.wait())}
+    for name, nu in (("soft", 0.22), ("stiff", 0.38)):
+        member = FAMILY.at({"poisson_ratio": nu})
+        solver, prepared = prepare_cell("skfem", {}, member)
+        alone = solver.solve(prepared, pressed).response
+        assert alone.status[0] == Status.converged
+        np.testing.assert_array_equal(found[name].stress, alone.stress)
+        # A member that is solved by itself is found in the store.
+        own = solved_states(ResultStore(tmp_path), "skfem", {}, member)
+        assert own is not None
+        assert own.identity == cell_key("skfem", {}, member, "piola")
+        assert own.find("", pressed, None) is not None
+    assert not np.allclose(found["soft"].stress, found["stiff"].stress)
