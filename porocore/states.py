@@ -62,6 +62,22 @@ class Status(IntEnum):
 
 
 @dataclass(frozen=True, eq=False)
+class BodyPlace(Batch):
+    """Region and material axes of n points of a body.
+
+    Attributes
+    ----------
+    region : (n,)
+        Number of the region: 0 is the rest of the body, the others count from 1 in the order of the configuration.
+    axes : (n, 3, 3)
+        Rotation R whose columns are the axes of the cell in the body; None where they are those of the body.
+    """
+
+    region: IntArray
+    axes: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
 class MacroState(Batch):
     """A batch of macroscopic states.
 
@@ -73,6 +89,8 @@ class MacroState(Batch):
         Pore pressure, positive in compression [E].
     parameters : (n, m)
         Parameters θ of the cell, in the order of ``Cell.parameters``; None for a cell without parameters.
+    place
+        Region and material axes at the points of a body; None where they do not matter.
 
     Examples
     --------
@@ -88,6 +106,7 @@ class MacroState(Batch):
     grad_u: Array
     p: Array
     parameters: Array | None = None
+    place: BodyPlace | None = None
 
     def __post_init__(self) -> None:
         if self.grad_u.ndim != 3:

@@ -23,6 +23,8 @@ ANY_KEY = {
     "boundary": "SURFACE",
     "surfaces": "PART",
     "scenarios": "NAME",
+    "regions": "REGION",
+    "fields": "PARAMETER",
 }
 
 

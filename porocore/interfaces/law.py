@@ -29,6 +29,14 @@ class LawMemory(Batch):
 
 
 @dataclass(frozen=True, eq=False)
+class UndeformedCells(Batch):
+    """Facts of n undeformed cells of one family, one for each point of a body."""
+
+    porosity: Array  #: (n,)  φ_f, from the cell law itself, so that its storage at rest is consistent
+    conductivity: Array  #: (n, 3, 3)  K
+
+
+@dataclass(frozen=True, eq=False)
 class MacroTangent(Batch):
     """Exact derivatives of a :class:`MacroResponse` with respect to (H, p, ∇_X p); response indices first."""
 
@@ -95,13 +103,27 @@ class MacroLaw(ABC):
     identity: str
     #: Share of the magnitudes that cancel in a response below which its digits mean nothing, beyond round-off.
     noise: float = 0.0
-    #: Whether the tangent is the same at all points and for all states, gradients and memories, as in a linear law. A
-    #: solver then assembles and factorises once for each length of step, and need not ask for the tangent again.
+    #: Whether the tangent of a point is the same for all states, gradients and memories, as in a linear law; it may
+    #: depend on the parameters and on the place of the point, and on nothing else. As long as these stay, a solver
+    #: assembles and factorises once for each length of step, and need not ask for the tangent again.
     constant_tangent: bool = False
+    #: Names of the cell's parameters that ``states.parameters`` holds, in this order.
+    parameters: tuple[str, ...] = ()
 
     @abstractmethod
     def initial(self, n: int) -> LawMemory:
         """Return the memory of n points at rest, H = 0 and p = 0."""
+
+    def parameters_of(self, region: int) -> tuple[str, ...]:
+        """Return the names of those :attr:`parameters` that points of a region need; others may be NaN there."""
+        return self.parameters
+
+    def initial_at(self, points: MacroState) -> LawMemory:
+        """Return the memory at rest of n points with the parameters and places of ``points``.
+
+        A law whose answer at rest depends on them overrides this.
+        """
+        return self.initial(len(points))
 
     @abstractmethod
     def respond(
@@ -135,6 +157,8 @@ class CellLaw(ABC):
     identity: str
     #: Share of a response below which its digits mean nothing, beyond round-off.
     noise: float = 0.0
+    #: Names of the cell's parameters that ``states.parameters`` holds, in this order.
+    parameters: tuple[str, ...] = ()
 
     @abstractmethod
     def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
@@ -143,6 +167,13 @@ class CellLaw(ABC):
     def predict_from(self, before: MacroState, states: MacroState, *, tangent: bool = True) -> CellResponse:
         """Return the responses of n points whose last accepted states were ``before``, which few laws use."""
         return self.predict(states, tangent=tangent)
+
+    def undeformed(self, parameters: Array) -> UndeformedCells | None:
+        """Return porosity and conductivity of the undeformed cells with ``parameters`` (n, m).
+
+        A law with :attr:`parameters` overrides this; None: all points have the same cell.
+        """
+        return None
 
     def reasons(self, states: MacroState) -> list[str]:
         """Return for each of n flagged states which component drives it out, in words; empty where it is not known."""

@@ -17,7 +17,17 @@ if TYPE_CHECKING:
 
 #: What a problem may have beside displacements, tractions and pressures; not every macro solver offers all.
 Part = Literal[
-    "follower", "plate", "flux", "body_force", "initial", "probes", "surfaces", "tolerance", "load_curve"
+    "follower",
+    "plate",
+    "flux",
+    "body_force",
+    "initial",
+    "probes",
+    "surfaces",
+    "tolerance",
+    "load_curve",
+    "regions",
+    "fields",
 ]
 PARTS: frozenset[Part] = frozenset(get_args(Part))
 

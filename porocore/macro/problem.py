@@ -17,6 +17,9 @@ from porocore.interfaces.macro import Part
 from porocore.macro.body.kinds import AnyBody, Box, make_body
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.body.surfaces import Patch, with_patches
+from porocore.macro.composition.axes import Fields
+from porocore.macro.composition.composed_body import composition, field_corners
+from porocore.macro.composition.regions import AnyRegion
 
 Positive = Annotated[float, Field(gt=0)]
 Time = Annotated[Positive, Dimension("time")]
@@ -175,6 +178,10 @@ class MacroSetup(StrictModel):
     """Shape of the body."""
     surfaces: dict[str, Patch] = Field(default={})
     """Parts of a surface by names of their own, which no longer belong to that surface."""
+    fields: Fields = Field(default={})
+    """Values of the cell's parameters by name, as a number, a formula of x, y, z and t or a section; and ``axes``."""
+    regions: dict[str, AnyRegion] = Field(default={})
+    """Parts of the body by name, each with parameters and material axes of its own; elsewhere those of the body."""
     boundary: dict[str, Boundary]
     """What is prescribed on each surface; one that is not listed is free of traction and impermeable."""
     body_force: Annotated[tuple[Value, Value, Value], Dimension("body-force")] = (0.0, 0.0, 0.0)
@@ -211,6 +218,8 @@ class MacroSetup(StrictModel):
             "initial": self.initial != none,
             "probes": bool(self.probes),
             "surfaces": bool(self.surfaces),
+            "regions": bool(self.regions),
+            "fields": bool(self.fields),
             "tolerance": self.time.tolerance is not None,
             "load_curve": bool(self.time.load_curve),
         }
@@ -244,18 +253,18 @@ class MacroSetup(StrictModel):
 
     @property
     def corners(self) -> tuple[float, ...]:
-        """Times at which a prescribed value has a kink."""
+        """Times at which a prescribed value or a field has a kink."""
         times = {t for function in self.time_functions for t in function.corners}
-        times |= {t for t, _ in self.time.load_curve}
+        times |= {t for t, _ in self.time.load_curve} | set(field_corners(self))
         return tuple(sorted(t for t in times if 0 < t <= self.time.end))
 
     def specification(self) -> dict[str, Any]:
         """Return the settings that determine the solution; a file counts by its content, not by its path."""
-        said = self.model_dump(exclude={"options": True, "body": {"path"}})
+        said = self.model_dump(exclude={"options": True, "body": {"path"}, "regions": True, "fields": True})
         if said["body"]["symmetry"] is None:
             # So it was before there was the key.
             del said["body"]["symmetry"]
-        return said
+        return said | composition(self)
 
     def ramp(self, time: float) -> float:
         """Return the share of the load that acts at ``time``."""

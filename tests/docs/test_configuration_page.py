@@ -71,13 +71,19 @@ def test_no_property_of_the_schema_is_left_out():
 def test_the_defaults_are_those_of_a_configuration_that_gives_nothing_else():
     given = {
         "sampling": {"inputs": {"p": {"range": [0, 1], "step": 0.1}}},
-        "macro": {"boundary": {"y-": {}}, "surfaces": {"part": {"of": "y+", "x": [0, 1]}}, "loads": [1]},
+        "macro": {
+            "boundary": {"y-": {}},
+            "surfaces": {"part": {"of": "y+", "x": [0, 1]}},
+            "fields": {"radius": {"formula": "0.2"}},
+            "regions": {"top": {"above": 1}},
+            "loads": [1],
+        },
         "cell": {"viscosity": 0.001},
         "scales": {"modulus": 1, "length": 1, "pore": 1},
         "output_units": {},
     }
     settings = yaml.safe_load(config_from(given).resolved_yaml())
-    names = {"NAME": "p", "SURFACE": "y-", "PART": "part"}
+    names = {"NAME": "p", "SURFACE": "y-", "PART": "part", "PARAMETER": "radius", "REGION": "top"}
     compared = 0
     for of, table in tables().items():
         for key, _, default, *_ in table[1:] if of.startswith("keys ") else ():
@@ -87,7 +93,15 @@ def test_the_defaults_are_those_of_a_configuration_that_gives_nothing_else():
             wanted = yaml.safe_load(default.strip("`"))
             if default == "required" or value != wanted:
                 last = key.strip("`").split(".")[-1]
-                assert default == "required" or last in ("modulus", "x", "step", "surfaces"), key
+                assert default == "required" or last in (
+                    "modulus",
+                    "x",
+                    "step",
+                    "surfaces",
+                    "fields",
+                    "regions",
+                    "above",
+                ), key
             else:
                 compared += 1
     assert compared > 60

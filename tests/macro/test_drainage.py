@@ -9,7 +9,7 @@ import pytest
 
 from porocore.macro.analytic.relaxation import excess_force, relaxed
 from porocore.macro.body.surfaces import Patch
-from porocore.macro.drainage import drained_axes, held_sideways, moved, relaxation_time, undrained
+from porocore.macro.boundary.drainage import drained_axes, held_sideways, moved, relaxation_time, undrained
 from porocore.macro.problem import Boundary, body_mesh
 from porocore.testing.synthetic.response import confined_column
 

@@ -10,7 +10,7 @@ from porocore.core.units.scales import Scales
 from porocore.macro.analytic.armstrong import UnconfinedCompression
 from porocore.macro.analytic.mandel import Mandel
 from porocore.macro.analytic.terzaghi import Terzaghi
-from porocore.macro.drainage import drainage_time
+from porocore.macro.boundary.drainage import drainage_time
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.macro.problem import MacroProblem, MacroSetup, TimePlan
 from porocore.plugins import registry

@@ -52,6 +52,27 @@ def open_image(path: Path) -> npt.NDArray[np.integer[Any] | np.bool_]:
     return _read(path, lambda shape, dtype: _check_kind(path, shape, dtype), None)
 
 
+def open_values(path: Path) -> npt.NDArray[Any]:
+    """Return the numbers of the voxels of any image, such as of a density; see :func:`open_image`.
+
+    Raises
+    ------
+    ConfigurationError
+        The file is no image of numbers in three dimensions, or tifffile is missing.
+    """
+
+    def check(shape: tuple[int, ...], dtype: Any) -> None:
+        if dtype is None or not (
+            np.issubdtype(dtype, np.bool_)
+            or np.issubdtype(dtype, np.integer)
+            or np.issubdtype(dtype, np.floating)
+        ):
+            raise ConfigurationError(f"{path}: expected an image of numbers, got values of the type {dtype}")
+        _check_size(path, shape)
+
+    return _read(path, check, None)
+
+
 def _read(path: Path, check: Callable[[tuple[int, ...], Any], None], crop: Crop | None) -> npt.NDArray[Any]:
     suffix = path.suffix.lower()
     if suffix not in (".npy", *TIFF):
@@ -120,6 +141,11 @@ def _check_kind(path: Path, shape: tuple[int, ...], dtype: Any) -> None:
             f"{path}: expected a segmented image, of whole numbers or of true and false, got values of the type "
             f"{dtype}; segment it first"
         )
+    _check_size(path, shape)
+
+
+def _check_size(path: Path, shape: tuple[int, ...]) -> None:
+    """Refuse what is no image in three dimensions, or too large a one."""
     if len(shape) != 3 or math.prod(shape) > MOST:
         raise ConfigurationError(
             f"{path}: expected an image in three dimensions of at most {MOST:,} voxels, got the shape "

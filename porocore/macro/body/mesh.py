@@ -29,11 +29,14 @@ class BodyMesh:
         Nodes of each element in VTK's order, triquadratic hexahedra or quadratic tetrahedra.
     surfaces
         Outward facets (facets, 9 or 6) of each named part of the surface, by their nodes.
+    volumes
+        Elements (k,) of each named volume.
     """
 
     points: Array
     cells: IntArray
     surfaces: Mapping[str, IntArray] = field(default_factory=dict)
+    volumes: Mapping[str, IntArray] = field(default_factory=dict)
 
     @property
     def element(self) -> ReferenceElement:
@@ -87,6 +90,17 @@ class BodyMesh:
     def weights(self) -> Array:
         """(elements, q) volume of each quadrature point."""
         return np.asarray(np.linalg.det(self.jacobians) * self.element.weights)
+
+    @cached_property
+    def quadrature_points(self) -> Array:
+        """(elements, q, 3) places of the quadrature points."""
+        return np.asarray(self.element.values(self.element.points) @ self.points[self.cells])
+
+    @cached_property
+    def centres(self) -> Array:
+        """(elements, 3) centres of volume."""
+        shares = self.weights / self.weights.sum(axis=1, keepdims=True)
+        return np.asarray(np.einsum("eq,eqi->ei", shares, self.quadrature_points))
 
     @cached_property
     def stretch(self) -> float:

@@ -27,6 +27,8 @@ EXECUTING = re.compile(r"\b(NonBlockingSystemCall|SystemCall|System|Include)\b")
 #: Volume and surface elements that are understood: name in meshio, nodes; name, corners.
 VOLUMES = {"tetra": 4, "tetra10": 10, "hexahedron": 8, "hexahedron27": 27}
 FACES = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
+#: Nodes, volume elements by their kind, faces by name, and numbers of the elements of each named volume.
+Read = tuple[Array, dict[str, IntArray], dict[str, list[IntArray]], dict[str, IntArray]]
 
 
 def read_body(path: Path, size: float | None, scale: float) -> BodyMesh:
@@ -46,13 +48,13 @@ def read_body(path: Path, size: float | None, scale: float) -> BodyMesh:
             raise ConfigurationError(
                 f"macro.body.size: missing; {path.name} is a geometry, which is meshed by it"
             )
-        points, volumes, faces = _by_gmsh(path, size)
+        points, volumes, faces, named = _by_gmsh(path, size)
     elif size is not None:
         raise ConfigurationError(
             f"macro.body.size: {path.name} is a mesh, whose elements have their size; remove it"
         )
     else:
-        points, volumes, faces = _by_meshio(path)
+        points, volumes, faces, named = _by_meshio(path)
     if len(volumes) != 1 or next(iter(volumes)) not in VOLUMES:
         held = " and ".join(volumes) or "none"
         raise ConfigurationError(
@@ -61,11 +63,11 @@ def read_body(path: Path, size: float | None, scale: float) -> BodyMesh:
     ((kind, cells),) = volumes.items()
     _require_apart(points, path)
     mesh = _quadratic(points * scale, kind, _upright(points, cells))
-    return BodyMesh(mesh.points, mesh.cells, _named(mesh, faces, path))
+    return BodyMesh(mesh.points, mesh.cells, _named(mesh, faces, path), named)
 
 
-def _by_gmsh(path: Path, size: float) -> tuple[Array, dict[str, IntArray], dict[str, list[IntArray]]]:
-    """Second-order tetrahedra; the names are those of physical surfaces."""
+def _by_gmsh(path: Path, size: float) -> Read:
+    """Second-order tetrahedra; the names are those of physical surfaces and volumes."""
     if path.suffix.lower().startswith(".geo"):
         found = EXECUTING.search(read_text(path).replace("\0", " "))
         if found:
@@ -101,13 +103,26 @@ def _by_gmsh(path: Path, size: float) -> tuple[Array, dict[str, IntArray], dict[
                 faces.setdefault(name, []).extend(
                     number[t.astype(np.int64)].reshape(-1, 6)[:, :3] for t in triangles
                 )
-        return _used(coordinates.reshape(-1, 3), {"tetra10": cells}, faces)
+        return *_used(coordinates.reshape(-1, 3), {"tetra10": cells}, faces), _volumes_of_gmsh(gmsh)
     except ConfigurationError:
         raise
     except Exception as error:  # gmsh raises plain Exception
         raise ConfigurationError(f"{KEY}: gmsh could not mesh {path}: {error}") from error
     finally:
         gmsh.finalize()
+
+
+def _volumes_of_gmsh(gmsh: Any) -> dict[str, IntArray]:
+    """Return the elements of each physical volume, by their places among all of the model."""
+    tags = gmsh.model.mesh.getElements(3)[1][0]
+    order = np.argsort(tags)
+    found: dict[str, IntArray] = {}
+    for _, group in gmsh.model.getPhysicalGroups(3):
+        name = gmsh.model.getPhysicalName(3, group) or str(group)
+        entities = gmsh.model.getEntitiesForPhysicalGroup(3, group)
+        own = np.concatenate([gmsh.model.mesh.getElements(3, entity)[1][0] for entity in entities])
+        found[name] = np.sort(order[np.searchsorted(tags, own, sorter=order)])
+    return found
 
 
 def _require_few(gmsh: Any, size: float) -> None:
@@ -123,20 +138,31 @@ def _require_few(gmsh: Any, size: float) -> None:
     )
 
 
-def _by_meshio(path: Path) -> tuple[Array, dict[str, IntArray], dict[str, list[IntArray]]]:
+def _by_meshio(path: Path) -> Read:
     try:
         mesh = read_mesh(path)
     except ConfigurationError as error:
         raise ConfigurationError(f"{KEY}: {error}") from error
     volumes: dict[str, list[Any]] = {}
     faces: dict[str, list[IntArray]] = {}
-    names = {int(tag): name for name, (tag, dimension) in mesh.field_data.items() if dimension == 2}
+    names, names_of_volumes = (
+        {int(tag): name for name, (tag, dimension) in mesh.field_data.items() if dimension == d}
+        for d in (2, 3)
+    )
+    named: dict[str, list[IntArray]] = {}
+    count = 0
     tags = next(
         (mesh.cell_data[k] for k in ("gmsh:physical", "medit:ref", "surface") if k in mesh.cell_data), None
     )
     for i, block in enumerate(mesh.cells):
         if block.type in VOLUMES or block.dim == 3:
             volumes.setdefault(block.type, []).append(block.data)
+            if tags is not None:
+                of = np.asarray(tags[i]).ravel().astype(int)
+                for tag in np.unique(of):
+                    members = count + np.flatnonzero(of == tag)
+                    named.setdefault(names_of_volumes.get(int(tag), str(tag)), []).append(members)
+            count += len(block.data)
         elif block.type in FACES:
             corners = np.asarray(block.data)[:, : FACES[block.type]]
             of = (
@@ -145,7 +171,8 @@ def _by_meshio(path: Path) -> tuple[Array, dict[str, IntArray], dict[str, list[I
             for tag in np.unique(of):
                 faces.setdefault(names.get(int(tag), str(tag)), []).append(corners[of == tag])
     joined = {k: np.concatenate(v).astype(np.int64) for k, v in volumes.items()}
-    return _used(np.asarray(mesh.points, float), joined, faces)
+    elements = {name: np.concatenate(parts) for name, parts in named.items()}
+    return *_used(np.asarray(mesh.points, float), joined, faces), elements
 
 
 def _used(

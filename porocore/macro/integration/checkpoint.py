@@ -7,7 +7,7 @@ what another one began: the equations are the same, and so is the solution up to
 from __future__ import annotations
 
 import json
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from functools import partial
 from pathlib import Path
 from time import monotonic
@@ -21,12 +21,13 @@ from porocore.core.hdf5.contents import Contents, numbered
 from porocore.errors import DataError
 from porocore.interfaces.law import LawMemory, MacroLaw
 from porocore.interfaces.solution import file_name, read_profile
+from porocore.macro.composition.body_fields import EVERYWHERE_ALIKE, BodyFields, CellsAtPoints
 from porocore.macro.integration.adaptive import ErrorControl
 from porocore.macro.integration.discretisation import Discretisation
 from porocore.macro.integration.predictor import Predictor
 from porocore.macro.integration.recorder import PROFILE, HistoryRecorder
 from porocore.macro.integration.stepping import Stepper
-from porocore.states import Array
+from porocore.states import Array, MacroState
 
 FORMAT, VERSION = "porocore-macro-checkpoint", 5
 #: What is kept of the time stepping.
@@ -41,8 +42,15 @@ AGAIN = "remove it to start anew"
 class CheckpointFile:
     """Checkpoint of one solve, written every ``seconds`` of wall time and at the end; without a path there is none."""
 
-    def __init__(self, path: Path | None, d: Discretisation, law: MacroLaw, seconds: float) -> None:
-        self._path, self._d, self._law, self._seconds = path, d, law, seconds
+    def __init__(
+        self,
+        path: Path | None,
+        d: Discretisation,
+        law: MacroLaw,
+        seconds: float,
+        body: BodyFields | None = None,
+    ) -> None:
+        self._path, self._d, self._law, self._seconds, self._body = path, d, law, seconds, body
         # Everything that determines the solution.
         text = f"{json.dumps(d.problem.specification())}|{law.name}|{law.identity}"
         self._owner, self._written = stable_hash(text), monotonic()
@@ -71,7 +79,9 @@ class CheckpointFile:
         for name, value in step.items():
             setattr(stepper, name, value)
         known = {name: d.points_from_mesh(values) for name, values in memories.items()}
-        memory = _filled(law.initial(1), known, "memory")
+        memory = _filled(self._memory_of_a_point(), known, "memory")
+        # Parameters and places follow from the time.
+        memory = replace(memory, states=self._fields(stepper.time).given_to(memory.states))
         answer = law.respond(memory.states, np.zeros((d.n_points, 3)), memory, tangent=False).memory.mean_grad
         scale = max(float(np.abs(memories["memory/mean_grad"]).max()), 1.0)
         moved = float(np.abs(answer - memory.mean_grad).max(initial=0.0))
@@ -93,7 +103,7 @@ class CheckpointFile:
             whole = file.array("x", mesh.size)
             memories = {
                 name: file.array(name, mesh.weights.size, *value.shape[1:])
-                for name, value in _arrays(self._law.initial(1), "memory")
+                for name, value in _arrays(self._memory_of_a_point(), "memory")
             }
             rows = file.array("history", "steps", len(columns))
             if not len(rows):
@@ -126,7 +136,8 @@ class CheckpointFile:
             arrays["rate"] = d.gathered(control.rate)
         arrays["times"] = np.array(predictor.times)
         arrays["earlier"] = np.array([d.gathered(state) for state in predictor.states[:-1]])
-        arrays |= {name: d.points_to_mesh(value) for name, value in _arrays(memory, "memory")}
+        kept = {name for name, _ in _arrays(self._memory_of_a_point(), "memory")}
+        arrays |= {name: d.points_to_mesh(value) for name, value in _arrays(memory, "memory") if name in kept}
 
         def write() -> None:
             with atomic_hdf5(path) as file:
@@ -142,6 +153,15 @@ class CheckpointFile:
 
         d.communicator.on_root(write)
         self._written = monotonic()
+
+    def _fields(self, time: float) -> CellsAtPoints:
+        return EVERYWHERE_ALIKE if self._body is None else self._body.at(time)
+
+    def _memory_of_a_point(self) -> LawMemory:
+        """Return a memory with the fields that are kept: all but parameters and places of the states."""
+        points = MacroState.zeros(self._d.n_points)
+        rest = self._law.initial_at(self._fields(0.0).given_to(points)[:1])
+        return replace(rest, states=points[:1])
 
     def _is_late(self) -> bool:
         return monotonic() >= self._written + self._seconds

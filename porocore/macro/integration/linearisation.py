@@ -46,10 +46,14 @@ class Linearisations:
     ----------
     chords
         Iterations at most that reuse the linearisation of an earlier one, where the discretisation keeps its factor.
+    varies
+        Whether parameters or axes change with time, so that no tangent is constant.
     """
 
-    def __init__(self, d: Discretisation, law: MacroLaw, chords: int = MOST_CHORDS) -> None:
-        self._d, self._constant = d, law.constant_tangent
+    def __init__(
+        self, d: Discretisation, law: MacroLaw, chords: int = MOST_CHORDS, *, varies: bool = False
+    ) -> None:
+        self._d, self._constant = d, law.constant_tangent and not varies
         self._chords = chords if d.keeps_factor else 0
         self._dt, self._age = 0.0, 0
         self._last: Linearisation | None = None

@@ -9,6 +9,7 @@ import numpy as np
 
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
 from porocore.macro.boundary.conditions import Loads
+from porocore.macro.composition.body_fields import EVERYWHERE_ALIKE, CellsAtPoints
 from porocore.macro.integration.discretisation import Discretisation, Residual, StepFailed
 from porocore.macro.integration.linearisation import Linearisation, Linearisations
 from porocore.macro.problem import NewtonSettings
@@ -54,6 +55,7 @@ def newton_step(
     *,
     guess: Array | None = None,
     linearisations: Linearisations | None = None,
+    fields: CellsAtPoints = EVERYWHERE_ALIKE,
 ) -> Step:
     """Solve one backward Euler step of length ``dt`` under ``loads`` from the unknowns ``x``.
 
@@ -66,6 +68,8 @@ def newton_step(
         First iterate, instead of ``x``; where it leads nowhere, the iteration begins again at ``x``.
     linearisations
         Those of the solve; without, every iteration linearises anew.
+    fields
+        Parameters and places of the points at the end of the step.
 
     Raises
     ------
@@ -75,8 +79,8 @@ def newton_step(
     linearisations = linearisations or Linearisations(d, law, chords=0)
     if guess is not None:
         with suppress(StepFailed):
-            return _iterated(d, law, memory, guess, dt, loads, settings, linearisations)
-    return _iterated(d, law, memory, x, dt, loads, settings, linearisations)
+            return _iterated(d, law, memory, guess, dt, loads, settings, linearisations, fields)
+    return _iterated(d, law, memory, x, dt, loads, settings, linearisations, fields)
 
 
 def _iterated(
@@ -88,6 +92,7 @@ def _iterated(
     loads: Loads,
     settings: NewtonSettings,
     linearisations: Linearisations,
+    fields: CellsAtPoints,
 ) -> Step:
     x = x.copy()
     linear = linearisations.begin(dt, loads)
@@ -96,6 +101,7 @@ def _iterated(
         jump = loads.values - x[d.prescribed]
         moving = d.communicator.max(float(jump.any())) > 0
         states, grad_p = d.states(x)
+        states = fields.given_to(states)
         # Most iterates beyond the first are the last, whose tangent nobody needs.
         response = law.respond(states, grad_p, memory, tangent=linear is None)
         _refuse_missing_values(d, response)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -13,7 +14,9 @@ from porocore.core.models.bounds import LARGEST_NUMBER
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import LawMemory, MacroLaw
 from porocore.interfaces.macro import MacroSolver
-from porocore.interfaces.solution import MacroSolution, StepReport
+from porocore.interfaces.solution import MacroSolution, StepReport, StepWork
+from porocore.macro.composition.body_fields import BodyFields, CellsAtPoints
+from porocore.macro.composition.turned_law import TurnedLaw
 from porocore.macro.integration.adaptive import ErrorControl, Reached
 from porocore.macro.integration.checkpoint import CheckpointFile
 from porocore.macro.integration.discretisation import Discretisation, StepFailed
@@ -22,7 +25,7 @@ from porocore.macro.integration.newton import Step, newton_step
 from porocore.macro.integration.predictor import Predictor
 from porocore.macro.integration.recorder import HistoryRecorder
 from porocore.macro.integration.stepping import Stepper
-from porocore.states import Array, MacroState
+from porocore.states import Array, BodyPlace, MacroState
 
 
 class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
@@ -73,22 +76,24 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
         DataError
             The checkpoint is damaged, or belongs to another problem or law.
         """
-        d = prepared
-        problem, saved = d.problem, CheckpointFile(checkpoint, d, law, self.checkpoint_seconds)
+        d, problem = prepared, prepared.problem
+        body, law = _composed(d, law)
+        saved = CheckpointFile(checkpoint, d, law, self.checkpoint_seconds, body)
         stepper, control, predictor = Stepper(problem.time, problem.corners), ErrorControl(), Predictor()
         reached = Reached(d.boundary, problem) if problem.time.tolerance is not None else None
-        x, memory, record = saved.load(stepper, control, predictor) or _at_rest(d, law, predictor)
-        newton = partial(newton_step, d, law, settings=problem.newton, linearisations=Linearisations(d, law))
+        x, memory, record = saved.load(stepper, control, predictor) or _at_rest(d, law, predictor, body)
+        newton = _newton(d, law, body)
         d.begin()
         while not stepper.done:
             time = stepper.next()
             dt, amplitudes = time - stepper.time, d.boundary.amplitudes(problem, time)
             finer = None
             try:
-                step = newton(memory, x, dt, d.loads(amplitudes), guess=predictor.guess(time))
+                here = {"guess": predictor.guess(time), "fields": _fields_at(d, body, time)}
+                step = newton(memory, x, dt, d.loads(amplitudes), **here)
                 changed = law.before_accept(step.response, memory)
                 if changed is None and reached is not None and control.rate is None:
-                    finer = _halved(newton, d, memory, x, stepper.time, time)
+                    finer = _halved(newton, d, body, memory, x, stepper.time, time)
             except StepFailed as failure:
                 stepper.reject(str(failure), partial(_flagged_points, d, law, memory, x))
                 continue
@@ -110,25 +115,58 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
             predictor.add(time, x, stepper.at_corner)
             saved.save_if_due(stepper, control, predictor, x, memory, record)
             if on_step is not None:
-                settlement = float(record.column("settlement")[-1])
-                on_step(StepReport(time, problem.time.end, step.iterations, settlement, work, notes))
+                on_step(_report(record, step, time, work, notes))
         return record.solution(law.name)
 
 
+def _composed(d: Discretisation, law: MacroLaw) -> tuple[BodyFields, MacroLaw]:
+    """Return the fields of the body at the points of this process, and the law in the axes of its material."""
+    with d.communicator.united():
+        body = BodyFields(d.problem, d.mesh, law, d.elements)
+    return body, TurnedLaw(law) if body.turned else law
+
+
+def _newton(d: Discretisation, law: MacroLaw, body: BodyFields) -> Callable[..., Step]:
+    """Return Newton's method for a step, which keeps linearisations where nothing changes them."""
+    linearisations = Linearisations(d, law, varies=body.varies)
+    return partial(newton_step, d, law, settings=d.problem.newton, linearisations=linearisations)
+
+
+def _report(
+    record: HistoryRecorder, step: Step, time: float, work: StepWork, notes: tuple[str, ...]
+) -> StepReport:
+    settlement = float(record.column("settlement")[-1])
+    return StepReport(time, record.d.problem.time.end, step.iterations, settlement, work, notes)
+
+
+def _fields_at(d: Discretisation, body: BodyFields, time: float) -> CellsAtPoints:
+    """Return parameters and places at ``time``; a formula without a value on one process ends all."""
+    if not body.varies:
+        return body.at(time)
+    with d.communicator.united():
+        return body.at(time)
+
+
 def _halved(
-    newton: Callable[..., Step], d: Discretisation, memory: LawMemory, x: Array, begin: float, end: float
+    newton: Callable[..., Step],
+    d: Discretisation,
+    body: BodyFields,
+    memory: LawMemory,
+    x: Array,
+    begin: float,
+    end: float,
 ) -> Array:
     """Return the unknowns at ``end`` after two steps of half the length from ``x`` at ``begin``."""
     dt = (end - begin) / 2
     for time in (begin + dt, end):
         loads = d.loads(d.boundary.amplitudes(d.problem, time))
-        step = newton(memory, x, dt, loads)
+        step = newton(memory, x, dt, loads, fields=_fields_at(d, body, time))
         x, memory = step.x, step.response.memory
     return x
 
 
 def _at_rest(
-    d: Discretisation, law: MacroLaw, predictor: Predictor
+    d: Discretisation, law: MacroLaw, predictor: Predictor, body: BodyFields
 ) -> tuple[Array, LawMemory, HistoryRecorder]:
     """Return the unknowns of the initial state, the law's memory of it, and a recorder that begins with it.
 
@@ -140,7 +178,8 @@ def _at_rest(
     )
     x = d.from_mesh(whole)
     states, grad_p = d.states(x)
-    response = law.respond(states, grad_p, law.initial(d.n_points), tangent=False)
+    states = _fields_at(d, body, 0.0).given_to(states)
+    response = law.respond(states, grad_p, law.initial_at(states), tangent=False)
     record.add_start(x, response)
     predictor.add(0.0, x, kink=True)
     return x, response.memory, record
@@ -152,6 +191,7 @@ def _flagged_points(d: Discretisation, law: MacroLaw, memory: LawMemory, x: Arra
     It is the one with the largest displacement gradient, the same on all processes.
     """
     states, grad_p = d.states(x)
+    states = replace(states, parameters=memory.states.parameters, place=memory.states.place)
     outside = law.respond(states, grad_p, memory, tangent=False).outside_training_range
     count, points = (int(n) for n in d.communicator.sum(np.array([outside.sum(), len(outside)])))
     if not count:
@@ -161,10 +201,23 @@ def _flagged_points(d: Discretisation, law: MacroLaw, memory: LawMemory, x: Arra
     # Of processes that have one as large, the first.
     own = float(size.max(initial=-1.0)) == largest
     first = -d.communicator.max(-float(d.communicator.rank) if own else -np.inf)
-    row = np.zeros(10)
-    if first == d.communicator.rank:
-        worst = int(size.argmax())
-        row = np.append(states.grad_u[worst].ravel(), states.p[worst])
-    row = d.communicator.sum(row)
-    (why,) = law.reasons(MacroState.single(row[:9].reshape(3, 3), float(row[9])))
+    mine = first == d.communicator.rank
+    (why,) = law.reasons(_shared(d, states, int(size.argmax()) if mine else None))
     return f"; before it {count} of {points} points are flagged" + (why and f", one of them for {why}")
+
+
+def _shared(d: Discretisation, states: MacroState, row: int | None) -> MacroState:
+    """Return on every process one state of the process that names its row."""
+    place = states.place
+    parts = [states.grad_u, states.p, states.parameters, None if place is None else place.region]
+    parts.append(None if place is None else place.axes)
+    there = [np.asarray(part, float).reshape(len(part), -1) for part in parts if part is not None]
+    widths = [part.shape[1] for part in there]
+    whole = np.zeros(sum(widths)) if row is None else np.concatenate([part[row] for part in there])
+    values = iter(np.split(np.asarray(d.communicator.sum(whole)), np.cumsum(widths)[:-1]))
+    found = [None if part is None else next(values).reshape(1, *part.shape[1:]) for part in parts]
+    H, p, parameters, region, axes = found
+    assert H is not None
+    assert p is not None
+    where = None if region is None else BodyPlace(np.rint(region).astype(np.int64), axes)
+    return MacroState(H, p, parameters, where)

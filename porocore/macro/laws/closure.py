@@ -9,13 +9,15 @@ import numpy as np
 
 from porocore.cell.materials.composite import Solid
 from porocore.errors import ConfigurationError
-from porocore.interfaces.law import LawMemory, MacroResponse, fingerprint
+from porocore.interfaces.law import LawMemory, MacroResponse, UndeformedCells, fingerprint
 from porocore.macro.laws.pull_back import CONDUCTIVITY_LAWS, ConductivityLaw, PulledBack
 from porocore.states import Array, CellResponse, MacroState
 
 
 class Closure(ABC):
     """Closure, which gives stress, storage and flux from the responses of the cell.
+
+    A cell with parameters has φ_s and K of its own at each point; the constants here are those of a cell without.
 
     Parameters
     ----------
@@ -57,23 +59,45 @@ class Closure(ABC):
             self.name, self.solid_fraction, self.material.identity, self.conductivity, self.law
         )
 
-    def pull_back(self, states: MacroState, cell: CellResponse, grad_p: Array) -> PulledBack:
+    def solid_fraction_of(self, cells: UndeformedCells | None) -> float | Array:
+        """Return φ_s of each point's cell (n,), or the constant."""
+        return self.solid_fraction if cells is None else 1 - cells.porosity
+
+    def pull_back(
+        self, states: MacroState, cell: CellResponse, grad_p: Array, cells: UndeformedCells | None = None
+    ) -> PulledBack:
         """Return kinematics and flux at n points."""
         return PulledBack.from_states(
             states,
             cell.mean_grad,
             grad_p,
-            self.solid_fraction,
-            self.conductivity,
+            self.solid_fraction_of(cells),
+            self.conductivity if cells is None else cells.conductivity,
             self.law,
             cell.conductivity,
         )
 
     @abstractmethod
     def respond(
-        self, states: MacroState, cell: CellResponse, grad_p: Array, memory: LawMemory, *, tangent: bool
+        self,
+        states: MacroState,
+        cell: CellResponse,
+        grad_p: Array,
+        memory: LawMemory,
+        *,
+        tangent: bool,
+        cells: UndeformedCells | None = None,
+        before: UndeformedCells | None = None,
     ) -> MacroResponse:
-        """Return the response at n points, given the cell's responses there; see :class:`MacroLaw`."""
+        """Return the response at n points, given the cell's responses there; see :class:`MacroLaw`.
+
+        Parameters
+        ----------
+        cells
+            Undeformed cell of each point; None: that of the constants.
+        before
+            The same at the time of the memory, where it was another one.
+        """
 
     def memory(self, states: MacroState, cell: CellResponse) -> LawMemory:
         """Return the memory that the next step begins from."""

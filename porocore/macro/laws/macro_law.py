@@ -8,7 +8,15 @@ from typing import Protocol
 
 import numpy as np
 
-from porocore.interfaces.law import CellLaw, LawMemory, MacroLaw, MacroResponse, fingerprint
+from porocore.errors import ConfigurationError
+from porocore.interfaces.law import (
+    CellLaw,
+    LawMemory,
+    MacroLaw,
+    MacroResponse,
+    UndeformedCells,
+    fingerprint,
+)
 from porocore.macro.laws.closure import Closure
 from porocore.plugins.border import check_prediction, prediction_of
 from porocore.states import Array, CellResponse, MacroState
@@ -19,6 +27,8 @@ CHUNK = 5_000
 
 class ClosedLaw(MacroLaw):
     """Macroscopic law of a cell law and a closure.
+
+    Where the cell law has parameters, the closure takes φ_s and K of each point from the cell law too.
 
     Parameters
     ----------
@@ -43,15 +53,74 @@ class ClosedLaw(MacroLaw):
     ) -> None:
         self.cell_law, self.closure = cell_law, closure
         self.name = closure.name if name is None else name
-        self.noise = cell_law.noise
+        self.noise, self.parameters = cell_law.noise, cell_law.parameters
         self.identity = fingerprint(closure.identity, cell_law.identity if identity is None else identity)
-        self._rest = prediction_of(cell_law, MacroState.zeros(1))
-        closure.check(self._rest, type(cell_law).__name__)
+        self._rest: CellResponse | None = None
+        #: Parameters of points and their undeformed cells, of the last two that were asked for.
+        self._known: list[tuple[Array, UndeformedCells]] = []
+        self._begin()
+
+    def _begin(self) -> None:
+        """Ask the cell law for its response at rest, which has to have what the closure reads."""
+        if not self.parameters:
+            self._rest = prediction_of(self.cell_law, MacroState.zeros(1))
+            self.closure.check(self._rest, type(self.cell_law).__name__)
 
     def initial(self, n: int) -> LawMemory:
-        """Return the memory at rest with the cell law's own response there, so that its error stores no fluid."""
+        """Return the memory at rest with the cell law's own response there, so that its error stores no fluid.
+
+        Raises
+        ------
+        ValueError
+            The law has parameters, which :meth:`initial_at` is told.
+        """
+        if self._rest is None:
+            raise ValueError(f"expected the parameters {', '.join(self.parameters)}; call initial_at")
         rest = replace(self._rest, tangent=None, extrema=None)[np.zeros(n, dtype=np.int64)]
         return self.closure.memory(MacroState.zeros(n), rest)
+
+    def initial_at(self, points: MacroState) -> LawMemory:
+        """Return the memory at rest, of a cell law with parameters by its response to each point's own.
+
+        Raises
+        ------
+        ConfigurationError
+            The cell law does not provide what the closure needs.
+        """
+        if not self.parameters:
+            return self.initial(len(points))
+        rest = replace(points, grad_u=np.zeros_like(points.grad_u), p=np.zeros_like(points.p))
+        if len(rest):
+            self.closure.check(prediction_of(self.cell_law, rest[:1]), type(self.cell_law).__name__)
+        found = prediction_of(self.cell_law, rest, tangent=False)
+        return self.closure.memory(rest, replace(found, extrema=None))
+
+    def _cells(self, parameters: Array | None) -> UndeformedCells | None:
+        """Return the undeformed cells with ``parameters`` (n, m); None where all are that of the closure's constants.
+
+        Raises
+        ------
+        ConfigurationError
+            The parameters are missing, or the cell law does not provide the cells.
+        """
+        if not self.parameters:
+            return None
+        law, names = type(self.cell_law).__name__, ", ".join(self.parameters)
+        if parameters is None:
+            raise ConfigurationError(
+                f"the cell law {law} has the parameters {names}, but no values were given"
+            )
+        for known, cells in self._known:
+            if np.array_equal(known, parameters):
+                return cells
+        found = self.cell_law.undeformed(parameters)
+        if found is None:
+            raise ConfigurationError(
+                f"the cell law {law} has the parameters {names}, but does not provide porosity and conductivity of "
+                "the undeformed cell for them"
+            )
+        self._known = [(parameters, found), *self._known[:1]]
+        return found
 
     def respond(
         self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
@@ -65,23 +134,42 @@ class ClosedLaw(MacroLaw):
         """See :class:`MacroLaw`; the cell law is asked once."""
         # Newton's iteration may ask for anything; what is not finite is for the macro solver to refuse.
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            # Parameters that are missing are told before the cell law is asked.
+            before, cells = (self._cells(at.parameters) for at in (memory.states, states))
             found = self.cell_law.predict_from(memory.states, states, tangent=tangent)
             cell = check_prediction(self.cell_law, found, states)
-            return [self._closed(states, cell, grad_p, memory, tangent) for grad_p in gradients]
+            return [
+                self._closed(
+                    states, cell, grad_p, memory, tangent, cells, None if before is cells else before
+                )
+                for grad_p in gradients
+            ]
 
     def _closed(
-        self, states: MacroState, cell: CellResponse, grad_p: Array, memory: LawMemory, tangent: bool
+        self,
+        states: MacroState,
+        cell: CellResponse,
+        grad_p: Array,
+        memory: LawMemory,
+        tangent: bool,
+        cells: UndeformedCells | None,
+        before: UndeformedCells | None,
     ) -> MacroResponse:
         """Return the response that the closure makes of the cell's, so many points at a time."""
         parts = [slice(first, first + CHUNK) for first in range(0, len(states), CHUNK)]
-        if len(parts) <= 1:
-            return self.closure.respond(states, cell, grad_p, memory, tangent=tangent)
-        return MacroResponse.concatenate(
-            [
-                self.closure.respond(states[part], cell[part], grad_p[part], memory[part], tangent=tangent)
-                for part in parts
-            ]
-        )
+
+        def closed(part: slice) -> MacroResponse:
+            return self.closure.respond(
+                states[part],
+                cell[part],
+                grad_p[part],
+                memory[part],
+                tangent=tangent,
+                cells=None if cells is None else cells[part],
+                before=None if before is None else before[part],
+            )
+
+        return closed(slice(None)) if len(parts) <= 1 else MacroResponse.concatenate([*map(closed, parts)])
 
     def reasons(self, states: MacroState) -> list[str]:
         """Return the reasons that the cell law knows; see :class:`MacroLaw`."""
@@ -136,7 +224,7 @@ class AdaptiveLaw(ClosedLaw):
             self._round = 0
             return None
         self._round += 1
-        self.cell_law = refined
-        self._rest = prediction_of(refined, MacroState.zeros(1))
+        self.cell_law, self._known = refined, []
+        self._begin()
         known = replace(prediction_of(refined, memory.states, tangent=False), outside_training_range=None)
         return self.closure.memory(memory.states, known)

@@ -7,9 +7,9 @@ import numpy as np
 from porocore.cell.materials.composite import Composite, Solid
 from porocore.core.tensors.cofactors import cofactor_tangent
 from porocore.errors import ConfigurationError
-from porocore.interfaces.law import LawMemory, MacroResponse, MacroTangent
+from porocore.interfaces.law import LawMemory, MacroResponse, MacroTangent, UndeformedCells
 from porocore.macro.laws.closure import Closure
-from porocore.macro.laws.pull_back import ConductivityLaw, PulledBack, deformation_tangent
+from porocore.macro.laws.pull_back import ConductivityLaw, PulledBack, at_points, deformation_tangent
 from porocore.states import Array, CellResponse, CellTangent, MacroState
 
 
@@ -25,6 +25,9 @@ class MeanGradientClosure(Closure):
 
     K̂ = R̄ K R̄ᵀ with F̄ = R̄ Ū, or K itself with the conductivity law ``piola-unrotated``, which is the paper's. With the
     conductivity of the deformed pore q = −K_ref ∇_X p and K_t = K_ref/det F̄.
+
+    The solid takes up the volume φ_s det F̄. Where φ_s changes with time by Δφ_s, as with a parameter that does, the
+    fluid changes by −(det F̄ − Ḡᵀ:m/φ_s) Δφ_s besides.
     """
 
     name = "mean-gradient"
@@ -45,17 +48,30 @@ class MeanGradientClosure(Closure):
         self.energy = material
 
     def respond(
-        self, states: MacroState, cell: CellResponse, grad_p: Array, memory: LawMemory, *, tangent: bool
+        self,
+        states: MacroState,
+        cell: CellResponse,
+        grad_p: Array,
+        memory: LawMemory,
+        *,
+        tangent: bool,
+        cells: UndeformedCells | None = None,
+        before: UndeformedCells | None = None,
     ) -> MacroResponse:
         """Return the response at n points; NaN where det F̄ ≤ 0 or det(I + H) ≤ 0."""
-        phi_s = self.solid_fraction
-        phi_f, p = 1 - phi_s, states.p[:, None, None]
-        pore = self.pull_back(states, cell, grad_p)
+        phi_s = self.solid_fraction_of(cells)
+        share, p = at_points(phi_s, 2), states.p[:, None, None]
+        phi_f = 1 - share
+        pore = self.pull_back(states, cell, grad_p, cells)
         step = phi_f * (states.grad_u - memory.states.grad_u) - (cell.mean_grad - memory.mean_grad)
+        storage, grown = np.einsum("nij,nij->n", pore.cof, step), None
+        if before is not None and cells is not None:
+            grown = (before.porosity - cells.porosity, cell.mean_grad / share)
+            storage = storage - grown[0] * (pore.J - np.einsum("nij,nij->n", pore.cof, grown[1]))
         solid_stress = np.where(pore.missing, np.nan, self.energy.stress(self._solid(pore)))
         return MacroResponse(
-            stress=phi_s * solid_stress - phi_f * p * pore.cof,
-            storage=np.einsum("nij,nij->n", pore.cof, step),
+            stress=share * solid_stress - phi_f * p * pore.cof,
+            storage=storage,
             flux=pore.flux,
             memory=self.memory(states, cell),
             deformation=pore.F,
@@ -64,7 +80,7 @@ class MeanGradientClosure(Closure):
             outside_training_range=np.zeros(len(p), bool)
             if cell.outside_training_range is None
             else cell.outside_training_range,
-            tangent=self._tangent(p, pore, step, grad_p, cell.tangent) if tangent else None,
+            tangent=self._tangent(p, pore, step, grad_p, cell.tangent, phi_s, grown) if tangent else None,
         )
 
     @staticmethod
@@ -73,14 +89,24 @@ class MeanGradientClosure(Closure):
         return np.where(pore.missing, np.eye(3), pore.F)
 
     def _tangent(
-        self, p: Array, pore: PulledBack, step: Array, grad_p: Array, cell: CellTangent | None
+        self,
+        p: Array,
+        pore: PulledBack,
+        step: Array,
+        grad_p: Array,
+        cell: CellTangent | None,
+        phi_s: float | Array,
+        grown: tuple[Array, Array] | None,
     ) -> MacroTangent:
-        """Chain rule through F̄(H, p); second-rank tensors are rows of 9, fourth-rank ones 9 × 9 matrices."""
+        """Chain rule through F̄(H, p); second-rank tensors are rows of 9, fourth-rank ones 9 × 9 matrices.
+
+        ``grown`` is the change of φ_s (n,) and <∇u¹>_s/φ_s (n, 3, 3).
+        """
         assert cell is not None
         assert cell.mean_grad_grad_u is not None
         assert cell.mean_grad_p is not None
-        n, phi_s = len(pore.J), self.solid_fraction
-        phi_f = 1 - phi_s
+        n, share = len(pore.J), at_points(phi_s, 2)
+        phi_f = 1 - share
         M, Q = cell.mean_grad_grad_u.reshape(n, 9, 9), cell.mean_grad_p.reshape(n, 9, 1)
         dF_dH, dF_dp = deformation_tangent(cell, phi_s)
         cof_F = cofactor_tangent(pore.F).reshape(n, 9, 9)
@@ -88,16 +114,21 @@ class MeanGradientClosure(Closure):
 
         by_F = np.empty((n, 10, 9))  # of the stress, and of the storage
         by_F[:, 9:] = step.reshape(n, 1, 9) @ cof_F
+        by_m = cof_row
+        if grown is not None:
+            change = grown[0][:, None, None]
+            by_F[:, 9:] -= change * (cof_row - grown[1].reshape(n, 1, 9) @ cof_F)
+            by_m = cof_row * (1 - change / share)
         cof_F *= phi_f * p
-        np.multiply(self.energy.tangent(self._solid(pore)).reshape(n, 9, 9), phi_s, out=by_F[:, :9])
+        np.multiply(self.energy.tangent(self._solid(pore)).reshape(n, 9, 9), share, out=by_F[:, :9])
         by_F[:, :9] -= cof_F
         by_H, by_p = by_F @ dF_dH, (by_F @ dF_dp)[..., 0]
         flux_H, flux_p = pore.flux_tangent(grad_p, cell, phi_s, (dF_dH, dF_dp))
         return MacroTangent(
             stress_grad_u=by_H[:, :9].reshape(n, 3, 3, 3, 3),
             stress_p=by_p[:, :9].reshape(n, 3, 3) - phi_f * pore.cof,
-            storage_grad_u=(by_H[:, 9:10] + phi_f * cof_row - cof_row @ M).reshape(n, 3, 3),
-            storage_p=by_p[:, 9] - (cof_row @ Q)[:, 0, 0],
+            storage_grad_u=(by_H[:, 9:10] + phi_f * cof_row - by_m @ M).reshape(n, 3, 3),
+            storage_p=by_p[:, 9] - (by_m @ Q)[:, 0, 0],
             flux_grad_u=flux_H.reshape(n, 3, 3, 3),
             flux_p=flux_p,
             flux_grad_p=-pore.conductivity,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from porocore.interfaces.law import LawMemory, MacroResponse, MacroTangent
+from porocore.interfaces.law import LawMemory, MacroResponse, MacroTangent, UndeformedCells
 from porocore.macro.laws.closure import Closure
 from porocore.macro.laws.pull_back import PulledBack
 from porocore.states import Array, CellResponse, CellTangent, MacroState
@@ -39,9 +39,19 @@ class PotentialClosure(Closure):
     )
 
     def respond(
-        self, states: MacroState, cell: CellResponse, grad_p: Array, memory: LawMemory, *, tangent: bool
+        self,
+        states: MacroState,
+        cell: CellResponse,
+        grad_p: Array,
+        memory: LawMemory,
+        *,
+        tangent: bool,
+        cells: UndeformedCells | None = None,
+        before: UndeformedCells | None = None,
     ) -> MacroResponse:
         """Return the response at n points; NaN where det F̄ ≤ 0 or det(I + H) ≤ 0.
+
+        A cell that changes with time takes up fluid by its φ; ``before`` is not needed.
 
         Raises
         ------
@@ -52,7 +62,7 @@ class PotentialClosure(Closure):
             raise ValueError("expected a memory with the fluid volume; make it by ClosedLaw.initial")
         assert cell.stress is not None
         assert cell.fluid_volume is not None
-        pore = self.pull_back(states, cell, grad_p)
+        pore = self.pull_back(states, cell, grad_p, cells)
         taken_up = cell.fluid_volume - memory.fluid_volume
         return MacroResponse(
             stress=np.where(pore.missing, np.nan, cell.stress),
@@ -65,20 +75,25 @@ class PotentialClosure(Closure):
             outside_training_range=np.zeros(len(states), bool)
             if cell.outside_training_range is None
             else cell.outside_training_range,
-            tangent=self._tangent(pore, grad_p, cell.tangent) if tangent else None,
+            tangent=self._tangent(pore, grad_p, cell.tangent, self.solid_fraction_of(cells))
+            if tangent
+            else None,
         )
 
     def memory(self, states: MacroState, cell: CellResponse) -> LawMemory:
         """Return the memory with the fluid volume, from which the next storage is counted."""
         return LawMemory(states, cell.mean_grad, cell.fluid_volume)
 
-    def _tangent(self, pore: PulledBack, grad_p: Array, cell: CellTangent | None) -> MacroTangent:
+    @staticmethod
+    def _tangent(
+        pore: PulledBack, grad_p: Array, cell: CellTangent | None, solid_fraction: float | Array
+    ) -> MacroTangent:
         assert cell is not None
         assert cell.stress_grad_u is not None
         assert cell.stress_p is not None
         assert cell.fluid_volume_grad_u is not None
         assert cell.fluid_volume_p is not None
-        flux_H, flux_p = pore.flux_tangent(grad_p, cell, self.solid_fraction)
+        flux_H, flux_p = pore.flux_tangent(grad_p, cell, solid_fraction)
         return MacroTangent(
             stress_grad_u=cell.stress_grad_u,
             stress_p=cell.stress_p,

@@ -41,7 +41,7 @@ class PulledBack:
         K_t = K_ref/det F̄ (Dehghani & Zilian's transformed conductivity), F̄⁻¹ K̂ F̄⁻ᵀ where K is carried along.
     flux : (n, 3)
         q = −conductivity ∇_X p.
-    undeformed : (3, 3)
+    undeformed : (3, 3) or (n, 3, 3)
         K; None where the conductivity is that of the deformed pore.
     rotation : (n, 3, 3)
         R̄ of F̄ = R̄ Ū, by which K is turned, K̂ = R̄ K R̄ᵀ; None where K̂ = K.
@@ -62,12 +62,12 @@ class PulledBack:
         states: MacroState,
         mean_grad: Array,
         grad_p: Array,
-        solid_fraction: float,
+        solid_fraction: float | Array,
         K: Array,
         law: ConductivityLaw = "piola",
         deformed: Array | None = None,
     ) -> PulledBack:
-        """Return the kinematics of H, <∇u¹>_s, ∇_X p, φ_s and K of the undeformed cell.
+        """Return the kinematics of H, <∇u¹>_s, ∇_X p, φ_s and K of the undeformed cell, or of each point's own (n, …).
 
         With the law ``deformed`` K_ref (n, 3, 3) of the ``deformed`` pores is in the place of K.
 
@@ -76,7 +76,7 @@ class PulledBack:
         ValueError
             The law is ``deformed`` and there is no such K_ref.
         """
-        F = np.eye(3) + states.grad_u + mean_grad / solid_fraction
+        F = np.eye(3) + states.grad_u + mean_grad / at_points(solid_fraction, 2)
         J, J0 = determinant(F), determinant(np.eye(3) + states.grad_u)
         J = np.where((J > 0) & (J0 > 0), J, np.nan)
         cof = np.ascontiguousarray(cofactor(F))
@@ -104,7 +104,7 @@ class PulledBack:
         self,
         grad_p: Array,
         cell: CellTangent,
-        solid_fraction: float,
+        solid_fraction: float | Array,
         deformation: tuple[Array, Array] | None = None,
     ) -> tuple[Array, Array]:
         """Return ∂q/∂H (n, 3, 9) and ∂q/∂p (n, 3).
@@ -139,7 +139,8 @@ class PulledBack:
         if R is not None:
             # dK̂ = R̄ (Ω K − K Ω) R̄ᵀ, and Ω v = ω × v.
             v = (pulled[:, None, :] @ R)[:, 0]
-            by_spin = K @ cross_matrix(v) - cross_matrix(v @ K.T)
+            turned = v @ K.T if K.ndim == 2 else (K @ v[:, :, None])[..., 0]
+            by_spin = K @ cross_matrix(v) - cross_matrix(turned)
             found -= self.cof.swapaxes(1, 2) @ R @ by_spin @ spin(self._states_of(R), R)
         return found
 
@@ -149,17 +150,22 @@ class PulledBack:
 
 
 def is_isotropic(K: Array) -> bool:
-    """Tell whether K (3, 3) is the same in all directions, so that no rotation changes it."""
-    mean = np.trace(K) / 3
-    return bool(np.abs(K - mean * np.eye(3)).max() <= ISOTROPIC * abs(mean))
+    """Tell whether K (3, 3), or each of K (n, 3, 3), is the same in all directions, so that no rotation changes it."""
+    mean = at_points(np.trace(K, axis1=-2, axis2=-1) / 3, 2)
+    return bool((np.abs(K - mean * np.eye(3)) <= ISOTROPIC * np.abs(mean)).all())
 
 
-def deformation_tangent(tangent: CellTangent, solid_fraction: float) -> tuple[Array, Array]:
+def at_points(value: float | Array, axes: int) -> float | Array:
+    """Return a number as it is, and numbers (n,) with so many further axes of length 1."""
+    return value.reshape(*value.shape, *(1,) * axes) if isinstance(value, np.ndarray) else value
+
+
+def deformation_tangent(tangent: CellTangent, solid_fraction: float | Array) -> tuple[Array, Array]:
     """Return ∂F̄/∂H (n, 9, 9) and ∂F̄/∂p (n, 9, 1)."""
     assert tangent.mean_grad_grad_u is not None
     assert tangent.mean_grad_p is not None
-    n = len(tangent.mean_grad_p)
+    n, share = len(tangent.mean_grad_p), at_points(solid_fraction, 2)
     return (
-        np.eye(9) + tangent.mean_grad_grad_u.reshape(n, 9, 9) / solid_fraction,
-        tangent.mean_grad_p.reshape(n, 9, 1) / solid_fraction,
+        np.eye(9) + tangent.mean_grad_grad_u.reshape(n, 9, 9) / share,
+        tangent.mean_grad_p.reshape(n, 9, 1) / share,
     )

@@ -26,15 +26,15 @@ WHY = {
 #: So similar to a key is a slip of the pen, whatever else it may mean.
 SLIP = 0.8
 #: Keys of sections that have other keys for each ``kind``.
-OF_KINDS = ("geometry", "material", "body")
+OF_KINDS = ("geometry", "material", "body", "angle")
 #: Mappings whose values are such sections.
-OF_KINDS_BY_NAME = ("materials",)
+OF_KINDS_BY_NAME = ("materials", "regions", "fields")
 #: Keys that name a file.
 FILES = ("cell.geometry.path", "macro.body.path")
 #: A section of more keys than these is not described by them.
 MOST_KEYS = 8
 #: Names that pydantic adds behind the key of a value that may be a number or a section.
-FORMS = ("number", "course")
+FORMS = ("number", "course", "text")
 
 
 def faults(
@@ -123,7 +123,7 @@ def _text(document: YamlDocument, at: Location, group: list[ErrorDetails], root:
     if kind == "value_error":
         return f"{key}: {error['ctx']['error']}"
     if kind == "union_tag_invalid":
-        tags = list(_by_kind(_hint(root, at[:-1])[0]))
+        tags = [tag for tag in _by_kind(_hint(root, at[:-1])[0]) if tag not in FORMS]
         text = unexpected(at, f"one of {', '.join(tags)}", document.value(at))
         return _with_question(text, error["ctx"]["tag"], tags)
     expected = " or ".join(dict.fromkeys(_expected(e, place, root) for e in group))

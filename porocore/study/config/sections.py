@@ -14,6 +14,7 @@ from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import ByKey, Carried, Dimension, Unit
 from porocore.core.units.results import spoken
 from porocore.macro.boundary.symmetry import part_problem
+from porocore.macro.composition.regions import AnyRegion
 from porocore.macro.problem import MacroProblem, MacroSetup
 from porocore.sampling.execution.choice import ExecutorName, contradiction
 
@@ -144,6 +145,16 @@ class MacroSettings(MacroSetup):
     """Backend of the macroscale; null: that of ``fem.backend``; ``porocore run --macro NAME`` overrides it."""
     options: dict[str, Any] = Field(default={})
     """Options of the backend's macro solver; they change how the equations are solved, not the solution."""
+
+    @field_validator("regions")
+    @classmethod
+    def _one_cell(cls, regions: dict[str, AnyRegion]) -> dict[str, AnyRegion]:
+        if cells := [name for name, region in regions.items() if region.cell is not None]:
+            raise ValueError(
+                f"the region '{cells[0]}' names a cell of its own, but several cells in one study are not there yet; "
+                "leave 'cell:' out, so that it has the cell of the study, with its own 'fields:'"
+            )
+        return regions
 
     @field_validator("loads")
     @classmethod

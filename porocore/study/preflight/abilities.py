@@ -6,6 +6,8 @@ from porocore.cell.cell import Cell
 from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.macro import MacroSolver
+from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.composition.body_fields import require_composition
 from porocore.macro.problem import MacroSetup
 
 
@@ -81,3 +83,17 @@ def require_parameters(cell: Cell) -> None:
         "the parameters of a cell are no inputs of samples and surrogates yet: give one number, or solve single "
         "members with porocore cell state --parameters"
     )
+
+
+def require_fields(cell: Cell, problem: MacroSetup, mesh: BodyMesh) -> BodyMesh:
+    """Return the mesh after a check that regions and fields suit it and the parameters of the cell.
+
+    Raises
+    ------
+    ConfigurationError
+        A field is of no parameter, leaves its range or has no value; a parameter has no field; regions are empty or
+        overlap; a file does not cover the body.
+    """
+    ranges = {parameter.name: (parameter.lower, parameter.upper) for parameter in cell.parameters}
+    require_composition(problem, mesh, ranges, problem.time.end)
+    return mesh

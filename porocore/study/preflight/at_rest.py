@@ -11,7 +11,7 @@ from porocore.core.files.store import ResultStore
 from porocore.core.units.results import ResultUnits, length_text
 from porocore.core.units.scales import QUANTITIES
 from porocore.errors import PluginError
-from porocore.macro.drainage import (
+from porocore.macro.boundary.drainage import (
     drainage_time,
     drained_axes,
     drained_surfaces,

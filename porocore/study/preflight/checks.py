@@ -19,9 +19,9 @@ from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.surrogate import MORE_STATES, least_states
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary.conditions import boundary_data
+from porocore.macro.boundary.drainage import undrained
 from porocore.macro.boundary.probes import interpolation
 from porocore.macro.boundary.symmetry import Symmetry
-from porocore.macro.drainage import undrained
 from porocore.macro.problem import Boundary, MacroProblem, body_mesh
 from porocore.plugins import registry
 from porocore.plugins.kinds import KINDS, Kind
@@ -32,7 +32,7 @@ from porocore.study.config.config import RunConfig
 from porocore.study.magnitudes.left_out import left_out
 from porocore.study.magnitudes.prescribed import require_right_side_out
 from porocore.study.magnitudes.separation import separation
-from porocore.study.preflight.abilities import require_parameters
+from porocore.study.preflight.abilities import require_fields, require_parameters
 from porocore.study.preflight.at_rest import cell_length, edges
 from porocore.study.preflight.guess import RunTimes, decisions
 from porocore.study.preflight.limits import require_memory, slow_states, unit_of_the_modulus
@@ -140,7 +140,7 @@ def check_sampling(config: RunConfig, *, trained: bool) -> None:
 
 
 def place(config: RunConfig) -> BodyMesh:
-    """Return the mesh of the body after a check of its boundary conditions and probes.
+    """Return the mesh of the body after a check of its boundary conditions, probes, regions and fields.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def place(config: RunConfig) -> BodyMesh:
     boundary_data(mesh, problem)
     interpolation(mesh, problem.probes)
     Symmetry.of(problem)
-    return mesh
+    return require_fields(config.cell, problem, mesh)
 
 
 def outline(config: RunConfig) -> Iterator[str]:

@@ -13,7 +13,7 @@ import numpy as np
 from porocore.cell.cell import Cell
 from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
-from porocore.macro.drainage import undrained
+from porocore.macro.boundary.drainage import undrained
 from porocore.macro.reference import CellReference
 from porocore.plugins.border import conductivity_of, solution_of
 from porocore.sampling.execution.solved_store import StoringSolver

@@ -14,8 +14,8 @@ from porocore.cell.meshing.connectivity import pieces
 from porocore.cell.meshing.mesh_quality import CLOSED_PORES, closed_pores
 from porocore.core.inputs.sampled_range import SampledRange
 from porocore.interfaces.surrogate import Surrogate
+from porocore.macro.boundary.drainage import undrained
 from porocore.macro.closure_error import ClosureError, closure_error
-from porocore.macro.drainage import undrained
 from porocore.macro.laws import CLOSURES
 from porocore.macro.laws.direct_record import direct_records
 from porocore.macro.oscillation import diffusion_time, unresolved

@@ -1,0 +1,245 @@
+"""Parameters and places at the quadrature points of a body at a time (BodyFields, CellsAtPoints); their checks."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from porocore.errors import ConfigurationError
+from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.composition.axes import AXES, AxesField, as_field
+from porocore.macro.composition.composed_body import (
+    ComposedBody,
+    by_region,
+    field_corners,
+    require_names,
+    without_a_value,
+)
+from porocore.macro.composition.field import ParameterField, Points
+from porocore.macro.composition.regions import region_numbers
+from porocore.states import Array, BodyPlace, IntArray, MacroState
+
+#: Times from the beginning to the end at which fields are checked, beside their kinks.
+TIMES = 21
+
+
+class NeedsParameters(Protocol):
+    """A law, as far as its parameters matter; see :class:`~porocore.interfaces.law.MacroLaw`."""
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of all parameters."""
+
+    def parameters_of(self, region: int) -> tuple[str, ...]:
+        """Return the names of those that a region needs."""
+
+
+@dataclass(frozen=True)
+class CellRanges:
+    """Ranges of the parameters of one cell, which all regions have."""
+
+    ranges: Mapping[str, tuple[float, float]]
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters."""
+        return tuple(self.ranges)
+
+    def parameters_of(self, region: int) -> tuple[str, ...]:
+        """Return all names."""
+        return self.parameters
+
+
+@dataclass(frozen=True, eq=False)
+class CellsAtPoints:
+    """Parameters and places at n points at one time.
+
+    Attributes
+    ----------
+    parameters : (n, m)
+        None: the law has no parameters.
+    place
+        None: the body has neither regions nor axes.
+    """
+
+    parameters: Array | None = None
+    place: BodyPlace | None = None
+
+    def given_to(self, states: MacroState) -> MacroState:
+        """Return the states with these parameters and places."""
+        if self.parameters is None and self.place is None:
+            return states
+        return replace(states, parameters=self.parameters, place=self.place)
+
+
+#: Those of a body of one cell without parameters.
+EVERYWHERE_ALIKE = CellsAtPoints()
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """A field on the points that have it, with its key, and where it comes to if that does not change with time."""
+
+    key: str
+    rows: IntArray
+    points: Points
+    field: ParameterField
+    reached: Array | None
+
+    def at(self, time: float) -> Array:
+        found = self.field.reached(self.points, time, self.key) if self.reached is None else self.reached
+        return self.field.in_time(found, time)
+
+
+class BodyFields:
+    """Fields and regions of a body at the quadrature points of some elements, at any time.
+
+    Parameters
+    ----------
+    setup
+        Regions and fields.
+    mesh
+        Of the body.
+    law
+        Whose parameters are needed.
+    elements
+        Numbers of the elements; None: all.
+
+    Attributes
+    ----------
+    varies
+        Whether anything changes with time.
+    turned
+        Whether there are material axes.
+
+    Raises
+    ------
+    ConfigurationError
+        A field is of no parameter, a parameter has no field somewhere, regions are empty or overlap, or a file does not
+        suit the body.
+    """
+
+    def __init__(
+        self, setup: ComposedBody, mesh: BodyMesh, law: NeedsParameters, elements: IntArray | None = None
+    ) -> None:
+        self.names = names = law.parameters
+        require_names(setup, names)
+        self._pieces: list[list[_Piece]] = []
+        self._axes: list[tuple[str, IntArray, Points, AxesField]] = []
+        self.varies, self.turned = False, False
+        self._last: tuple[float, CellsAtPoints] | None = None
+        if not names and not setup.regions and not setup.fields:
+            self._last = 0.0, EVERYWHERE_ALIKE
+            return
+        numbers = region_numbers(mesh, setup.regions)
+        chosen = np.arange(len(mesh.cells)) if elements is None else elements
+        count = mesh.weights.shape[1]
+        self.points = Points(
+            mesh.quadrature_points[chosen].reshape(-1, 3),
+            mesh.centres[chosen],
+            np.repeat(np.arange(len(chosen)), count),
+        )
+        self._region = np.repeat(numbers[chosen], count)
+        self._collect(setup, law, numbers)
+
+    def _collect(self, setup: ComposedBody, law: NeedsParameters, numbers: IntArray) -> None:
+        present = [int(k) for k in np.unique(numbers)]
+        for name in self.names:
+            found = [*by_region(setup, name, present)]
+            given = {k for _, ks, _ in found for k in ks}
+            missing = [k for k in present if k not in given and name in law.parameters_of(k)]
+            if missing:
+                raise ConfigurationError(without_a_value(setup, name, missing))
+            pieces = []
+            for key, ks, value in found:
+                rows, field = np.flatnonzero(np.isin(self._region, ks)), as_field(value)
+                points = self.points[rows]
+                fixed = not _moves(field)
+                reached = field.reached(points, 0.0, key) if fixed else None
+                pieces.append(_Piece(key, rows, points, field, reached))
+                self.varies |= field.varies
+            self._pieces.append(pieces)
+        for key, ks, axes in by_region(setup, AXES, present):
+            rows = np.flatnonzero(np.isin(self._region, ks))
+            self._axes.append((key, rows, self.points[rows], axes))
+            self.varies |= axes.varies
+            self.turned = True
+
+    def at(self, time: float) -> CellsAtPoints:
+        """Return parameters and places at ``time``; the same object as before where nothing has changed.
+
+        Raises
+        ------
+        ConfigurationError
+            A formula has no value at a point.
+        """
+        if self._last is not None and (not self.varies or self._last[0] == time):
+            return self._last[1]
+        n = len(self.points)
+        parameters = np.full((n, len(self.names)), np.nan) if self.names else None
+        for column, pieces in enumerate(self._pieces):
+            for piece in pieces:
+                assert parameters is not None
+                parameters[piece.rows, column] = piece.at(time)
+        axes = np.broadcast_to(np.eye(3), (n, 3, 3)).copy() if self._axes else None
+        for key, rows, points, field in self._axes:
+            assert axes is not None
+            axes[rows] = field.rotations(points, time, key)
+        place = BodyPlace(self._region, axes)
+        self._last = time, CellsAtPoints(parameters, place)
+        return self._last[1]
+
+    def require_within(self, ranges: Mapping[str, tuple[float, float]], times: Collection[float]) -> None:
+        """Refuse a field that leaves the range of its parameter at one of ``times``.
+
+        Raises
+        ------
+        ConfigurationError
+            It does; the message names key, place, time and range.
+        """
+        for name, pieces in zip(self.names, self._pieces, strict=True):
+            low, high = ranges[name]
+            slack = 1e-9 * (high - low)
+            for piece in pieces:
+                for time in times if piece.field.varies else (0.0,):
+                    values = piece.at(time)
+                    outside = np.maximum(low - values, values - high)
+                    if len(values) and outside.max() > slack:
+                        worst = int(outside.argmax())
+                        at = ", ".join(f"{x:.4g}" for x in piece.points.places[worst])
+                        when = f", t = {time:g}" if piece.field.varies else ""
+                        raise ConfigurationError(
+                            f"{piece.key}: the field is {values[worst]:.6g} at ({at}){when}, beyond the range "
+                            f"[{low:g}, {high:g}] of the parameter '{name}'; narrow the field, or widen the range"
+                        )
+
+
+def require_composition(
+    setup: ComposedBody,
+    mesh: BodyMesh,
+    ranges: Mapping[str, tuple[float, float]],
+    end: float,
+) -> None:
+    """Refuse regions and fields that do not suit the body or the cell with parameters of these ``ranges``.
+
+    Fields that change are looked at from t = 0 to ``end``.
+
+    Raises
+    ------
+    ConfigurationError
+        See :class:`BodyFields`; or a field leaves the range of its parameter at some time.
+    """
+    corners = [time for time in field_corners(setup) if time < end]
+    times = sorted({*np.linspace(0.0, end, TIMES).tolist(), *corners})
+    body = BodyFields(setup, mesh, CellRanges(ranges))
+    body.require_within(ranges, times)
+    for time in times if body.turned and body.varies else (0.0,):
+        body.at(time)
+
+
+def _moves(field: ParameterField) -> bool:
+    """Tell whether the value to which the field comes depends on time itself, not by ``over`` alone."""
+    return field.model_copy(update={"over": None, "initial": None}).varies

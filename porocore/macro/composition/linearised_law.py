@@ -1,0 +1,155 @@
+"""Linear poroelasticity of a body of many cells: a law linearised at rest, point by point (LinearisedLaw)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse, MacroTangent, fingerprint
+from porocore.states import Array, MacroState
+
+
+@dataclass(frozen=True, eq=False)
+class RestCoefficients:
+    """Coefficients of linear poroelasticity at n points; see :class:`~porocore.macro.laws.linear.LinearCoefficients`.
+
+    Attributes
+    ----------
+    points
+        States at rest, with parameters and places.
+    stress : (n, 3, 3)
+        P₀ at rest, other than zero where a swelling is held.
+    stiffness : (n, 9, 9)
+        C_eff.
+    biot : (n, 9)
+        α from the storage.
+    storage : (n,)
+        1/M_B.
+    conductivity : (n, 3, 3)
+        K.
+    """
+
+    points: MacroState
+    stress: Array
+    stiffness: Array
+    biot: Array
+    storage: Array
+    conductivity: Array
+
+
+class LinearisedLaw(MacroLaw):
+    """A law linearised at H = 0 and p = 0, at each point with its own parameters and place.
+
+    P = P₀ + C_eff:H − α p, φ = φ₀ + α:H + p/M_B and q = −K ∇p. Where the parameters change with time, so do the
+    coefficients, P₀ and φ₀. The mean gradient <∇u¹>_s is not carried.
+
+    Parameters
+    ----------
+    law
+        Any law; it is asked at rest only.
+    name
+        For reports.
+    """
+
+    constant_tangent = True
+
+    def __init__(self, law: MacroLaw, name: str = "linear") -> None:
+        self.law, self.name, self.parameters = law, name, law.parameters
+        self.identity = fingerprint("linearised", law.identity)
+        self._known: list[RestCoefficients] = []
+
+    def parameters_of(self, region: int) -> tuple[str, ...]:
+        """Return those of the law; see :class:`MacroLaw`."""
+        return self.law.parameters_of(region)
+
+    def initial(self, n: int) -> LawMemory:
+        """Return the memory at rest."""
+        return LawMemory(MacroState.zeros(n), np.zeros((n, 3, 3)), np.zeros(n))
+
+    def initial_at(self, points: MacroState) -> LawMemory:
+        """Return the memory at rest, with the parameters and places of the points."""
+        return replace(self.initial(len(points)), states=_at_rest(points))
+
+    def respond(
+        self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
+    ) -> MacroResponse:
+        """Return the linear response; see :class:`MacroLaw`."""
+        n, c = len(states), self.coefficients(states)
+        H, p = states.grad_u.reshape(n, 9), states.p
+        fluid = np.einsum("ni,ni->n", c.biot, H) + c.storage * p
+        assert memory.fluid_volume is not None
+        taken_up = fluid - memory.fluid_volume
+        before = self.coefficients(memory.states)
+        if before is not c:
+            still = self.law.initial_at(before.points)
+            grown = self.law.respond(c.points, np.zeros((n, 3)), still, tangent=False)
+            taken_up = taken_up + grown.storage
+        stress = (c.stiffness @ H[:, :, None])[..., 0] - p[:, None] * c.biot
+        return MacroResponse(
+            stress=c.stress + stress.reshape(n, 3, 3),
+            storage=taken_up,
+            flux=-(c.conductivity @ grad_p[:, :, None])[..., 0],
+            memory=LawMemory(states, np.zeros((n, 3, 3)), fluid),
+            deformation=np.eye(3) + states.grad_u,
+            volume_ratio=np.ones(n),
+            transformed_conductivity=c.conductivity,
+            outside_training_range=np.zeros(n, bool),
+            tangent=MacroTangent(
+                stress_grad_u=c.stiffness.reshape(n, 3, 3, 3, 3),
+                stress_p=-c.biot.reshape(n, 3, 3),
+                storage_grad_u=c.biot.reshape(n, 3, 3),
+                storage_p=c.storage,
+                flux_grad_u=np.zeros((n, 3, 3, 3)),
+                flux_p=np.zeros((n, 3)),
+                flux_grad_p=-c.conductivity,
+            )
+            if tangent
+            else None,
+        )
+
+    def coefficients(self, states: MacroState) -> RestCoefficients:
+        """Return the coefficients at n points, by their parameters and places."""
+        for known in self._known:
+            if _same_points(known.points, states):
+                return known
+        rest = _at_rest(states)
+        n = len(rest)
+        found = self.law.respond(rest, np.zeros((n, 3)), self.law.initial_at(rest))
+        tangent = found.tangent
+        assert tangent is not None
+        C = tangent.stress_grad_u
+        C = (C + C.swapaxes(1, 2)) / 2
+        C = (C + C.swapaxes(3, 4)) / 2
+        alpha = (tangent.storage_grad_u + tangent.storage_grad_u.swapaxes(1, 2)) / 2
+        coefficients = RestCoefficients(
+            rest,
+            found.stress,
+            C.reshape(n, 9, 9),
+            alpha.reshape(n, 9),
+            np.array(tangent.storage_p),
+            -tangent.flux_grad_p,
+        )
+        self._known = [coefficients, *self._known[:1]]
+        return coefficients
+
+
+def _at_rest(states: MacroState) -> MacroState:
+    return replace(states, grad_u=np.zeros_like(states.grad_u), p=np.zeros_like(states.p))
+
+
+def _same_points(one: MacroState, other: MacroState) -> bool:
+    """Tell whether as many points have the same parameters, regions and axes."""
+    parts = (
+        [at.parameters, *([] if at.place is None else [at.place.region, at.place.axes])]
+        for at in (one, other)
+    )
+    first, second = parts
+    return (
+        len(one) == len(other)
+        and len(first) == len(second)
+        and all(
+            a is b or (a is not None and b is not None and np.array_equal(a, b))
+            for a, b in zip(first, second, strict=True)
+        )
+    )

@@ -1,0 +1,186 @@
+"""Fields of a parameter from files: stacks of images, cell data of meshes; from grey or data to the parameter."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Field, field_validator
+from scipy.spatial import cKDTree
+
+from porocore.cell.level_sets.image import open_values
+from porocore.core.echo import echo, suggestion
+from porocore.core.files.foreign_mesh import read_mesh
+from porocore.core.files.input_file import FromFile
+from porocore.core.models.bounds import MOST_TIMES
+from porocore.core.units.dimensions import Dimension
+from porocore.errors import ConfigurationError
+from porocore.macro.composition.field import ParameterField, Points
+from porocore.states import Array
+
+Length = Annotated[float, Field(gt=0), Dimension("displacement")]
+#: Corners of the elements whose data are read, and tetrahedra of which each consists.
+CORNERS = {"tetra": 4, "tetra10": 4, "hexahedron": 8, "hexahedron27": 8}
+_OF_A_HEXAHEDRON = np.array(
+    [(0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)]
+)
+#: Tetrahedra of a file that are tried for a place, the nearest first; more of them where none of the first holds it.
+NEAREST = (20, 500)
+#: So far outside an element, as a share of its size, a place counts as within.
+SLACK = 1e-6
+
+
+class MeasuredField(FromFile, ParameterField):
+    """Values from a file, read at the centre of each element."""
+
+    values: Annotated[tuple[tuple[float, float], ...], Field(max_length=MOST_TIMES)] = ()
+    """[value in the file, parameter] with ascending values, linear in between and constant beyond; empty: the file
+    holds the parameter itself."""
+
+    @field_validator("values")
+    @classmethod
+    def _ascend(cls, values: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+        given = [value for value, _ in values]
+        if sorted(set(given)) != given:
+            raise ValueError("the values of the file do not ascend")
+        return values
+
+    @abstractmethod
+    def read(self, centres: Array, key: str) -> Array:
+        """Return what the file holds at the centres (elements, 3).
+
+        Raises
+        ------
+        ConfigurationError
+            The file cannot be read, or does not cover the body; the message begins with ``key``.
+        """
+
+    def reached(self, points: Points, time: float, key: str) -> Array:
+        """Return the values of the file at the centre of each point's element."""
+        used, inverse = np.unique(points.element, return_inverse=True)
+        found = self.read(points.centres[used], key)
+        bad = np.flatnonzero(~np.isfinite(found))
+        if len(bad):
+            raise ConfigurationError(
+                f"{key}.path: {Path(self.path).name} holds no finite number at {_text(points.centres[used][bad[0]])}, "
+                f"in one of {len(bad)} of {len(found)} elements; fill the gaps"
+            )
+        if self.values:
+            at, to = np.array(self.values).T
+            found = np.interp(found, at, to)
+        return np.asarray(found[inverse.reshape(-1)])
+
+
+class ImageField(MeasuredField):
+    """A stack of images, each voxel of which has one value; it has to cover the body."""
+
+    kind: Literal["image"]
+    """A stack of images from a ``.npy`` or TIFF file."""
+    voxel_size: Length | tuple[Length, Length, Length]
+    """Edge of a voxel, or its edges along x, y and z; with a unit, such as 50 um, or as a multiple of the length."""
+    origin: Annotated[tuple[float, float, float], Dimension("displacement")] = (0.0, 0.0, 0.0)
+    """Corner of the image with the smallest coordinates, in the body."""
+
+    def read(self, centres: Array, key: str) -> Array:
+        """Return the value of the voxel in which each centre lies."""
+        image = _image(self.checked(key))
+        edges = np.broadcast_to(np.asarray(self.voxel_size, float), 3)
+        index = np.floor((centres - np.array(self.origin)) / edges).astype(np.int64)
+        outside = ((index < 0) | (index >= image.shape)).any(axis=1)
+        if outside.any():
+            ends = np.array(self.origin) + edges * image.shape
+            raise ConfigurationError(
+                f"{key}: the image of {' × '.join(map(str, image.shape))} voxels reaches from {_text(self.origin)} to "
+                f"{_text(ends)}, but {int(outside.sum())} of {len(centres)} elements lie outside, one at "
+                f"{_text(centres[outside.argmax()])}; check voxel_size, origin and the order of its axes"
+            )
+        return np.asarray(image[tuple(index.T)], float)
+
+
+class DataField(MeasuredField):
+    """Data of the elements of a mesh, which has to cover the body."""
+
+    kind: Literal["data"]
+    """Data of the elements of a mesh that meshio reads, such as ``.vtu``."""
+    data: Annotated[str, Field(min_length=1)]
+    """Name of the data."""
+    scale: Length = 1.0
+    """Factor of the file's coordinates; with a unit, that of the file, such as ``1 mm``."""
+
+    def read(self, centres: Array, key: str) -> Array:
+        """Return the data of the element of the file in which each centre lies."""
+        path = self.checked(key)
+        corners, element, data = _mesh_data(path, self.data, key)
+        found = _element_at(corners * self.scale, centres)
+        if (outside := found < 0).any():
+            nodes = (corners * self.scale).reshape(-1, 3)
+            low, high = nodes.min(axis=0), nodes.max(axis=0)
+            raise ConfigurationError(
+                f"{key}: the mesh of {path.name} reaches from {_text(low)} to {_text(high)}, but "
+                f"{int(outside.sum())} of {len(centres)} elements of the body lie outside its elements, one at "
+                f"{_text(centres[outside.argmax()])}; check scale"
+            )
+        return np.asarray(data[element[found]])
+
+
+@lru_cache(maxsize=4)
+def _image(path: Path) -> Any:
+    return open_values(path)
+
+
+def _mesh_data(path: Path, name: str, key: str) -> tuple[Array, Any, Array]:
+    """Return corners of tetrahedra (k, 4, 3), the element of each (k,), and the data of the elements."""
+    mesh = read_mesh(path)
+    if name not in mesh.cell_data:
+        advice = (
+            suggestion(name, list(mesh.cell_data), "its data of elements are")
+            if mesh.cell_data
+            else "it has none"
+        )
+        raise ConfigurationError(
+            f"{key}.data: {path.name} has no data {echo(name)} of its elements; {advice}"
+        )
+    corners, element, data, count = [], [], [], 0
+    for block, values in zip(mesh.cells, mesh.cell_data[name], strict=True):
+        if block.type not in CORNERS:
+            continue
+        values = np.asarray(values, float)
+        if values.ndim != 1 and values.shape[1:] != (1,):
+            raise ConfigurationError(
+                f"{key}.data: expected one number for each element, got {echo(name)} of the shape {values.shape}"
+            )
+        nodes = np.asarray(block.data)[:, : CORNERS[block.type]]
+        split = _OF_A_HEXAHEDRON if nodes.shape[1] == 8 else np.array([(0, 1, 2, 3)])
+        corners.append(np.asarray(mesh.points, float)[nodes[:, split]].reshape(-1, 4, 3))
+        element.append(np.repeat(np.arange(len(nodes)), len(split)) + count)
+        data.append(values.reshape(-1))
+        count += len(nodes)
+    if not count:
+        raise ConfigurationError(f"{key}.path: {path.name} has no {', '.join(CORNERS)} elements")
+    return np.concatenate(corners), np.concatenate(element), np.concatenate(data)
+
+
+def _element_at(corners: Array, places: Array) -> Any:
+    """Return the tetrahedron (n,) in which each place lies, or -1."""
+    tree = cKDTree(corners.mean(axis=1))
+    inverse = np.linalg.pinv((corners[:, 1:] - corners[:, :1]).swapaxes(1, 2))
+    found = np.full(len(places), -1)
+    for count in NEAREST:
+        left = np.flatnonzero(found < 0)
+        if not len(left):
+            break
+        _, near = tree.query(places[left], k=min(count, len(corners)))
+        for column in np.asarray(near).reshape(len(left), -1).T:
+            open_ = found[left] < 0
+            rows, tried = left[open_], column[open_]
+            share = (inverse[tried] @ (places[rows] - corners[tried, 0])[:, :, None])[..., 0]
+            inside = (share.min(axis=1) >= -SLACK) & (share.sum(axis=1) <= 1 + SLACK)
+            found[rows[inside]] = tried[inside]
+    return found
+
+
+def _text(place: Any) -> str:
+    return f"({', '.join(f'{value:.4g}' for value in place)})"

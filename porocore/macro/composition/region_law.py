@@ -1,0 +1,184 @@
+"""Law of a body whose regions have laws of their own (RegionLaw)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, replace
+from typing import Any, TypeVar
+
+import numpy as np
+
+from porocore.core.fields.batch import Batch
+from porocore.errors import ConfigurationError
+from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse, fingerprint
+from porocore.states import Array, IntArray, MacroState
+
+T = TypeVar("T", bound=Batch)
+
+
+class RegionLaw(MacroLaw):
+    """A law that asks for each point the law of its region.
+
+    The tangent is constant where that of each law is, and the noise is the largest. Parameters are those of all laws
+    together, each name once.
+
+    Parameters
+    ----------
+    laws
+        Law of each region by the region's number: that of the rest of the body first, then the others in the order of
+        the configuration.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no law.
+    """
+
+    def __init__(self, laws: Sequence[MacroLaw]) -> None:
+        if not laws:
+            raise ConfigurationError("laws of regions: expected a law for each region, got none")
+        self.laws = tuple(laws)
+        self.name = " + ".join(dict.fromkeys(law.name for law in self.laws))
+        self.identity = fingerprint("regions", *(law.identity for law in self.laws))
+        self.noise = max(law.noise for law in self.laws)
+        self.constant_tangent = all(law.constant_tangent for law in self.laws)
+        self.parameters = tuple(dict.fromkeys(name for law in self.laws for name in law.parameters))
+        self._columns = [[self.parameters.index(name) for name in law.parameters] for law in self.laws]
+
+    @classmethod
+    def by_name(cls, regions: Sequence[str], laws: Mapping[str, MacroLaw], rest: MacroLaw) -> RegionLaw:
+        """Return the law of ``regions``, by their names in the configuration; those without a law have ``rest``.
+
+        Raises
+        ------
+        ConfigurationError
+            A law is given for a region that is not there.
+        """
+        for name in laws:
+            if name not in regions:
+                known = ", ".join(regions) or "none"
+                raise ConfigurationError(
+                    f"laws of regions: there is no region '{name}'; the regions are {known}"
+                )
+        return cls([rest, *(laws.get(name, rest) for name in regions)])
+
+    def parameters_of(self, region: int) -> tuple[str, ...]:
+        """Return those of the region's law; see :class:`MacroLaw`."""
+        return self.laws[region].parameters if region < len(self.laws) else ()
+
+    def initial(self, n: int) -> LawMemory:
+        """Return the memory at rest of n points of the rest of the body."""
+        return _with_states(self.laws[0].initial(n), MacroState.zeros(n))
+
+    def initial_at(self, points: MacroState) -> LawMemory:
+        """Return the memory at rest, by the law of each point's region."""
+        parts = [
+            (rows, law.initial_at(self._seen(points[rows], k))) for k, law, rows in self._regions(points)
+        ]
+        rest = replace(points, grad_u=np.zeros_like(points.grad_u), p=np.zeros_like(points.p))
+        return _with_states(_joined(LawMemory, parts, len(points)), rest)
+
+    def respond(
+        self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
+    ) -> MacroResponse:
+        """Return the response of the law of each point's region."""
+        return self.respond_to_each(states, [grad_p], memory, tangent=tangent)[0]
+
+    def respond_to_each(
+        self, states: MacroState, gradients: Sequence[Array], memory: LawMemory, *, tangent: bool = True
+    ) -> list[MacroResponse]:
+        """Return the responses to several gradients of the pressure; see :class:`MacroLaw`."""
+        found: list[list[tuple[IntArray, MacroResponse]]] = [[] for _ in gradients]
+        for k, law, rows in self._regions(states):
+            responses = law.respond_to_each(
+                self._seen(states[rows], k),
+                [grad_p[rows] for grad_p in gradients],
+                self._memory_seen(memory[rows], k),
+                tangent=tangent,
+            )
+            for parts, response in zip(found, responses, strict=True):
+                parts.append((rows, response))
+        joined = [_joined(MacroResponse, parts, len(states)) for parts in found]
+        return [replace(each, memory=_with_states(each.memory, states)) for each in joined]
+
+    def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
+        """Ask the law of each region; a changed memory of one leaves those of the others as they are."""
+        parts, changed = [], False
+        for k, law, rows in self._regions(response.memory.states):
+            part = response[rows]
+            part = replace(part, memory=self._memory_seen(part.memory, k))
+            old = self._memory_seen(memory[rows], k)
+            new = law.before_accept(part, old)
+            changed |= new is not None
+            parts.append((rows, old if new is None else new))
+        if not changed:
+            return None
+        return _with_states(_joined(LawMemory, parts, len(memory.states)), memory.states)
+
+    def reasons(self, states: MacroState) -> list[str]:
+        """Return the reasons that the laws know; see :class:`MacroLaw`."""
+        found = [""] * len(states)
+        for k, law, rows in self._regions(states):
+            for row, reason in zip(rows, law.reasons(self._seen(states[rows], k)), strict=True):
+                found[row] = reason
+        return found
+
+    def _regions(self, states: MacroState) -> list[tuple[int, MacroLaw, IntArray]]:
+        """Return number, law and points of each region that has points.
+
+        Raises
+        ------
+        ValueError
+            The states do not tell their region, or one of a region without a law.
+        """
+        if states.place is None:
+            raise ValueError("expected states with the number of their region (place)")
+        region = states.place.region
+        if len(region) and not 0 <= region.min() <= region.max() < len(self.laws):
+            raise ValueError(
+                f"expected regions from 0 to {len(self.laws) - 1}, for which there are laws, got {region.max()}"
+            )
+        numbers = np.unique(region) if len(region) else np.zeros(1, dtype=np.int64)
+        return [(int(k), self.laws[k], np.flatnonzero(region == k)) for k in numbers]
+
+    def _seen(self, states: MacroState, k: int) -> MacroState:
+        """Return the states with the parameters of law ``k`` alone, in its order."""
+        theta = states.parameters
+        return replace(
+            states, parameters=theta[:, self._columns[k]] if theta is not None and self._columns[k] else None
+        )
+
+    def _memory_seen(self, memory: LawMemory, k: int) -> LawMemory:
+        return replace(memory, states=self._seen(memory.states, k))
+
+
+def _with_states(memory: LawMemory, states: MacroState) -> LawMemory:
+    """Return the memory of points with these states, with a fluid volume whether their laws count from it or not."""
+    fluid = memory.fluid_volume
+    return replace(
+        memory, states=states, fluid_volume=np.full(len(states), np.nan) if fluid is None else fluid
+    )
+
+
+def _joined(kind: type[T], parts: Sequence[tuple[IntArray, T]], n: int) -> T:
+    """Return a batch of n rows from parts, each with its rows; NaN where a part leaves out what another has."""
+    values: dict[str, Any] = {}
+    for f in fields(kind):  # type: ignore[arg-type]
+        found = [(rows, getattr(part, f.name)) for rows, part in parts]
+        there = [(rows, value) for rows, value in found if value is not None]
+        if not there:
+            values[f.name] = None
+            continue
+        first = there[0][1]
+        if isinstance(first, MacroState):  # of a memory, which gets the states of all points
+            values[f.name] = MacroState.zeros(n)
+        elif isinstance(first, Batch):
+            values[f.name] = _joined(type(first), there, n)
+        else:
+            whole = np.empty((n, *first.shape[1:]), dtype=first.dtype)
+            if len(there) < len(found):
+                whole[:] = np.nan
+            for rows, value in there:
+                whole[rows] = value
+            values[f.name] = whole
+    return kind(**values)
