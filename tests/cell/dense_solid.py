@@ -69,7 +69,7 @@ class DenseSolid(DiscreteSolid):
     kind_of_factor = DenseFactor
 
     def __init__(self, mesh, material):
-        self.mesh, self.material = mesh, material
+        self.mesh, self.material, self.degree = mesh, material, 1
         edges = mesh.points[mesh.cells[:, 1:]] - mesh.points[mesh.cells[:, :1]]
         inner = np.linalg.inv(edges).swapaxes(1, 2)
         self.grad_N = np.concatenate([-inner.sum(axis=1, keepdims=True), inner], axis=1)
@@ -152,10 +152,10 @@ class DenseSolid(DiscreteSolid):
         changes = [self.stress_change(factor.iterate, UNIT_LOADS[c], float(c == 9)) for c in columns]
         R = np.stack([self.forces(change, factor.parity) for change in changes], axis=1)
         U = -factor.solve(R)
-        fields = [self.gradient(self.expanded(u, factor.parity)) for u in U.T]
+        displacement = np.stack([self.expanded(u, factor.parity) for u in U.T])
         direct = np.stack([np.einsum("e,eij->ij", self.volumes, change).ravel() for change in changes])
-        grad = np.stack([np.einsum("e,eij->ij", self.volumes, field) for field in fields])
-        return Sensitivities(grad, second_derivatives(columns, direct) + R.T @ U)
+        grad = np.stack([np.einsum("e,eij->ij", self.volumes, self.gradient(u)) for u in displacement])
+        return Sensitivities(displacement, grad, second_derivatives(columns, direct) + R.T @ U)
 
 
 class DenseCellSolver(EquilibriumCellSolver):

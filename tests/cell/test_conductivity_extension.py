@@ -24,7 +24,8 @@ def meshes(geometry, element, domain):
 @pytest.mark.parametrize("element", ["linear", "quadratic-straight", "quadratic-curved"])
 def test_the_wall_is_exact_for_affine_fields(element):
     solid, fluid = meshes(OrthogonalChannels(radius=0.25), element, "eighth")
-    nodes, matrix = wall_interpolation(solid, fluid)
+    wall = wall_interpolation(solid, fluid)
+    nodes, matrix = wall.nodes, wall.matrix
     assert set(nodes) == set(np.unique(fluid.wall))
     np.testing.assert_allclose(matrix @ (solid.points @ A.T), fluid.points[nodes] @ A.T, atol=1e-12)
 
@@ -40,7 +41,8 @@ def test_the_wall_is_exact_for_affine_fields(element):
 )
 def test_the_wall_of_the_whole_cell_is_periodic_and_near_a_smooth_field(geometry):
     solid, fluid = meshes(geometry, "quadratic-curved", "whole")
-    nodes, matrix = wall_interpolation(solid, fluid)
+    wall = wall_interpolation(solid, fluid)
+    nodes, matrix = wall.nodes, wall.matrix
     images = fluid.periodic_class[nodes]
 
     def smooth(points):
@@ -64,7 +66,8 @@ def test_it_keeps_planes_wall_and_periodicity(domain):
     for plane in (-0.5, 0.0, 0.5):
         for axis in range(3):
             assert np.abs(moved[fluid.points[:, axis] == plane, axis]).max(initial=0) < 1e-12
-    nodes, matrix = wall_interpolation(solid, fluid)
+    wall = wall_interpolation(solid, fluid)
+    nodes, matrix = wall.nodes, wall.matrix
     expected = matrix @ u
     if domain == "eighth":
         expected[np.isin(fluid.points[nodes], (0.0, 0.5))] = 0.0

@@ -92,7 +92,7 @@ class DolfinxSolid(DiscreteSolid[DolfinxIterate, DolfinxTangentFactor]):
     def __init__(
         self, cell: Cell, mesh: CellMesh, *, degree: int, solver: str, petsc: Mapping[str, OptionValue]
     ) -> None:
-        self.mesh, self.material = mesh, cell.solid.on(mesh)
+        self.mesh, self.material, self.degree = mesh, cell.solid.on(mesh), degree
         self._solver, self._petsc = solver, petsc
         self.space = space = SolidSpace(mesh, degree)
         self._forms: SolidForms = (
@@ -277,7 +277,9 @@ class DolfinxSolid(DiscreteSolid[DolfinxIterate, DolfinxTangentFactor]):
             except FactorError:
                 U.append(np.full(condensation.size, np.nan))
                 indefinite = indefinite or self._solvers[parity].negative > 0
-        grad = np.array([[g @ condensation.expand(u) for g in self._forms.means] for u in U])
+        fields = [condensation.expand(u) for u in U]
+        grad = np.array([[g @ field for g in self._forms.means] for field in fields])
+        displacement = np.stack([self.space.to_nodes(field) for field in fields])
         direct = second_derivatives(columns, np.array(explicit))
         second = direct + np.array(R) @ np.array(U).T
-        return Sensitivities(grad.reshape(-1, 3, 3), second, 1 if indefinite else -1)
+        return Sensitivities(displacement, grad.reshape(-1, 3, 3), second, 1 if indefinite else -1)

@@ -7,7 +7,7 @@ import ufl
 from petsc4py import PETSc
 from scipy import sparse
 
-from porocore.cell.conductivity.fluid import DiscreteFluid
+from porocore.cell.conductivity.fluid import DiscreteFluid, FlowFields
 from porocore.cell.meshing.connectivity import joined_by_nodes
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.symmetry.parity import held_pressures, held_velocities
@@ -34,8 +34,8 @@ class DolfinxStokes(DiscreteFluid):
         self._divergence = compat.form(-q * ufl.div(w) * domain.dx)
         self._force = compat.constant(domain.domain, np.zeros(3))
         self._load = compat.form(ufl.inner(self._force, v) * domain.dx)
-        velocity_node = domain.nodes_of(compat.cell_dofs(velocity.dofmap))
-        pressure_node = domain.nodes_of(compat.cell_dofs(pressure.dofmap))
+        self._velocity_node = velocity_node = domain.nodes_of(compat.cell_dofs(velocity.dofmap))
+        self._pressure_node = pressure_node = domain.nodes_of(compat.cell_dofs(pressure.dofmap))
         part = joined_by_nodes(mesh)[pressure_node]
         #: Forces whose flows vanish at the same places, and the free unknowns of these flows.
         self._classes: list[tuple[list[int], Condensation, Condensation]] = []
@@ -54,6 +54,9 @@ class DolfinxStokes(DiscreteFluid):
             self._classes.append((members, free, Condensation(images, held)))
 
     def integrals(self, points: Array) -> Array:
+        return self.fields(points).integrals
+
+    def fields(self, points: Array) -> FlowFields:
         self._domain.move(points)
         A = _into_scipy(compat.assemble_matrix(self._laplacian))
         B = _into_scipy(compat.assemble_matrix(self._divergence))
@@ -61,17 +64,23 @@ class DolfinxStokes(DiscreteFluid):
         for i in range(3):
             self._force.value[:] = np.eye(3)[i]
             loads[i] = compat.assemble_vector(self._load)
-        integrals = np.zeros((3, 3))
+        n, integrals = len(self.mesh.points), np.zeros((3, 3))
+        velocities, pressures = np.zeros((n, 3, 3)), np.zeros((n, 3))
         for members, velocity, pressure in self._classes:
             condensed = velocity.T.T @ A @ velocity.T, pressure.T.T @ B @ velocity.T
             flows = _saddle_point(*condensed, [velocity.reduce(loads[j]) for j in members])
-            for j, w in zip(members, flows, strict=True):
-                integrals[:, j] = loads @ velocity.expand(w)
-        return integrals
+            for j, (w, p) in zip(members, flows, strict=True):
+                flow = velocity.expand(w)
+                integrals[:, j] = loads @ flow
+                velocities[self._velocity_node, :, j] = flow.reshape(-1, 3)
+                pressures[self._pressure_node, j] = pressure.expand(p)
+        return FlowFields(velocities, pressures, integrals)
 
 
-def _saddle_point(A: sparse.csr_matrix, B: sparse.csr_matrix, loads: list[Array]) -> list[Array]:
-    """Return w of [A Bᵀ; B 0] (w, p) = (f, 0) for each f."""
+def _saddle_point(
+    A: sparse.csr_matrix, B: sparse.csr_matrix, loads: list[Array]
+) -> list[tuple[Array, Array]]:
+    """Return w and p of [A Bᵀ; B 0] (w, p) = (f, 0) for each f."""
     n, m = A.shape[0], B.shape[0]
     # A stored zero on the diagonal: PETSc's factorisations want to find one there.
     nothing = sparse.csr_matrix((np.zeros(m), (range(m), range(m))), (m, m))
@@ -79,7 +88,8 @@ def _saddle_point(A: sparse.csr_matrix, B: sparse.csr_matrix, loads: list[Array]
     matrix = to_petsc(sparse.bmat([[A, B.T], [B, nothing]], "csr"))
     try:
         solver.use(matrix)
-        return [solver.solve(np.concatenate([f, np.zeros(m)]))[:n] for f in loads]
+        solved = [solver.solve(np.concatenate([f, np.zeros(m)])) for f in loads]
+        return [(x[:n], x[n:]) for x in solved]
     finally:
         solver.destroy()
         matrix.destroy()

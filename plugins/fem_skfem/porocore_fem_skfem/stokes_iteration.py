@@ -17,8 +17,6 @@ from porocore.cell.equilibrium.discrete import FactorError
 from porocore.states import Array
 from porocore_fem_skfem.products import Product
 
-#: Relative residual in the norm of the preconditioner; the error of the conductivity, its square, is then 1e-11.
-TOLERANCE = 1e-6
 LIMIT = 1_000
 
 
@@ -48,8 +46,10 @@ class StokesSystem:
     precondition: Callable[[Array], Array]
 
 
-def solve(system: StokesSystem, force: Array) -> tuple[Array, Array, Array, Array]:
+def solve(system: StokesSystem, force: Array, tolerance: float) -> tuple[Array, Array, Array, Array]:
     """Return velocities (n, 3 f), pressures (m, f) and the residuals of both under a force (n, 3 f).
+
+    ``tolerance`` is that of the relative residual in the norm of the preconditioner.
 
     Raises
     ------
@@ -79,7 +79,7 @@ def solve(system: StokesSystem, force: Array) -> tuple[Array, Array, Array, Arra
         return joined(system.precondition(w), p / system.mass[:, None])
 
     right = joined(force, np.zeros((m, flows)))
-    x, converged = minres(apply, right, precondition, tolerance=TOLERANCE, limit=LIMIT)
+    x, converged = minres(apply, right, precondition, tolerance=tolerance, limit=LIMIT)
     if not converged:
         raise FactorError(f"MINRES did not converge in {LIMIT} iterations")
     return *split(x), *split(right - apply(x))

@@ -23,7 +23,8 @@ from porocore.states import Array, IntArray
 class HarmonicExtension:
     """Harmonic extension of u¹ from the solid to the nodes of the fluid; set up once, applied by back substitution.
 
-    Both meshes are of the same domain; the elements of the fluid are quadratic.
+    Both meshes are of the same domain; the elements of the fluid are quadratic. Where both were moved from those of a
+    ``base``, the field is harmonic there and the walls belong together as there; so it depends smoothly on the motion.
 
     Raises
     ------
@@ -31,9 +32,12 @@ class HarmonicExtension:
         The walls of the two meshes do not coincide.
     """
 
-    def __init__(self, solid: CellMesh, fluid: CellMesh) -> None:
-        self.fluid = fluid
-        self._wall, self._to_wall = wall_interpolation(solid, fluid)
+    def __init__(
+        self, solid: CellMesh, fluid: CellMesh, base: tuple[CellMesh, CellMesh] | None = None
+    ) -> None:
+        self._solid, self._interpolation = solid, wall_interpolation(solid, fluid, base)
+        self._wall = self._interpolation.nodes
+        fluid = self.fluid = fluid if base is None else base[1]
         images = fluid.periodic_class
         self._corners, first = np.unique(images[fluid.cells[:, :4]], return_index=True)
         number = np.full(int(images.max()) + 1, -1)
@@ -69,8 +73,23 @@ class HarmonicExtension:
 
     def __call__(self, u: Array) -> Array:
         """Return u¹ (nodes, 3) of the fluid from that of the solid (nodes, 3)."""
+        return self._extended(self._interpolation.matrix @ u)
+
+    def slope(self, u: Array, u_slope: Array, solid_velocity: Array, fluid_velocity: Array) -> Array:
+        """Return the slope (nodes, 3) of u¹ of the fluid where both meshes move and u¹ changes by ``u_slope``.
+
+        Parameters
+        ----------
+        u, u_slope : (nodes of the solid, 3)
+            u¹ of the solid, and its slope at the moving nodes.
+        solid_velocity, fluid_velocity : (nodes, 3)
+            Slopes of the places of the nodes of each mesh.
+        """
+        on_wall = self._interpolation.slope(self._solid, u, u_slope, solid_velocity, fluid_velocity)
+        return self._extended(on_wall)
+
+    def _extended(self, on_wall: Array) -> Array:
         fluid = self.fluid
-        on_wall = self._to_wall @ u
         if fluid.domain == "eighth":
             on_wall[fluid.on_mirrors[self._wall]] = 0.0
         corners = np.zeros((len(self._corners), 3))

@@ -3,11 +3,35 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
 
 from porocore.cell.equilibrium.discrete import FactorError
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.errors import PorocoreError
 from porocore.states import Array
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class FlowFields:
+    """Flows under the three unit forces e_j.
+
+    Attributes
+    ----------
+    velocity : (nodes, 3, 3)
+        w^j_i at the nodes.
+    pressure : (nodes, 3)
+        Pressure s^j at the corners; 0 at mid-edge nodes.
+    integrals : (3, 3)
+        ∫ w^j_i dx.
+    """
+
+    velocity: Array
+    pressure: Array
+    integrals: Array
 
 
 class DiscreteFluid(ABC):
@@ -47,8 +71,21 @@ class DiscreteFluid(ABC):
         PorocoreError
             The system cannot be solved.
         """
+        return self._solved(self.integrals, points)
+
+    def flow_fields(self, points: Array | None = None) -> FlowFields:
+        """Return velocities and pressures that are as accurate as slopes of the flow need; see :meth:`flow`.
+
+        Raises
+        ------
+        PorocoreError
+            The system cannot be solved.
+        """
+        return self._solved(self.fields, points)
+
+    def _solved(self, solve: Callable[[Array], T], points: Array | None) -> T:
         try:
-            return self.integrals(self.mesh.points if points is None else points)
+            return solve(self.mesh.points if points is None else points)
         except FactorError as error:
             raise PorocoreError(
                 f"the Stokes cell problem cannot be solved ({error}); refine the mesh (cell.mesh.fluid_size)"
@@ -57,3 +94,7 @@ class DiscreteFluid(ABC):
     @abstractmethod
     def integrals(self, points: Array) -> Array:
         """Return what :meth:`flow` does; a FactorError says why the system cannot be solved."""
+
+    @abstractmethod
+    def fields(self, points: Array) -> FlowFields:
+        """Return what :meth:`flow_fields` does; a FactorError says why the system cannot be solved."""

@@ -8,6 +8,8 @@ and exact where it is affine.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import product
 
 import numpy as np
@@ -29,35 +31,107 @@ FARTHEST = 0.5
 ALIKE = 1e-8
 
 
-def wall_interpolation(solid: CellMesh, fluid: CellMesh) -> tuple[IntArray, csr_matrix]:
-    """Return the wall nodes of the fluid, with every periodic image, and the matrix from the solid's nodal values.
+@dataclass(frozen=True, eq=False)
+class WallInterpolation:
+    """Interpolation of the solid's displacement to the wall nodes of the fluid, with every periodic image.
 
-    Returns
-    -------
+    Attributes
+    ----------
     nodes : (k,)
         Wall nodes of the fluid.
     matrix : (k, nodes of the solid)
-        Periodic images have the same row.
+        Values there from the solid's nodal values; periodic images have the same row.
+    row : (k,), first : (c,)
+        Number of the periodic class of each node, and one node of each class.
+    rows, elements, shifts, local, shares : (l,), (l,), (l, 3), (l, 3), (l,)
+        Class that is located, element of the solid, period from that to the class, coordinates in it, and weight;
+        equally good elements share a class.
+    """
+
+    nodes: IntArray
+    matrix: csr_matrix
+    row: IntArray
+    first: IntArray
+    rows: IntArray
+    elements: IntArray
+    shifts: Array
+    local: Array
+    shares: Array
+
+    def slope(
+        self, solid: CellMesh, u: Array, u_slope: Array, solid_velocity: Array, fluid_velocity: Array
+    ) -> Array:
+        """Return the slope (k, 3) of the interpolated u where both meshes move, each with its own nodal velocity.
+
+        A wall node of the fluid moves within the element of the solid where the velocities differ.
+        """
+        cells = solid.cells[self.elements]
+        N, dN = shape_functions(self.local, cells.shape[1])
+
+        def at_points(values: Array) -> Array:
+            return np.asarray(np.einsum("la,lai->li", N, values[cells]))
+
+        jacobian = np.einsum("lai,laj->lij", solid.points[cells], dN)
+        beside = fluid_velocity[self.first][self.rows] - at_points(solid_velocity)
+        moved = np.linalg.solve(jacobian, beside[:, :, None])
+        found = at_points(u_slope) + (np.einsum("lai,laj->lij", u[cells], dN) @ moved)[:, :, 0]
+        out = np.zeros((len(self.first), 3))
+        np.add.at(out, self.rows, self.shares[:, None] * found)
+        return np.asarray(out[self.row])
+
+
+def wall_interpolation(
+    solid: CellMesh, fluid: CellMesh, base: tuple[CellMesh, CellMesh] | None = None
+) -> WallInterpolation:
+    """Return the interpolation to the wall nodes of the fluid.
+
+    Parameters
+    ----------
+    solid, fluid
+        Meshes of one domain.
+    base
+        Meshes of solid and fluid of which these are moved ones: every node keeps the elements of the base.
 
     Raises
     ------
     ConfigurationError
         The walls do not coincide.
     """
+    if base is None:
+        return _located(solid, fluid)
+    found = _located_in_base(*base)
+    places = fluid.points[found.first][found.rows] - found.shifts
+    local, _ = _inverted(solid.points[solid.cells[found.elements]], places, found.local)
+    moved = replace(found, local=local)
+    return replace(moved, matrix=_matrix(solid, moved.rows, moved.elements, local, moved.shares)[found.row])
+
+
+def _located(solid: CellMesh, fluid: CellMesh) -> WallInterpolation:
     images = fluid.periodic_class
     walled = np.unique(fluid.wall)
     classes, first = np.unique(images[walled], return_index=True)
-    rows, elements, local, shares = _looked_up(solid, fluid.points[walled[first]])
+    found = _looked_up(solid, fluid.points[walled[first]])
+    rows, elements, _, local, shares = found
+    matrix = _matrix(solid, rows, elements, local, shares)
+    nodes = np.flatnonzero(np.isin(images, classes))
+    row = np.searchsorted(classes, images[nodes])
+    return WallInterpolation(nodes, matrix[row], row, walled[first], *found)
+
+
+#: Locations in the last bases, which all members of a family share.
+_located_in_base = lru_cache(maxsize=4)(_located)
+
+
+def _matrix(solid: CellMesh, rows: IntArray, elements: IntArray, local: Array, shares: Array) -> csr_matrix:
+    """Return the matrix (classes, nodes of the solid) of the interpolation."""
     values, _ = shape_functions(local, solid.cells.shape[1])
     entries = (shares[:, None] * values).ravel()
     places = np.repeat(rows, values.shape[1]), solid.cells[elements].ravel()
-    matrix = csr_matrix((entries, places), (len(classes), len(solid.points)))
-    nodes = np.flatnonzero(np.isin(images, classes))
-    return nodes, matrix[np.searchsorted(classes, images[nodes])]
+    return csr_matrix((entries, places), (int(rows.max(initial=-1)) + 1, len(solid.points)))
 
 
-def _looked_up(solid: CellMesh, points: Array) -> tuple[IntArray, IntArray, Array, Array]:
-    """Locate points (k, 3): return m numbers of points, their elements, coordinates (m, 3) in them, and weights.
+def _looked_up(solid: CellMesh, points: Array) -> tuple[IntArray, IntArray, Array, Array, Array]:
+    """Locate points (k, 3): return m numbers of points, elements, shifts and coordinates (m, 3) in them, and weights.
 
     Equally good elements of a point, such as an element and its mirror image, share it, which preserves symmetry.
     """
@@ -82,7 +156,9 @@ def _looked_up(solid: CellMesh, points: Array) -> tuple[IntArray, IntArray, Arra
         )
     alike = outside <= (least + ALIKE)[:, None]
     rows = np.nonzero(alike)[0]
-    return rows, elements[alike], local.reshape(*elements.shape, 3)[alike], 1 / alike.sum(axis=1)[rows]
+    shifts = shifts[near // len(centres)][alike]
+    shares = 1 / alike.sum(axis=1)[rows]
+    return rows, elements[alike], shifts, local.reshape(*elements.shape, 3)[alike], shares
 
 
 def _wall_elements(solid: CellMesh) -> IntArray:
@@ -96,9 +172,9 @@ def _wall_elements(solid: CellMesh) -> IntArray:
     return np.asarray(owner[inverse[len(facets) :]])
 
 
-def _inverted(corners: Array, places: Array) -> tuple[Array, Array]:
+def _inverted(corners: Array, places: Array, start: Array | None = None) -> tuple[Array, Array]:
     """Return the coordinates (k, 3) of places (k, 3), each in its own element (k, a, 3), and which ones were found."""
-    local = np.full((len(places), 3), 0.25)
+    local = np.full((len(places), 3), 0.25) if start is None else start
     for _ in range(ITERATIONS):
         N, dN = shape_functions(local, corners.shape[1])
         error = np.einsum("ka,kai->ki", N, corners) - places

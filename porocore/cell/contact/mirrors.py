@@ -85,12 +85,15 @@ class MirrorState:
 
     @cached_property
     def forces(self) -> Forces:
+        return self.weighted(self.contact.surface.weights)
+
+    def weighted(self, weights: Array) -> Forces:
         eps, surface = self.contact.stiffness, self.contact.surface
         a = surface.facets.shape[1]
         energy, touching = 0.0, np.zeros(surface.weights.shape, dtype=bool)
         nodes, places, gradient = [], [], []
         for axis, sign, facets, g in self._sides:
-            w = surface.weights[facets]
+            w = weights[facets]
             energy += eps / 2 * float((w * g * g).sum())
             touching[facets] |= g < 0
             pull = eps * (w * g) @ surface.N * sign
@@ -153,7 +156,9 @@ class MirrorState:
         nodes = np.concatenate([own, other, np.full((m, 1), -1)], axis=1)
         places = np.concatenate([X[own], X[other], np.broadcast_to(period, (m, 1, 3))], axis=1)
         weights = contact.stiffness / 4 * inside.weights
-        return PenetratingPoints(points, corners, inside.where, weights, motion, nodes, places).blocks
+        return PenetratingPoints(
+            points, corners, inside.where, weights, motion, nodes, places, inside.number
+        ).blocks
 
     def _nodes(self, facets: IntArray) -> IntArray:
         nodes = self.contact.surface.facets[facets]

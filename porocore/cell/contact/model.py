@@ -9,7 +9,7 @@ import numpy as np
 from porocore.cell.contact.forces import Blocks, Forces
 from porocore.cell.contact.mirrors import MirrorContact
 from porocore.cell.contact.pairs import ContactPairs
-from porocore.cell.contact.pore_surface import pore_surface
+from porocore.cell.contact.pore_surface import PoreSurface, pore_surface
 from porocore.cell.contact.settings import ContactSettings
 from porocore.cell.contact.wall_contact import WallContact
 from porocore.cell.materials.material import StrainEnergy
@@ -43,6 +43,9 @@ class ContactState(Protocol):
     def forces(self) -> Forces:
         """Energy and first derivatives."""
 
+    def weighted(self, weights: Array) -> Forces:
+        """Return energy and first derivatives with other areas (F, q) of the points of the wall; they are linear."""
+
     def blocks(self, parity: str) -> Blocks:
         """Return the second derivatives for the perturbations of a parity class."""
 
@@ -56,10 +59,13 @@ class ContactModel(Protocol):
         Largest accepted penetration.
     pairs_move
         True where the contact pairs depend on the iterate.
+    surface
+        Wall of the undeformed solid with its quadrature points.
     """
 
     deepest: float
     pairs_move: bool
+    surface: PoreSurface
 
     def at(self, H: Array, u: Array, pairs: ContactPairs | None = None) -> ContactState:
         """Return the contact state of u (nodes, 3) under H, with the given contact pairs or with new ones.
@@ -79,12 +85,12 @@ def make_contact_model(
     if settings.kind == "none" or not len(mesh.wall):
         return None
     h = facet_edge(mesh)
-    young = material.mean_moduli(_at_wall(mesh))[0] if material is not None else 1.0
+    young = material.mean_moduli(elements_at_wall(mesh))[0] if material is not None else 1.0
     model = MirrorContact if mesh.domain == "eighth" else WallContact
     return model(mesh, settings.stiffness * young / h, DEEPEST * h)
 
 
-def _at_wall(mesh: CellMesh) -> IntArray:
+def elements_at_wall(mesh: CellMesh) -> IntArray:
     """Return the elements with a facet on the wall."""
     on_wall = np.zeros(len(mesh.points), dtype=bool)
     on_wall[mesh.wall] = True

@@ -26,6 +26,8 @@ class PenetratingPoints:
         Derivative of point and corners by the positions of k nodes.
     nodes : (m, k), places : (m, k, 3)
         See :class:`~porocore.cell.contact.forces.Blocks`.
+    number : (m,)
+        Number of each point among all points of the wall.
     """
 
     points: Array
@@ -35,6 +37,7 @@ class PenetratingPoints:
     motion: Array
     nodes: IntArray
     places: Array
+    number: IntArray
 
     @cached_property
     def distance(self) -> tuple[Array, Array, Array]:

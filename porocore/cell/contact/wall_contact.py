@@ -8,6 +8,7 @@ count and g is twice the distance from a mirror plane, so a symmetric state has 
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
 from itertools import product
 
@@ -72,6 +73,7 @@ class WallState:
             motion_of(inside.N, np.eye(3)),
             np.concatenate([own, other], axis=1),
             np.concatenate([X[own], X[other] + shift], axis=1),
+            inside.number,
         )
 
     @property
@@ -84,7 +86,14 @@ class WallState:
 
     @cached_property
     def forces(self) -> Forces:
-        parts, contact = self._penetrating, self.contact
+        return self._forces(self._penetrating)
+
+    def weighted(self, weights: Array) -> Forces:
+        weights = self.contact.stiffness * weights.ravel()
+        return self._forces([replace(part, weights=weights[part.number]) for part in self._penetrating])
+
+    def _forces(self, parts: list[PenetratingPoints]) -> Forces:
+        contact = self.contact
         return Forces(
             sum(part.energy for part in parts),
             np.concatenate([part.nodes for part in parts]),

@@ -152,12 +152,15 @@ class DiscreteSolid(ABC, Generic[OwnIterate, OwnFactor]):
         Mesh of the solid.
     material
         Its strain energy, at F of shape (elements, points, 3, 3).
+    degree
+        Degree of its quadrature rule.
     contact
         Contact of the pore wall; None where walls may pass through each other.
     """
 
     mesh: CellMesh
     material: StrainEnergy
+    degree: int
     contact: ContactModel | None = None
 
     @property
@@ -274,3 +277,14 @@ class DiscreteSolid(ABC, Generic[OwnIterate, OwnFactor]):
         FactorError
             The factor cannot be applied.
         """
+
+    def solve_forces(self, factor: OwnFactor, forces: Array) -> Array:
+        """Return K⁻¹ f (k, nodes, 3) for k ≥ 1 forces f on the nodes, as accurate as the sensitivities.
+
+        Raises
+        ------
+        FactorError
+            The unshifted ``factor`` cannot be applied.
+        """
+        rhs = np.stack([self.reduced(force, factor.parity) for force in forces], axis=1)
+        return np.stack([self.expanded(x, factor.parity) for x in factor.solve(rhs).T])

@@ -28,8 +28,10 @@ class Sensitivities:
 
     Attributes
     ----------
+    displacement : (k, nodes, 3)
+        u_θ at the nodes of the mesh; NaN where the linear solver did not reach its tolerance.
     grad : (k, 3, 3)
-        ∫ ∇u_θ dV; NaN where the linear solver did not reach its tolerance.
+        ∫ ∇u_θ dV.
     second : (k, k)
         ∂²Π/∂θ∂θ' at equilibrium: Π_θθ' + R_θᵀ u_θ' with R = ∂Π/∂u. Contact contributes to the second term only.
     negative : int
@@ -37,6 +39,7 @@ class Sensitivities:
         pivots, -1 where it did not tell.
     """
 
+    displacement: Array
     grad: Array
     second: Array
     negative: int = -1

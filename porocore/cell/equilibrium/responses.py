@@ -10,6 +10,7 @@ import numpy as np
 from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorisedTangent, Iterate
 from porocore.cell.equilibrium.integrals import Sensitivities
 from porocore.cell.equilibrium.path import gap
+from porocore.cell.equilibrium.solid_slopes import ExplicitDependence, SolidSlopes, solid_slopes
 from porocore.cell.symmetry.exchange import axis_order, images
 from porocore.cell.symmetry.parity import UNIT_LOADS, classes, visible
 from porocore.core.tensors.cofactors import cofactor, cofactor_tangent, determinant
@@ -24,6 +25,31 @@ def respond(problem: DiscreteSolid, iterate: Iterate, *, tangent: bool) -> CellR
     FactorError
         A tangent cannot be factorised.
     """
+    return respond_with_slopes(problem, iterate, (), tangent=tangent)[0]
+
+
+def respond_with_slopes(
+    problem: DiscreteSolid, iterate: Iterate, dependences: Sequence[ExplicitDependence], *, tangent: bool
+) -> tuple[CellResponse, SolidSlopes | None]:
+    """Return one row of responses, and its slopes by parameters; None without derivatives or parameters.
+
+    Parameters
+    ----------
+    problem
+        Solid.
+    iterate
+        Equilibrium.
+    dependences
+        Explicit dependence of the solid on each parameter.
+    tangent
+        Whether derivatives are wanted.
+
+    Raises
+    ------
+    FactorError
+        A tangent cannot be factorised.
+    """
+    slopes = None
     mean_grad, second = np.zeros((3, 3, 10)), np.zeros((10, 10))
     counts = []
     swaps = problem.exchanged_axes(iterate)
@@ -45,11 +71,14 @@ def respond(problem: DiscreteSolid, iterate: Iterate, *, tangent: bool) -> CellR
             second[np.ix_(columns, columns)] = problem.copies * (
                 answer.second + _direct(iterate, parity, columns)
             )
+            if not parity and dependences:
+                slopes = solid_slopes(problem, factor, answer, dependences)
         of_images[first] = _unstable_modes(problem, factor, answer)
         counts.append(of_images[first])
     # Where one class is unknown, the number is so too unless another one has unstable modes.
     negative = sum(max(count, 0) for count in counts) or min(counts)
-    return _row(problem, iterate, negative, _tangent(iterate, mean_grad, second) if tangent else None)
+    row = _row(problem, iterate, negative, _tangent(iterate, mean_grad, second) if tangent else None)
+    return row, slopes
 
 
 def _exchange_axes(mean_grad: Array, second: Array, order: Sequence[int], columns: Sequence[int]) -> None:
