@@ -7,18 +7,16 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 
-from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.errors import ConfigurationError
 from porocore.interfaces.solution import History
 from porocore.macro.analytic.layered import LayeredConsolidation, SoilLayer
 from porocore.macro.analytic.terzaghi import Terzaghi
 from porocore.macro.composition.linearised_law import LinearisedLaw
 from porocore.macro.composition.region_law import RegionLaw
-from porocore.macro.laws import ClosedLaw, make_closure
 from porocore.macro.laws.linear import LinearPoroelasticity
 from porocore.macro.problem import MacroProblem
 from porocore.plugins.registry import registry
-from porocore.testing.synthetic.parametric_cell import CONDUCTIVITY, BoundCell, ParametricCell, porosity
+from porocore.testing.synthetic.parametric_cell import BoundCell, parametric_law, porosity
 from porocore.testing.synthetic.response import confined_column, linear_law
 
 SHORT = {"end": 6.0, "step": 1.5, "ramp_increments": 2, "ramp_step": 0.1, "profiles": (1.0,)}
@@ -39,11 +37,6 @@ def make_solver(request):
 def solved(make_solver, problem, law, **how):
     solver = make_solver(checkpoint_seconds=0)
     return solver.solve(solver.prepare(problem), law, **how)
-
-
-def closed(cell=None, radius=0.2, closure="potential"):
-    constants = (1 - float(porosity(np.array(radius))), NeoHookean(), CONDUCTIVITY * radius**4)
-    return ClosedLaw(ParametricCell() if cell is None else cell, make_closure(closure, *constants))
 
 
 def soil(stiffness, conductivity):
@@ -91,10 +84,12 @@ def test_two_layers_consolidate_as_the_closed_form_says(make_solver):
 @pytest.mark.parametrize("closure", ["potential", "mean-gradient"])
 def test_a_constant_field_gives_the_answer_of_the_bound_constant(make_solver, closure):
     bound = solved(
-        make_solver, confined_column(3, -0.02, time=SHORT), closed(BoundCell([0.2, 1.3]), closure=closure)
+        make_solver,
+        confined_column(3, -0.02, time=SHORT),
+        parametric_law(BoundCell([0.2, 1.3]), closure=closure),
     )
     problem = confined_column(3, -0.02, time=SHORT, fields={"radius": 0.2, "stiffness": 1.3})
-    free = solved(make_solver, problem, closed(closure=closure))
+    free = solved(make_solver, problem, parametric_law(closure=closure))
     assert_same(free, bound, 1e-12)
 
 
@@ -121,7 +116,7 @@ def test_a_body_that_is_turned_with_its_axes_answers_alike(make_solver):
             "fields": {"radius": "0.2 + 0.005*x", "stiffness": 1.3, "axes": axes},
         }
     )
-    one, other = (solved(make_solver, problem, closed()) for problem in (upright, lying))
+    one, other = (solved(make_solver, problem, parametric_law()) for problem in (upright, lying))
     top, end = one.points[:, 1] == 7.5, other.points[:, 0] == 7.5
     np.testing.assert_allclose(other.profiles[-1].u[end, 0], one.profiles[-1].u[top, 1].mean(), rtol=1e-10)
     np.testing.assert_allclose(other.history.pressure_max, one.history.pressure_max, rtol=1e-9, atol=1e-14)
@@ -129,7 +124,10 @@ def test_a_body_that_is_turned_with_its_axes_answers_alike(make_solver):
 
 
 def test_a_run_with_growing_cells_is_continued(make_solver, tmp_path):
-    problem, law = confined_column(3, -0.02, time=SHORT, fields=GROWING), closed(closure="mean-gradient")
+    problem, law = (
+        confined_column(3, -0.02, time=SHORT, fields=GROWING),
+        parametric_law(closure="mean-gradient"),
+    )
     whole = solved(make_solver, problem, law)
     assert any(abs(whole.history.time - 3.0) < 1e-9)
 
@@ -143,7 +141,9 @@ def test_a_run_with_growing_cells_is_continued(make_solver, tmp_path):
     path = tmp_path / "macro.h5"
     with pytest.raises(Killed):
         solved(make_solver, problem, law, checkpoint=path, on_step=stop)
-    assert_same(solved(make_solver, problem, closed(closure="mean-gradient"), checkpoint=path), whole, 1e-9)
+    assert_same(
+        solved(make_solver, problem, parametric_law(closure="mean-gradient"), checkpoint=path), whole, 1e-9
+    )
 
 
 def test_what_shrinking_pores_give_off_leaves_the_body(make_solver):
@@ -166,7 +166,7 @@ def test_what_shrinking_pores_give_off_leaves_the_body(make_solver):
         }
     )
     given_off = float(porosity(np.array(0.25)) - porosity(np.array(0.2)))
-    for law in (closed(), LinearisedLaw(closed())):
+    for law in (parametric_law(), LinearisedLaw(parametric_law())):
         assert solved(make_solver, problem, law).history.drained[-1] == pytest.approx(given_off, rel=1e-8)
 
 
@@ -176,7 +176,7 @@ def test_a_law_without_the_parameter_is_refused(make_solver):
     ):
         solved(make_solver, confined_column(2, fields={"radius": 0.2}), linear_law())
     with pytest.raises(ConfigurationError, match=r"macro.fields.radius: missing"):
-        solved(make_solver, confined_column(2), closed())
+        solved(make_solver, confined_column(2), parametric_law())
 
 
 def assert_same(one, other, within):

@@ -8,25 +8,17 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import LawMemory, MacroResponse, MacroTangent
 from porocore.macro.composition.linearised_law import LinearisedLaw
 from porocore.macro.composition.region_law import RegionLaw
 from porocore.macro.composition.turned_law import TurnedLaw
-from porocore.macro.laws import ClosedLaw, make_closure
 from porocore.states import BodyPlace, MacroState
-from porocore.testing.synthetic.parametric_cell import CONDUCTIVITY, BoundCell, ParametricCell, porosity
+from porocore.testing.synthetic.parametric_cell import BoundCell, ParametricCell, parametric_law, porosity
 from porocore.testing.synthetic.response import linear_law
 
 N = 6
 INTEGRATED = ("stress", "storage", "flux")
-
-
-def closed(closure="potential", cell_law=None, radius=0.25):
-    """The closed law of a cell law; its own constants are those of ``radius``."""
-    constants = (1 - float(porosity(np.array(radius))), NeoHookean(), CONDUCTIVITY * radius**4)
-    return ClosedLaw(ParametricCell() if cell_law is None else cell_law, make_closure(closure, *constants))
 
 
 def points(seed, law=None, axes=False, region=False):
@@ -42,11 +34,11 @@ def points(seed, law=None, axes=False, region=False):
 def laws():
     """Name to law, and whether its points have axes."""
     return {
-        "potential": (closed(), False),
-        "mean-gradient": (closed("mean-gradient"), False),
-        "turned": (TurnedLaw(closed()), True),
-        "regions": (TurnedLaw(RegionLaw([closed(), linear_law()])), True),
-        "linearised": (LinearisedLaw(closed()), False),
+        "potential": (parametric_law(), False),
+        "mean-gradient": (parametric_law(closure="mean-gradient"), False),
+        "turned": (TurnedLaw(parametric_law()), True),
+        "regions": (TurnedLaw(RegionLaw([parametric_law(), linear_law()])), True),
+        "linearised": (LinearisedLaw(parametric_law()), False),
     }
 
 
@@ -77,7 +69,7 @@ def test_parameters_that_are_constant_give_the_law_with_them_bound(closure):
     theta = np.array([0.2, 1.3])
     states, old = (replace(each, parameters=np.tile(theta, (N, 1))) for each in (states, old))
     found = []
-    for law in (closed(closure), closed(closure, BoundCell(theta), 0.2)):
+    for law in (parametric_law(closure=closure), parametric_law(BoundCell(theta), 0.2, closure)):
         memory = law.respond(old, grad_p, law.initial_at(old)).memory
         found.append(law.respond(states, grad_p, memory))
     assert_same(found[0], found[1], rtol=1e-12)
@@ -86,7 +78,7 @@ def test_parameters_that_are_constant_give_the_law_with_them_bound(closure):
 def test_pores_that_shrink_at_rest_give_off_their_fluid():
     """The mean-gradient closure counts the change of φ_f too, which the potential's fluid volume holds."""
     for closure in ("potential", "mean-gradient"):
-        law = closed(closure)
+        law = parametric_law(closure=closure)
         start, end = (MacroState(np.zeros((1, 3, 3)), np.zeros(1), np.array([[r, 1.0]])) for r in (0.3, 0.2))
         storage = law.respond(end, np.zeros((1, 3)), law.initial_at(start)).storage
         np.testing.assert_allclose(storage, porosity(np.array([0.2])) - porosity(np.array([0.3])), rtol=1e-13)
@@ -94,7 +86,7 @@ def test_pores_that_shrink_at_rest_give_off_their_fluid():
 
 def test_the_fluid_of_cells_that_change_does_not_depend_on_the_steps():
     """The mean-gradient closure's storage over small steps is what the solid leaves of the volume."""
-    law, steps = closed("mean-gradient"), 100
+    law, steps = parametric_law(closure="mean-gradient"), 100
     states, _ = points(1)
     total, memory = np.zeros(N), None
     for share in np.linspace(0, 1, steps + 1):
@@ -117,7 +109,7 @@ def test_the_fluid_of_cells_that_change_does_not_depend_on_the_steps():
 
 def test_turned_axes_are_those_of_the_rotated_tensors():
     """Index by index, from the law at the state in the axes of the material."""
-    law, (states, grad_p), (old, _) = closed(), points(1, axes=True), points(2, axes=True)
+    law, (states, grad_p), (old, _) = parametric_law(), points(1, axes=True), points(2, axes=True)
     R = states.place.axes
     turned = TurnedLaw(law)
     found = turned.respond(states, grad_p, turned.respond(old, grad_p, turned.initial_at(old)).memory)
@@ -144,7 +136,7 @@ def test_turned_axes_are_those_of_the_rotated_tensors():
 def test_the_turned_stress_is_the_slope_of_the_turned_potential():
     states, grad_p = points(4, axes=True)
     R, h = states.place.axes, 1e-5
-    law = TurnedLaw(closed())
+    law = TurnedLaw(parametric_law())
     stress = law.respond(states, grad_p, law.initial_at(states)).stress
     for i in range(3):
         for j in range(3):
@@ -158,7 +150,7 @@ def test_the_turned_stress_is_the_slope_of_the_turned_potential():
 
 
 def test_each_region_answers_by_its_own_law():
-    one, two = closed(), linear_law()
+    one, two = parametric_law(), linear_law()
     law = RegionLaw.by_name(["clay"], {"clay": two}, rest=one)
     states, grad_p = points(1, region=True)
     response = law.respond(states, grad_p, law.initial_at(states))
@@ -177,7 +169,7 @@ def test_each_region_answers_by_its_own_law():
 
 def test_the_linearised_law_is_linear_poroelasticity_of_the_rest():
     """Its response to a small state is that of the law, to first order."""
-    law, linear = closed(), LinearisedLaw(closed())
+    law, linear = parametric_law(), LinearisedLaw(parametric_law())
     states, grad_p = points(1)
     small = replace(states, grad_u=1e-7 * states.grad_u, p=1e-7 * states.p)
     exact = law.respond(small, 1e-7 * grad_p, law.initial_at(small))
@@ -196,7 +188,7 @@ def test_the_linearised_law_is_linear_poroelasticity_of_the_rest():
 
 
 def test_parameters_that_are_missing_are_said():
-    law = closed()
+    law = parametric_law()
     with pytest.raises(
         ConfigurationError, match="has the parameters radius, stiffness, but no values were given"
     ):

@@ -25,6 +25,7 @@ from porocore.plugins.registry import registry
 from porocore.testing.macro_laws.plates import squeezed
 from porocore.testing.macro_laws.runs import STORM, TIMID
 from porocore.testing.macro_laws.solving import NONLINEAR
+from porocore.testing.synthetic.parametric_cell import parametric_law
 
 BEGIN = """
     import sys
@@ -323,4 +324,41 @@ def test_two_processes_share_a_plate_beside_an_oblique_plane(tmp_path, elements)
     np.testing.assert_allclose(two.profiles[-1].u, one.profiles[-1].u, rtol=0, atol=1e-9)
     for name, force in one.reactions.items():
         np.testing.assert_allclose(two.reactions[name], force, rtol=0, atol=1e-9)
+    assert abs(one.profiles[-1].u).max() > 1e-3
+
+
+#: Other cells in each quarter, turned axes, and pores that shrink with time.
+COMPOSED = {
+    "body": {"kind": "box", "elements": (2, 3, 2), "size": (1, 1, 1)},
+    "boundary": {"y-": {"displacement": (0, 0, 0)}, "y+": {"traction": (0.1, 1, 0), "pressure": 0}},
+    "load": -0.01,
+    "time": SMALL_STEPS | {"end": 0.2},
+    "fields": {
+        "radius": {"formula": "0.2 + 0.02*y", "initial": 0.25, "over": {"ramp": 1, "until": 0.1}},
+        "stiffness": 1.3,
+        "axes": {"about": (0, 0, 1), "angle": "30*x"},
+    },
+    "regions": {"low": {"kind": "layer", "below": 0.4, "fields": {"stiffness": "2 + x"}}},
+    "newton": {"tolerance": 1e-11},
+}
+
+
+@pytest.mark.slow
+def test_two_processes_see_the_fields_of_their_elements(tmp_path):
+    part = f"""
+        from porocore.macro.problem import MacroProblem
+        from porocore.testing.synthetic.parametric_cell import parametric_law
+        solver = registry().get("macro solver", "dolfinx")()
+        solution = solver.solve(solver.prepare(MacroProblem.model_validate({COMPOSED!r})), parametric_law())
+        if solver.communicator.rank == 0:
+            solution.save(folder / "solution.h5")
+    """
+    solver = registry().get("macro solver", "dolfinx")()
+    one = solver.solve(solver.prepare(MacroProblem.model_validate(COMPOSED)), parametric_law())
+    done = run(2, part, tmp_path)
+    assert done.returncode == 0, done.stderr
+    two = MacroSolution.load_file(tmp_path / "solution.h5")
+    for name in ("u", "p", "stress", "flux"):
+        mine, theirs = getattr(two.profiles[-1], name), getattr(one.profiles[-1], name)
+        np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-9 * max(abs(theirs).max(), 1e-3))
     assert abs(one.profiles[-1].u).max() > 1e-3

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from porocore.errors import SolveError
@@ -89,12 +91,20 @@ class VisitedStates(MacroLaw):
     def __init__(self, law: MacroLaw) -> None:
         self.law = law
         self.name, self.identity, self.noise = law.name, law.identity, law.noise
-        #: One batch for each accepted time; first the state at rest.
-        self.visited = [MacroState.zeros(1)]
+        self.parameters = law.parameters
+        #: One batch for each accepted time; first the state at rest, of a cell with parameters for each point.
+        self.visited = [] if law.parameters else [MacroState.zeros(1)]
 
     def initial(self, n: int) -> LawMemory:
         """Return the memory at rest."""
         return self.law.initial(n)
+
+    def initial_at(self, points: MacroState) -> LawMemory:
+        """Return the memory at rest, and record it for cells with parameters."""
+        memory = self.law.initial_at(points)
+        if self.parameters:
+            self.visited.append(replace(memory.states, place=None))
+        return memory
 
     def respond(
         self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
@@ -106,7 +116,7 @@ class VisitedStates(MacroLaw):
         """Record the states of a converged step that is accepted."""
         changed = self.law.before_accept(response, memory)
         if changed is None:
-            self.visited.append(response.memory.states)
+            self.visited.append(replace(response.memory.states, place=None))
         return changed
 
 

@@ -14,11 +14,13 @@ from porocore.core.echo import echo, suggestion
 from porocore.core.files.store import ResultStore
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import MacroLaw
+from porocore.macro.composition.linearised_law import LinearisedLaw
 from porocore.macro.laws import AdaptiveLaw, ClosedLaw
 from porocore.macro.laws.adaptive_surrogate import AdaptiveSurrogate
 from porocore.macro.laws.direct import DirectCellLaw
 from porocore.macro.laws.direct_record import SolvesCells, cost_recorded
 from porocore.macro.laws.linear import LinearPoroelasticity
+from porocore.macro.reference import CellReference
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.execution.solved_store import SolvedStore
@@ -107,9 +109,10 @@ def macro_laws(
     laws: dict[str, RunLaw] = {}
     for kind, name in zip(dict.fromkeys(kinds), law_names(config, kinds, direct_closure), strict=True):
         if kind == "surrogate":
-            closure = reference.closure(config.closure, config.cell.solid, config.conductivity)
-            surrogate = load_surrogate(folder, config)
-            laws[name] = RunLaw(ClosedLaw(surrogate, closure, identity=config.stages.training))
+            laws[name] = RunLaw(_of_the_surrogate(folder, config, reference))
+        elif kind == "linear" and config.cell.parameters:
+            # Coefficients at the parameters of each point.
+            laws[name] = RunLaw(LinearisedLaw(_of_the_surrogate(folder, config, reference), name))
         elif kind == "linear":
             laws[name] = RunLaw(LinearPoroelasticity(linear_coefficients(reference, config)))
         elif kind == "fallback":
@@ -122,6 +125,12 @@ def macro_laws(
             closure = reference.closure(direct_closure, config.cell.solid, config.conductivity)
             laws[name] = RunLaw(ClosedLaw(cells, closure, name=name), cells, folder.direct_work, pool)
     return laws
+
+
+def _of_the_surrogate(folder: RunFolder, config: RunConfig, reference: CellReference) -> ClosedLaw:
+    """Return the law of the fitted surrogate with the configured closure."""
+    closure = reference.closure(config.closure, config.cell.solid, config.conductivity)
+    return ClosedLaw(load_surrogate(folder, config), closure, identity=config.stages.training)
 
 
 def _pool(config: RunConfig, store: ResultStore | None) -> CellPool:

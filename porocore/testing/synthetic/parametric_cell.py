@@ -10,8 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.core.tensors.cofactors import cofactor, cofactor_tangent, determinant
 from porocore.interfaces.law import CellLaw, UndeformedCells
+from porocore.macro.laws import ClosedLaw, make_closure
 from porocore.states import Array, CellResponse, CellTangent, MacroState
 from porocore.testing.synthetic import potential_cell
 
@@ -70,6 +72,13 @@ class BoundCell(CellLaw):
         """Return the responses with their derivatives."""
         theta = np.broadcast_to(self.constants, (len(states), len(self.constants)))
         return ParametricCell().predict(replace(states, parameters=theta), tangent=tangent)
+
+
+def parametric_law(cell: CellLaw | None = None, radius: float = 0.2, closure: str = "potential") -> ClosedLaw:
+    """Return the closed law of ``cell``, by default of the one with parameters; ``radius`` gives the constants."""
+    solid = 1 - float(porosity(np.array(radius)))
+    constants = make_closure(closure, solid, NeoHookean(), CONDUCTIVITY * radius**4)
+    return ClosedLaw(ParametricCell() if cell is None else cell, constants)
 
 
 def porosity(r: Array) -> Array:
