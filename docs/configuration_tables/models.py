@@ -141,7 +141,8 @@ def keys_by_kind(key: str) -> list[tuple[list[str], Key]]:
 def _required_first(keys: list[Key]) -> list[Key]:
     """In the order of the models else; what is below a list stays behind it."""
     optional = {key.name: key.default != "required" for key in keys}
-    return sorted(keys, key=lambda key: optional[key.name.partition("[]")[0]])
+    # The list itself stands in another group where the kinds do not have it alike.
+    return sorted(keys, key=lambda key: optional.get(key.name.partition("[]")[0], optional[key.name]))
 
 
 def _is_default(model: type[BaseModel]) -> bool:

@@ -13,7 +13,7 @@ from porocore.cell.materials.composite import Solid
 from porocore.cell.meshing.mesh import Domain
 from porocore.core.files.plain_data import write_json
 from porocore.core.files.reading import read_json
-from porocore.errors import DataError, PorocoreError
+from porocore.errors import ConfigurationError, DataError, PorocoreError
 from porocore.interfaces.cell import CellSolver
 from porocore.macro.laws import Closure, make_closure
 from porocore.macro.laws.pull_back import ConductivityLaw
@@ -74,11 +74,16 @@ class CellReference:
         Raises
         ------
         ConfigurationError
-            The cell has no pores, or its solid is not connected across the periodic cell.
+            The cell has no pores, its solid is not connected across the periodic cell, or it swells.
         PorocoreError
             The undeformed cell has no solution, which a mesh or backend fault must cause.
         """
         cell.require_pores()
+        if cell.solid.swells:
+            raise ConfigurationError(
+                "cell: the solid swells, so the cell at H = 0 has a stress; linear poroelasticity and the closures "
+                "take a cell without one: leave 'swelling' out"
+            )
         response = solution_of(solver, prepared, MacroState.zeros(1)).response
         if response.status[0] != Status.converged:
             raise PorocoreError(

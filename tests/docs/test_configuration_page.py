@@ -98,6 +98,7 @@ def test_the_defaults_are_those_of_a_configuration_that_gives_nothing_else():
                     "x",
                     "step",
                     "surfaces",
+                    "swelling",
                     "fields",
                     "regions",
                     "above",

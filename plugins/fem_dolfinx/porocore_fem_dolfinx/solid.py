@@ -152,7 +152,7 @@ class DolfinxSolid(DiscreteSolid[DolfinxIterate, DolfinxTangentFactor]):
         if self._kept is None:
             if self._base is None:
                 self._base = SymmetricSolver(self._solver, self._petsc, self.space.free("").size)
-                self._base.use(self._matrix(self.iterate_at(np.zeros((3, 3)), 0.0), ""))
+                self._base.use(self._matrix(self.iterate_at(self.unstressed, 0.0), ""))
             self._kept = self._base
         return self._kept
 

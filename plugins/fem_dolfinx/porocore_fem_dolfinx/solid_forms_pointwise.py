@@ -8,7 +8,7 @@ import numpy as np
 import ufl
 from petsc4py import PETSc
 
-from porocore.cell.materials.material import StrainEnergy
+from porocore.cell.materials.energy import StrainEnergy
 from porocore.core.tensors.cofactors import cofactor, cofactor_tangent, determinant
 from porocore.states import Array, IntArray
 from porocore_fem_dolfinx import compat

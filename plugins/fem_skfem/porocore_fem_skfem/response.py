@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from porocore.cell.materials.material import StrainEnergy
+from porocore.cell.materials.energy import StrainEnergy
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.core.tensors.cofactors import add_cofactor_tangent
 from porocore.states import Array

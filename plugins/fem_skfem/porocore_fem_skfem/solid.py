@@ -15,7 +15,7 @@ from porocore.cell.contact.model import ContactModel
 from porocore.cell.equilibrium.discrete import DiscreteSolid
 from porocore.cell.equilibrium.integrals import DomainIntegrals, Sensitivities, second_derivatives
 from porocore.cell.equilibrium.rotations import load_basis
-from porocore.cell.materials.material import StrainEnergy
+from porocore.cell.materials.energy import StrainEnergy
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.symmetry.parity import UNIT_LOADS, held_displacements
@@ -84,12 +84,17 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
     def reset(self) -> None:
         """Discard the factors of the last solve and the pattern of its contact."""
         self._widenings.reset()
-        self.constraints().reset(lambda: self.iterate_at(np.zeros((3, 3)), 0.0).tangent)
+        self.constraints().reset(lambda: self.iterate_at(self.unstressed, 0.0).tangent)
 
     # ---- the discrete solid ---------------------------------------------------------------------
 
     def iterate_at(self, H: Array, p: float, displacement: Array | None = None) -> SkfemIterate:
-        if displacement is None and p == 0 and not H.any() and self.n_nodes <= MOST_AT_REST:
+        if (
+            displacement is None
+            and p == 0
+            and np.array_equal(H, self.unstressed)
+            and self.n_nodes <= MOST_AT_REST
+        ):
             return self._at_rest
         u = np.zeros((3, self.n_nodes))
         if displacement is not None:
@@ -98,7 +103,7 @@ class SkfemSolid(DiscreteSolid[SkfemIterate, SkfemTangentFactor]):
 
     @cached_property
     def _at_rest(self) -> SkfemIterate:
-        return SkfemIterate(self, np.zeros((3, 3)), 0.0, np.zeros((3, self.n_nodes)))
+        return SkfemIterate(self, self.unstressed, 0.0, np.zeros((3, self.n_nodes)))
 
     def moved(self, iterate: SkfemIterate, change: Array, H: Array, p: float) -> SkfemIterate:
         return SkfemIterate(self, H, p, iterate.u + self.field(change))

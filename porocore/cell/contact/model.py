@@ -12,7 +12,7 @@ from porocore.cell.contact.pairs import ContactPairs
 from porocore.cell.contact.pore_surface import PoreSurface, pore_surface
 from porocore.cell.contact.settings import ContactSettings
 from porocore.cell.contact.wall_contact import WallContact
-from porocore.cell.materials.material import StrainEnergy
+from porocore.cell.materials.energy import StrainEnergy
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.states import Array, IntArray
 

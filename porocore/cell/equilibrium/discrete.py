@@ -17,7 +17,7 @@ from porocore.cell.contact.model import ContactModel, ContactState
 from porocore.cell.contact.pairs import ContactPairs
 from porocore.cell.equilibrium.integrals import DomainIntegrals, Sensitivities
 from porocore.cell.equilibrium.mass import lumped_mass
-from porocore.cell.materials.material import StrainEnergy
+from porocore.cell.materials.energy import StrainEnergy
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.symmetry.exchange import exchanged_axes
 from porocore.states import Array, Status
@@ -172,6 +172,14 @@ class DiscreteSolid(ABC, Generic[OwnIterate, OwnFactor]):
     def copies(self) -> float:
         """Number of images of the domain that fill one cell, of volume 1; 1/n for a block of n cells."""
         return 8.0 if self.mesh.domain == "eighth" else 1.0 / math.prod(self.mesh.periods)
+
+    @property
+    def unstressed(self) -> Array:
+        """H (3, 3) at which the cell with u¹ = 0 has no stress, where load paths begin: 0, or (λ − 1) I if it swells.
+
+        Where the swelling λ differs between regions it is the mean, and the first step reaches an equilibrium.
+        """
+        return np.asarray((self.material.mean_stretch - 1.0) * np.eye(3))
 
     def exchanged_axes(self, iterate: OwnIterate) -> tuple[str, ...]:
         """Return the pairs of axes, "xz", whose exchange changes neither the solid nor u¹; none on the whole cell.

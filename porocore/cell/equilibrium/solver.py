@@ -207,7 +207,7 @@ def _with_conductivity(
 
 
 def _start(solid: DiscreteSolid, field: CellField | None) -> Iterate:
-    """Return the iterate of a field on this domain's mesh; else the undeformed cell."""
+    """Return the iterate of a field on this domain's mesh; else the cell without stress."""
     if field is None or field.domain != solid.mesh.domain or len(field.u) != len(solid.mesh.points):
-        return solid.iterate_at(np.zeros((3, 3)), 0.0)
+        return solid.iterate_at(solid.unstressed, 0.0)
     return solid.iterate_at(field.grad_u, field.p, field.u)

@@ -68,9 +68,9 @@ class CellParameter:
         return self.path[1] if self.path[0] == "materials" else None
 
     @property
-    def material_key(self) -> Location | None:
-        """Keys below the material that has it; None where it is no number of a material."""
-        return {"material": self.path[1:], "materials": self.path[2:]}.get(self.path[0])
+    def solid_key(self) -> Location | None:
+        """Keys that ``parameter_slopes`` of the solid takes; None for pores and viscosity."""
+        return self.path[1:] if self.path[0] in ("material", "materials") else None
 
     def require_inside(self, value: float) -> None:
         """Refuse a value outside the range.

@@ -10,7 +10,7 @@ import numpy as np
 
 from porocore.cell.invariants.formula import Formula
 from porocore.cell.invariants.generated import Derivatives, derivatives
-from porocore.cell.invariants.invariants import Invariant, Second, Trace, Volume, add_outer
+from porocore.cell.invariants.invariants import Fibre, Invariant, Second, Trace, Volume, add_outer
 from porocore.cell.materials.kinematics import Kinematics
 from porocore.cell.materials.material import Material
 from porocore.states import Array
@@ -83,6 +83,11 @@ class InvariantMaterial(Material):
 
         return self._computed(F, (3, 3, 3, 3), compute)
 
+    def _kind_of_numbers(self, F: Array) -> np.dtype[Any]:
+        """Return complex numbers where F or a number of the material is complex, as in a complex step."""
+        directions = [i.direction for i in self.invariants.values() if isinstance(i, Fibre)]
+        return np.result_type(F, *self.constants.values(), *map(np.asarray, directions))
+
     def _computed(self, F: Array, shape: tuple[int, ...], compute: Callable[..., None]) -> Array:
         """Return a quantity computed in batches of points, with components first in memory and last in its shape."""
         own = self.invariants
@@ -91,12 +96,13 @@ class InvariantMaterial(Material):
         points = F.shape[:-2]
         flat = np.moveaxis(F.reshape(-1, 3, 3), 0, -1)
         n = flat.shape[-1]
-        out = np.zeros((*shape, n), dtype=F.dtype)
+        kind = self._kind_of_numbers(F)
+        out = np.zeros((*shape, n), dtype=kind)
         # At unphysical strains an energy may overflow; the solver then shortens its step.
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             for start in range(0, n, TOGETHER):
                 part = slice(start, start + TOGETHER)
-                block = np.zeros((*shape, len(range(n)[part])), dtype=F.dtype)
+                block = np.zeros((*shape, len(range(n)[part])), dtype=kind)
                 compute(Kinematics(np.ascontiguousarray(flat[..., part])), generated, used, block)
                 out[..., part] = block
         components = tuple(range(len(shape)))

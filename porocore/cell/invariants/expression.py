@@ -12,7 +12,7 @@ from porocore.cell.invariants.by_invariants import BASIC, InvariantMaterial, for
 from porocore.cell.invariants.formula import FUNCTIONS, stress_at_rest
 from porocore.cell.invariants.generated import derivatives
 from porocore.cell.invariants.invariants import Invariant, Third
-from porocore.cell.materials.fibres import Direction, fibre_invariants, same_in_order, turned
+from porocore.cell.materials.fibres import Direction, Directions, fibre_invariants, same_in_order, turned
 from porocore.cell.materials.material import Material
 from porocore.core.formulas.expressions import CONSTANTS, Expression
 from porocore.core.units.dimensions import Dimension
@@ -34,7 +34,8 @@ class ExpressionMaterial(InvariantMaterial):
     parameters: Annotated[dict[str, float], Dimension("stress")] = Field(default={})
     """Values by the names that the energy uses, every one of which must occur in it; one with a unit is a stress."""
     directions: Annotated[tuple[Direction, ...], Field(max_length=4)] = ()
-    """Directions [a1, a2, a3] of fibres in the undeformed solid, of any length but 0."""
+    """Directions of fibres in the undeformed solid: [a1, a2, a3] of any length but 0, or an angle in a plane, such as
+    {plane: xy, angle: 30}."""
     energy: Annotated[str, Field(max_length=1000)]
     """Ψ as a formula of I1, I2, I3, J, of I4, I5, … for directions, and of parameters, with ``+ - * / **``, numbers,
     brackets, exp, log, sqrt, sinh, cosh, tanh, sin, cos and ramp."""
@@ -126,5 +127,5 @@ class ExpressionMaterial(InvariantMaterial):
         return f"add {of_volume}"
 
 
-def _invariants(directions: tuple[tuple[float, float, float], ...]) -> dict[str, Invariant]:
+def _invariants(directions: Directions) -> dict[str, Invariant]:
     return {**BASIC, "I3": Third(), **fibre_invariants(directions)}

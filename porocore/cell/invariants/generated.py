@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
+
 from porocore.cell.invariants.formula import Formula, tree
 from porocore.cell.materials.ramp import ramp, ramp_curvature, ramp_derivative
 
@@ -36,6 +38,11 @@ class Derivatives:
     second: Callable[..., list[Any]]
 
 
+def _absolute(x: Any) -> Any:
+    """Return |x|; of a complex number with the sign of its real part, so that a complex step passes."""
+    return np.where(np.real(x) < 0, -x, x) if np.iscomplexobj(x) else np.abs(x)
+
+
 @lru_cache(maxsize=64)
 def derivatives(formula: Formula) -> Derivatives:
     """Return the derivatives of a formula; each formula is differentiated once.
@@ -62,7 +69,12 @@ def derivatives(formula: Formula) -> Derivatives:
     second = [sympy.diff(first[i], own[j]) for i in range(len(own)) for j in range(i, len(own))]
 
     def generate(parts: Sequence[Any]) -> Callable[..., list[Any]]:
-        functions = {"ramp": ramp, "ramp_derivative": ramp_derivative, "ramp_curvature": ramp_curvature}
+        functions = {
+            "ramp": ramp,
+            "ramp_derivative": ramp_derivative,
+            "ramp_curvature": ramp_curvature,
+            "abs": _absolute,
+        }
         modules: list[Any] = [functions, "numpy"]
         return sympy.lambdify([*own, *constants], list(parts), modules=modules, cse=True)  # type: ignore[no-any-return]
 

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from porocore.cell.materials.material import Material, StrainEnergy
+from porocore.cell.materials.energy import StrainEnergy
+from porocore.cell.materials.material import Material
 from porocore.core.echo import suggestion
+from porocore.core.files.yaml_document import Location
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 
@@ -48,6 +50,11 @@ class Composite:
         return True
 
     @property
+    def swells(self) -> bool:
+        """True where a material is swollen."""
+        return any(material.swells for material in self.materials.values())
+
+    @property
     def description(self) -> str:
         """Short description of the materials by region."""
         return "; ".join(f"{region}: {material.description}" for region, material in self.materials.items())
@@ -77,22 +84,22 @@ class Composite:
                 f"add '{lacking[0]}:' below it"
             )
         parts = (
-            (self.materials[region], np.flatnonzero(mesh.regions == k))
+            (region, self.materials[region].on(mesh), np.flatnonzero(mesh.regions == k))
             for k, region in enumerate(mesh.region_names)
         )
-        return PlacedMaterials(tuple((m, elements) for m, elements in parts if len(elements)))
+        return PlacedMaterials(tuple(part for part in parts if len(part[2])))
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedMaterials(StrainEnergy):
-    """Materials on the elements of a mesh, each with the numbers of its elements; every element has one material."""
+    """Solids on the elements of a mesh, each with its region and its elements; every element has one solid."""
 
-    parts: tuple[tuple[Material, IntArray], ...]
+    parts: tuple[tuple[str, StrainEnergy, IntArray], ...]
 
     @property
     def isotropic(self) -> bool:
         """True where every material is isotropic."""
-        return all(material.isotropic for material, _ in self.parts)
+        return all(material.isotropic for _, material, _ in self.parts)
 
     def energy_density(self, F: Array) -> Array:
         return self._gathered(F, (), lambda material: material.energy_density)
@@ -104,21 +111,35 @@ class PlacedMaterials(StrainEnergy):
         return self._gathered(F, (3, 3, 3, 3), lambda material: material.tangent)
 
     def _gathered(
-        self, F: Array, shape: tuple[int, ...], function: Callable[[Material], Callable[[Array], Array]]
+        self, F: Array, shape: tuple[int, ...], function: Callable[[StrainEnergy], Callable[[Array], Array]]
     ) -> Array:
         out = np.empty((*F.shape[:-2], *shape))
-        for material, elements in self.parts:
+        for _, material, elements in self.parts:
             out[elements] = function(material)(F[elements])
         return out
 
     def mean_moduli(self, elements: IntArray | None = None) -> tuple[float, float]:
         """See :class:`StrainEnergy`; all elements have the same weight."""
         young = shear = count = 0.0
-        for material, own in self.parts:
+        for _, material, own in self.parts:
             n = len(own) if elements is None else int(np.isin(own, elements).sum())
             E, G = material.mean_moduli()
             young, shear, count = young + n * E, shear + n * G, count + n
         return young / count, shear / count
+
+    @property
+    def mean_stretch(self) -> float:
+        """Mean of λ over the elements, all of the same weight."""
+        counts = [len(elements) for _, _, elements in self.parts]
+        return float(np.average([material.mean_stretch for _, material, _ in self.parts], weights=counts))
+
+    def parameter_slopes(self, key: Location, F: Array) -> tuple[Array, Array]:
+        """Return the slopes by a number of one region, the first of the keys; they are 0 in the others."""
+        by_energy, by_stress = np.zeros(F.shape[:-2]), np.zeros(F.shape)
+        for region, material, elements in self.parts:
+            if region == key[0]:
+                by_energy[elements], by_stress[elements] = material.parameter_slopes(key[1:], F[elements])
+        return by_energy, by_stress
 
 
 #: Solid of a cell: one material, or one for each region.

@@ -45,7 +45,8 @@ class HolzapfelGasserOgden(InvariantMaterial):
     dispersion: Annotated[float, Field(ge=0, le=1 / 3)] = 0.0
     """κ: 0 for aligned fibres, 1/3 for fibres in all directions."""
     directions: Annotated[tuple[Direction, ...], Field(min_length=1, max_length=6)]
-    """Mean direction [a1, a2, a3] of the fibres of each family, of any length but 0."""
+    """Mean direction of the fibres of each family: [a1, a2, a3] of any length but 0, or an angle in a plane, such as
+    {plane: xy, angle: 30}."""
     toe: Annotated[float, Field(gt=0, le=1)] = 0.02
     """Within this a·Ca − 1, about twice the strain along the fibres, they come to bear."""
 

@@ -1,58 +1,47 @@
-"""Interface of a strain energy (StrainEnergy), and base of a configured material (Material)."""
+"""Base of a configured material (Material): its Ψ, swelling, symmetry, and slopes by its numbers."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
+from porocore.cell.materials.energy import SWELLING, StrainEnergy, Swollen
 from porocore.cell.materials.moduli import check_reference, voigt_moduli
+from porocore.core.files.yaml_document import Location
 from porocore.core.models.strict import StrictModel
+from porocore.core.models.walk import with_number
 from porocore.core.tensors.point_group import MIRRORS
 from porocore.states import Array, IntArray
 
 if TYPE_CHECKING:
     from porocore.cell.meshing.mesh import CellMesh
 
-
-class StrainEnergy(ABC):
-    """Strain energy Ψ(F) of a hyperelastic solid at many points.
-
-    F_ij = ∂x_i/∂X_j has the shape (..., 3, 3), and (elements, points, 3, 3) where materials differ between elements.
-    All stresses and moduli are in units of E, the reference modulus of the study.
-    """
-
-    @property
-    @abstractmethod
-    def isotropic(self) -> bool:
-        """True where the response is the same in all directions of the reference configuration."""
-
-    @abstractmethod
-    def energy_density(self, F: Array) -> Array:
-        """Return Ψ (...) per undeformed volume [E]; 0 at F = I."""
-
-    @abstractmethod
-    def stress(self, F: Array) -> Array:
-        """Return P = ∂Ψ/∂F (..., 3, 3), first Piola–Kirchhoff, tension positive [E]."""
-
-    @abstractmethod
-    def tangent(self, F: Array) -> Array:
-        """Return A_ijkl = ∂P_ij/∂F_kl (..., 3, 3, 3, 3) [E]."""
-
-    @abstractmethod
-    def mean_moduli(self, elements: IntArray | None = None) -> tuple[float, float]:
-        """Return Young's and shear modulus of small strains [E], averaged over directions and elements (all)."""
+#: Imaginary step of a number; its square vanishes beside 1, whatever the number.
+STEP = 1e-100
 
 
 class Material(StrictModel, StrainEnergy):
     """Configuration of a homogeneous solid.
 
     A new kind derives this class, has a field ``kind`` with one allowed text, and stands in
-    :data:`porocore.cell.materials.choice.AnyMaterial`.
+    :data:`porocore.cell.materials.choice.AnyMaterial`. Its own methods are those of the elastic solid, without stress
+    at F = I; :meth:`on` returns the swollen one. They are analytic in its numbers: with a complex number in the place
+    of a real one they return complex results.
     """
+
+    swelling: Annotated[float, Field(ge=0.2, le=5)] = 1.0
+    """Stretch λ by which the solid swells in all directions where nothing holds it: F = λ I has no stress; 1: none."""
+
+    @model_serializer(mode="wrap")
+    def _only_what_is_given(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        data: dict[str, Any] = handler(self)
+        if self.swelling == 1:
+            data.pop("swelling", None)
+        return data
 
     @property
     @abstractmethod
@@ -81,13 +70,30 @@ class Material(StrictModel, StrainEnergy):
         return all(self.allows(Q, None) for Q in MIRRORS.matrices)
 
     @property
+    def swells(self) -> bool:
+        """True where the solid is swollen, so that it has a stress at F = I."""
+        return self.swelling != 1
+
+    @property
     def identity(self) -> str:
         """Kind and parameters as text."""
         return self.model_dump_json()
 
     def on(self, mesh: CellMesh) -> StrainEnergy:
-        """Return the strain energy of every element of a mesh of the solid, itself."""
-        return self
+        """Return the strain energy of every element of a mesh of the solid: itself, or the swollen solid."""
+        return self if self.swelling == 1 else Swollen(self, self.swelling)
+
+    def parameter_slopes(self, key: Location, F: Array) -> tuple[Array, Array]:
+        """Return ∂Ψ/∂θ and ∂P/∂θ by a complex step on a copy, exact to round-off; by λ those at λ = 1.
+
+        References
+        ----------
+        Squire & Trapp (1998), SIAM Review 40, 110–112.
+        """
+        if key == (SWELLING,):
+            return Swollen(self, 1.0).parameter_slopes(key, F)
+        stepped = with_number(self, key, lambda number: complex(number, STEP))
+        return stepped.energy_density(F).imag / STEP, stepped.stress(F).imag / STEP
 
     @property
     def elasticity(self) -> Array:

@@ -61,7 +61,7 @@ class NeoHookean(Material, metaclass=CalledByUsers):
         return (
             (self.lam / 2 * log_J - self.mu) * log_J,
             self.lam * log_J - self.mu,
-            np.full_like(log_J, self.lam),
+            np.full(log_J.shape, self.lam),
         )
 
     def energy_density(self, F: Array) -> Array:

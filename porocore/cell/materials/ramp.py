@@ -12,20 +12,27 @@ from porocore.states import Array
 
 def ramp(x: Array) -> Array:
     """Return 0 for x ≤ 0, x³ − x⁴/2 up to 1, x − ½ beyond: a positive part with two continuous derivatives."""
-    t = np.clip(x, 0.0, 1.0)
-    return np.asarray(t**3 - t**4 / 2 + np.maximum(x - 1, 0.0))
+    t = _clipped(x)
+    return np.asarray(t**3 - t**4 / 2 + np.where(np.real(x) > 1, x - 1, 0.0))
 
 
 def ramp_derivative(x: Array) -> Array:
     """Return the first derivative of the ramp, 3x² − 2x³ between 0 and 1."""
-    t = np.clip(x, 0.0, 1.0)
+    t = _clipped(x)
     return np.asarray(t * t * (3 - 2 * t))
 
 
 def ramp_curvature(x: Array) -> Array:
     """Return the second derivative of the ramp, 6x (1 − x) between 0 and 1."""
-    t = np.clip(x, 0.0, 1.0)
+    t = _clipped(x)
     return np.asarray(6 * t * (1 - t))
+
+
+def _clipped(x: Array) -> Array:
+    """Return x between 0 and 1; a complex x is clipped by its real part, as a complex step needs it."""
+    if not np.iscomplexobj(x):
+        return np.clip(x, 0.0, 1.0)
+    return np.where(np.real(x) < 0, 0.0, np.where(np.real(x) > 1, 1.0, x))
 
 
 @lru_cache(maxsize=1)

@@ -79,7 +79,8 @@ def state(
 
     Prints porosity and conductivity of the undeformed cell, and the responses of the cell in the state with their
     derivatives, those of fourth order with --json only. Where the configuration has scales, they have its output
-    units. The status of a state without solution tells why there is none; its responses are null in the JSON object.
+    units; the slopes by its parameters are dimensionless. The status of a state without solution tells why there is
+    none; its responses are null in the JSON object.
     """
     kept = chosen_store(store, no_store)
     path, settings = read_config(config, fem, cell_only=True)
@@ -94,7 +95,9 @@ def state(
         row = [found.get(name, 0.0) for name in NAMES]
         asked = ([row[:3], row[3:6], row[6:9]], row[9])
         solved = pipeline.solve_cell(settings, *asked, store=kept, tell=Console().note)
-        result = json_ready(figures_with_units(solved, units))
+        # A slope is by one unit of its parameter, which may have a dimension of its own.
+        slopes = {"slopes": solved.pop("slopes")} if "slopes" in solved else {}
+        result = json_ready(figures_with_units(solved, units) | slopes)
     typer.echo(
         json.dumps(result, allow_nan=False) if as_json else as_text(result, BELONGS if any(row) else {})
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import types
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, TypeGuard, Union, get_args, get_origin
 
@@ -84,6 +84,18 @@ def _parts(annotation: Any, value: Any) -> Iterator[tuple[str, Any, tuple[Any, .
         same = arguments[-1] is Ellipsis
         for i, child in enumerate(value):
             yield str(i), arguments[0 if same else min(i, len(arguments) - 1)], (), child
+
+
+def with_number(value: Any, path: Location, change: Callable[[float], Any]) -> Any:
+    """Return a copy of a section, mapping or list with a changed number at a path; nothing is validated."""
+    if not path:
+        return change(value)
+    key, below = path[0], path[1:]
+    if isinstance(value, BaseModel):
+        return value.model_copy(update={key: with_number(getattr(value, key), below, change)})
+    if isinstance(value, Mapping):
+        return {name: with_number(v, below, change) if str(name) == key else v for name, v in value.items()}
+    return type(value)(with_number(v, below, change) if str(i) == key else v for i, v in enumerate(value))
 
 
 def bare(annotation: Any) -> tuple[Any, tuple[Any, ...]]:

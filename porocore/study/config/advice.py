@@ -50,7 +50,9 @@ INSTEAD = {
     r"(strain|compression|stretch)": _STRAIN,
     r"(friction|contact_friction)": "a plate is smooth; a surface that sticks has a displacement with all three "
     "components",
-    r"(visco|viscoelastic.*|relaxation|creep|prony|plastic.*|yield.*|damage|fracture|growth|swelling|osmo.*|fixed_charge.*|"
+    r"(growth|swelling.*|osmo.*|shrinkage|free_swelling)": "a solid that swells has its free stretch as "
+    "'swelling:' under cell.material",
+    r"(visco|viscoelastic.*|relaxation|creep|prony|plastic.*|yield.*|damage|fracture|fixed_charge.*|"
     r"saturation|electric.*|chemical.*)": _NOT_MODELLED,
     r"(initial_(pressure|state|stress|conditions?))": "a body begins with the pressure and the gradient of "
     "'macro.initial:'",

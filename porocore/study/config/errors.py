@@ -34,7 +34,7 @@ FILES = ("cell.geometry.path", "macro.body.path")
 #: A section of more keys than these is not described by them.
 MOST_KEYS = 8
 #: Names that pydantic adds behind the key of a value that may be a number or a section.
-FORMS = ("number", "course", "text")
+FORMS = ("number", "course", "text", "vector", "in-plane")
 
 
 def faults(

@@ -71,6 +71,35 @@ def require_parts(solver: type[MacroSolver], name: str, problem: MacroSetup) -> 
         )
 
 
+def require_supported(cell: Cell) -> None:
+    """Refuse a study of a cell of which only single states can be solved yet.
+
+    Raises
+    ------
+    ConfigurationError
+        A number of the cell is a range, or its solid swells.
+    """
+    require_parameters(cell)
+    require_without_swelling(cell)
+
+
+def require_without_swelling(cell: Cell) -> None:
+    """Refuse a study of a body whose solid swells: at rest its cell has a stress, which no closure takes yet.
+
+    Raises
+    ------
+    ConfigurationError
+        A material has a swelling stretch other than 1, or a range of it.
+    """
+    for key, material in {"material": cell.material, **(cell.materials or {})}.items():
+        if material is not None and material.swells:
+            at = key if cell.materials is None else f"materials.{key}"
+            raise ConfigurationError(
+                f"cell.{at}.swelling: expected 1, got {material.swelling:g}; bodies of solids that swell are not "
+                "solved yet, single states of their cell are: porocore cell state"
+            )
+
+
 def require_parameters(cell: Cell) -> None:
     """Refuse a study of a cell with parameters, which samples and surrogates do not have yet.
 

@@ -32,7 +32,7 @@ from porocore.study.config.config import RunConfig
 from porocore.study.magnitudes.left_out import left_out
 from porocore.study.magnitudes.prescribed import require_right_side_out
 from porocore.study.magnitudes.separation import separation
-from porocore.study.preflight.abilities import require_fields, require_parameters
+from porocore.study.preflight.abilities import require_fields, require_supported
 from porocore.study.preflight.at_rest import cell_length, edges
 from porocore.study.preflight.guess import RunTimes, decisions
 from porocore.study.preflight.limits import require_memory, slow_states, unit_of_the_modulus
@@ -73,7 +73,7 @@ def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) ->
 
 def _check(config: RunConfig, needed: Collection[Kind]) -> None:
     find_backends(config, needed)
-    require_parameters(config.cell)
+    require_supported(config.cell)
     check_sampling(config, trained="surrogate" in needed)
     check_time_functions(config.macro)
     require_right_side_out(config.macro, place(config), config.result_units)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -17,7 +17,7 @@ from porocore.macro.boundary.drainage import undrained
 from porocore.macro.reference import CellReference
 from porocore.plugins.border import conductivity_of, solution_of
 from porocore.sampling.execution.solved_store import StoringSolver
-from porocore.states import MacroState, Status
+from porocore.states import CellSlopes, MacroState, Status
 from porocore.study.config.config import RunConfig, cell_identity
 from porocore.study.config.sections import FemSettings
 from porocore.study.preflight.symmetry_notes import broken_by_the_mesh
@@ -25,6 +25,9 @@ from porocore.study.run_folder.folder import RunFolder
 from porocore.study.run_folder.stage_times import StageClock, timed
 from porocore.study.stages.stage_files import load_reference, prepare_cell
 from porocore.study.store import cell_key, fetch_files, keep_files, solved_states, told
+
+#: Responses whose slopes by the parameters are shown.
+SLOPES = ("potential", "stress", "fluid_volume", "porosity", "conductivity")
 
 
 def solve_reference(
@@ -138,9 +141,20 @@ def solve_cell(
     for part, holder in (("tangent", response.tangent), ("peaks", response.extrema)):
         if holder is not None:
             found[part] = {name: value[0] for name, value in vars(holder).items() if value is not None}
+    if response.slopes is not None:
+        found["slopes"] = _by_parameter(response.slopes, [each.name for each in config.cell.parameters])
     return found | {
         "seconds": {
             "set_up": ready - began + saved_at_rest,
             "solve": time.perf_counter() - ready + sum(saved),
         }
+    }
+
+
+def _by_parameter(slopes: CellSlopes, names: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Return the slopes of one row by parameter, then by response."""
+    given = {name: getattr(slopes, name) for name in SLOPES}
+    return {
+        parameter: {name: values[0][..., k] for name, values in given.items() if values is not None}
+        for k, parameter in enumerate(names)
     }

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from porocore.cell.cell import Cell
-from porocore.cell.materials.material import StrainEnergy
+from porocore.cell.materials.energy import StrainEnergy
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.mirror import unfold_displacement
 from porocore.cell.meshing.quadrature import tetrahedron_rule
