@@ -19,6 +19,62 @@ from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.shape_functions import EDGES
 from porocore.states import Array, IntArray
 
+#: Eighths of a quadratic tetrahedron. Those inside share the diagonal that mirror images of an element share.
+EIGHTHS = np.array([
+    [0, 4, 6, 7], [1, 5, 4, 8], [2, 6, 5, 9], [3, 7, 8, 9],
+    [4, 9, 5, 6], [4, 9, 6, 7], [4, 9, 7, 8], [4, 9, 8, 5],
+])  # fmt: skip
+
+
+class BoundaryExtension:
+    """Harmonic extension of displacements of some nodes to all nodes of a mesh; set up once, a linear map.
+
+    The corners of the elements follow the field. Mid-edge nodes that are not given lie halfway between them, or follow
+    the field too, which is then linear on eighths of the elements.
+
+    Parameters
+    ----------
+    mesh
+        Mesh of one phase.
+    nodes : (k,)
+        Nodes whose displacement is given, with every periodic image; images have the same displacement.
+    held : (nodes, 3)
+        True for components that are 0.
+    curved
+        True if mid-edge nodes follow the field.
+    """
+
+    def __init__(
+        self, mesh: CellMesh, nodes: IntArray, held: npt.NDArray[np.bool_], *, curved: bool = False
+    ) -> None:
+        self._nodes = nodes
+        images, points, cells = mesh.periodic_class, mesh.points, mesh.cells[:, :4]
+        if curved:
+            points, cells = points.copy(), mesh.cells[:, EIGHTHS].reshape(-1, 4)
+            points[mesh.cells[:, 4:]] = points[mesh.cells[:, EDGES]].mean(axis=2)
+        corners, first = np.unique(images[cells], return_index=True)
+        self._count = len(corners)
+        number = np.full(int(images.max()) + 1, -1)
+        number[corners] = np.arange(len(corners))
+        self._corner_of: IntArray = number[images]
+        node_of: IntArray = cells.ravel()[first]
+        given = np.zeros(len(corners), dtype=bool)
+        given[self._corner_of[nodes][self._corner_of[nodes] >= 0]] = True
+        matrix = _stiffness(points[cells], self._corner_of[cells], len(corners))
+        self._solves = [_solver(matrix, given | held[node_of, i]) for i in range(3)]
+        self._ends = np.tile(np.arange(len(mesh.points)), (2, 1)) if curved else ends_of_edges(mesh)
+
+    def __call__(self, values: Array) -> Array:
+        """Return the displacement (nodes, 3) of all nodes from that of the given ones (k, 3)."""
+        corners = np.zeros((self._count, 3))
+        corner = self._corner_of[self._nodes]
+        corners[corner[corner >= 0]] = values[corner >= 0]
+        corners = np.stack([solve(corners[:, i]) for i, solve in enumerate(self._solves)], axis=1)
+        ends = corners[self._corner_of[self._ends]]
+        moved: Array = ends.mean(axis=0)
+        moved[self._nodes] = values
+        return moved
+
 
 class HarmonicExtension:
     """Harmonic extension of u¹ from the solid to the nodes of the fluid; set up once, applied by back substitution.
@@ -36,40 +92,11 @@ class HarmonicExtension:
         self, solid: CellMesh, fluid: CellMesh, base: tuple[CellMesh, CellMesh] | None = None
     ) -> None:
         self._solid, self._interpolation = solid, wall_interpolation(solid, fluid, base)
-        self._wall = self._interpolation.nodes
         fluid = self.fluid = fluid if base is None else base[1]
-        images = fluid.periodic_class
-        self._corners, first = np.unique(images[fluid.cells[:, :4]], return_index=True)
-        number = np.full(int(images.max()) + 1, -1)
-        number[self._corners] = np.arange(len(self._corners))
-        self._corner_of: IntArray = number[images]
-        self._node_of: IntArray = fluid.cells[:, :4].ravel()[first]
-        on_wall = np.zeros(len(self._corners), dtype=bool)
-        on_wall[self._corner_of[self._wall][self._corner_of[self._wall] >= 0]] = True
-        matrix = _stiffness(fluid, self._corner_of[fluid.cells[:, :4]], len(self._corners))
-        self._solves = [self._solver(matrix, on_wall, i) for i in range(3)]
-        #: Ends of the edge of each mid-edge node; a corner is both of its ends.
-        self._ends = np.tile(np.arange(len(fluid.points)), (2, 1))
-        for place, (a, b) in enumerate(EDGES, start=4):
-            self._ends[:, fluid.cells[:, place]] = fluid.cells[:, [a, b]].T
-
-    def _solver(self, matrix: csc_matrix, on_wall: npt.NDArray[np.bool_], i: int) -> Callable[[Array], Array]:
-        """Return the map of u_i on the wall to u_i at all corners, with 0 on the mirror planes of axis i."""
-        held = on_wall.copy()
-        if self.fluid.domain == "eighth":
-            held |= self.fluid.on_mirrors[self._node_of, i]
-        free, known = np.flatnonzero(~held), np.flatnonzero(held)
-        if not len(free):
-            return lambda values: values
-        rows = matrix[free].tocsc()
-        factor, coupling = splu(rows[:, free].tocsc(), permc_spec="MMD_AT_PLUS_A"), rows[:, known]
-
-        def solve(values: Array) -> Array:
-            out = values.copy()
-            out[free] = -factor.solve(coupling @ values[known])
-            return out
-
-        return solve
+        nodes = self._interpolation.nodes
+        held = fluid.on_mirrors if fluid.domain == "eighth" else np.zeros(fluid.points.shape, dtype=bool)
+        self._held = held[nodes]
+        self._extend = BoundaryExtension(fluid, nodes, held)
 
     def __call__(self, u: Array) -> Array:
         """Return u¹ (nodes, 3) of the fluid from that of the solid (nodes, 3)."""
@@ -89,22 +116,37 @@ class HarmonicExtension:
         return self._extended(on_wall)
 
     def _extended(self, on_wall: Array) -> Array:
-        fluid = self.fluid
-        if fluid.domain == "eighth":
-            on_wall[fluid.on_mirrors[self._wall]] = 0.0
-        corners = np.zeros((len(self._corners), 3))
-        corner = self._corner_of[self._wall]
-        corners[corner[corner >= 0]] = on_wall[corner >= 0]
-        corners = np.stack([solve(corners[:, i]) for i, solve in enumerate(self._solves)], axis=1)
-        ends = corners[self._corner_of[self._ends]]
-        moved: Array = ends.mean(axis=0)
-        moved[self._wall] = on_wall
-        return moved
+        on_wall[self._held] = 0.0
+        return self._extend(on_wall)
 
 
-def _stiffness(fluid: CellMesh, corners: IntArray, count: int) -> csc_matrix:
-    """Return the stiffness matrix of linear elements, each weighted by the inverse of its volume."""
-    edges = fluid.points[fluid.cells[:, 1:4]] - fluid.points[fluid.cells[:, :1]]
+def ends_of_edges(mesh: CellMesh) -> IntArray:
+    """Return the ends (2, nodes) of the edge of each mid-edge node; a corner is both of its ends."""
+    ends = np.tile(np.arange(len(mesh.points)), (2, 1))
+    for place, (a, b) in enumerate(EDGES if mesh.order == 2 else (), start=4):
+        ends[:, mesh.cells[:, place]] = mesh.cells[:, [a, b]].T
+    return ends
+
+
+def _solver(matrix: csc_matrix, held: npt.NDArray[np.bool_]) -> Callable[[Array], Array]:
+    """Return the map of one component at the corners held to that at all corners."""
+    free, known = np.flatnonzero(~held), np.flatnonzero(held)
+    if not len(free):
+        return lambda values: values
+    rows = matrix[free].tocsc()
+    factor, coupling = splu(rows[:, free].tocsc(), permc_spec="MMD_AT_PLUS_A"), rows[:, known]
+
+    def solve(values: Array) -> Array:
+        out = values.copy()
+        out[free] = -factor.solve(coupling @ values[known])
+        return out
+
+    return solve
+
+
+def _stiffness(places: Array, corners: IntArray, count: int) -> csc_matrix:
+    """Return the stiffness of linear elements at places (m, 4, 3), each weighted by the inverse of its volume."""
+    edges = places[:, 1:] - places[:, :1]
     inverse = np.linalg.inv(edges)  # columns: gradients of the last three shape functions
     gradients = np.concatenate([-inverse.sum(axis=2, keepdims=True), inverse], axis=2)
     blocks = gradients.swapaxes(1, 2) @ gradients

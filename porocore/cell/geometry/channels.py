@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, field_validator
 from pydantic_core.core_schema import ValidationInfo
 
+from porocore.cell.family.surfaces import WallSurface, cylinder
 from porocore.cell.geometry.cad import DrawnGeometry, DrawnPart
 from porocore.cell.geometry.crossing import crossing_volume
 from porocore.cell.geometry.drawing import eighth, split, wedge
-from porocore.cell.geometry.fillet import onto_fillet, opened_volume
+from porocore.cell.geometry.fillet import onto_fillet, opened_volume, rounded_surfaces
 from porocore.cell.geometry.pore_geometry import Unfolding
 from porocore.cell.geometry.rounded_wedge import draw_wedge
 from porocore.core.tensors.point_group import CUBIC, PointGroup
@@ -142,6 +144,11 @@ class OrthogonalChannels(DrawnGeometry):
         """Point group of the mirrors and of the permutations of axes with equal channels."""
         radii = np.array([self._by_axis.get(axis, 0.0) for axis in "xyz"])
         return CUBIC.kept(lambda Q: (np.abs(Q) @ radii == radii).all())
+
+    def wall_surfaces(self) -> Sequence[WallSurface] | None:
+        if self.fillet:
+            return rounded_surfaces(self.radius, self.fillet, self.axes)
+        return [cylinder(axis, radius) for axis, radius in self._by_axis.items()]
 
     def draw(self, gmsh: Any) -> DrawnPart:
         occ = gmsh.model.occ

@@ -9,11 +9,13 @@ and the solid is the set of points within f of the solid with channels of radius
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 from scipy.special import roots_legendre
 
+from porocore.cell.family.surfaces import Plane, Values, WallSurface, cylinder, sphere
 from porocore.states import Array
 
 #: Parameter at the corner with a third channel, in the middle of the quadrant of the ellipse.
@@ -82,3 +84,65 @@ def _nearest(a: Array, b: Array, R: float, end: float) -> Array:
         curvature = R * (cosine**2 - sine**2) - np.sqrt(2) * a * cosine - b * sine
         t = np.clip(t - slope / np.where(np.abs(curvature) > 1e-12, curvature, -1.0), 0.0, end)
     return t
+
+
+@dataclass(frozen=True)
+class _Canal:
+    """Canal surface of the fillet between two channels, in the eighth.
+
+    Attributes
+    ----------
+    pair, third
+        Axes of the two channels, and the third axis.
+    R, fillet
+        Distance of the ball's centre from both axes, and its radius.
+    """
+
+    pair: tuple[int, int]
+    third: int
+    R: complex
+    fillet: complex
+
+    def value(self, points: Array) -> Values:
+        away = self._away(points)
+        return np.asarray(self.fillet - np.sqrt((away * away).sum(axis=1)))
+
+    def gradient(self, points: Array) -> Array:
+        away = self._away(points)
+        return np.asarray(-away / np.linalg.norm(away, axis=1, keepdims=True))
+
+    def _away(self, points: Array) -> Values:
+        """Return the vectors from the nearest centres; to first order these do not depend on which is the nearest."""
+        i, j = self.pair
+        t = _nearest(
+            np.sqrt(0.5) * (points[:, i] + points[:, j]), points[:, self.third], np.real(self.R), np.pi / 2
+        )
+        centre = np.zeros(points.shape, dtype=np.result_type(float, self.R))
+        centre[:, i] = centre[:, j] = self.R * np.cos(t)
+        centre[:, self.third] = self.R * np.sin(t)
+        return np.asarray(points - centre)
+
+
+def rounded_surfaces(radius: complex, fillet: complex, axes: str) -> list[WallSurface]:
+    """Return the surfaces of the rounded wall in the eighth, and the planes in which they touch.
+
+    A ball touches the channel i where r X_i = R X_j, and the sphere of a corner begins at the end of the ellipse.
+    """
+    R, places = radius + fillet, ["xyz".index(axis) for axis in axes]
+    channels: list[WallSurface] = [cylinder(axis, radius) for axis in axes]
+    canals: list[WallSurface] = []
+    seams: list[WallSurface] = []
+    corner: list[WallSurface] = []
+    if len(axes) == 3:
+        corner = [sphere(np.full(3, R * np.sqrt(0.5)), fillet)]
+    for i, j in combinations(places, 2):
+        canal = _Canal((i, j), 3 - i - j, R, fillet)
+        canals.append(canal)
+        for a, b in ((i, j), (j, i)):
+            normal = np.zeros(3, dtype=np.result_type(float, R))
+            normal[a], normal[b] = radius, -R
+            seams.append(Plane(normal, 0.0, (channels[places.index(a)], canal)))
+        if corner:
+            normal = np.where(np.isin(range(3), [i, j]), -1.0, 1.0)
+            seams.append(Plane(normal, -R * np.sqrt(0.5), (corner[0], canal)))
+    return [*seams, *channels, *canals, *corner]

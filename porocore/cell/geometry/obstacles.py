@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from porocore.cell.family.surfaces import WallSurface, cylinder, sphere
 from porocore.cell.geometry.cad import LARGEST_SIZE_TO_RADIUS, DrawnGeometry, DrawnPart
 from porocore.cell.geometry.drawing import split, wedge
 from porocore.cell.geometry.pore_geometry import Unfolding
@@ -53,6 +55,10 @@ class SphereArray(DrawnGeometry):
     def unfolding(self) -> Unfolding:
         """The wedge of a cubic cell."""
         return "wedge"
+
+    def wall_surfaces(self) -> Sequence[WallSurface] | None:
+        necks = [cylinder(axis, self.neck) for axis in "xyz"] if self.neck else []
+        return [sphere(np.zeros(3), self.radius), *necks]
 
     @property
     def description(self) -> str:
@@ -108,6 +114,9 @@ class CylinderArray(DrawnGeometry):
     def unfolding(self) -> Unfolding:
         """The eighth, one element high."""
         return "eighth"
+
+    def wall_surfaces(self) -> Sequence[WallSurface] | None:
+        return [cylinder("z", self.radius)]
 
     @property
     def point_group(self) -> PointGroup:

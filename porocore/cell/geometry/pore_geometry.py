@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
+from porocore.cell.family.surfaces import WallSurface
 from porocore.cell.geometry.sides import CUBE, Sides
 from porocore.cell.meshing.estimate import PER_CUBE
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra
@@ -78,6 +79,13 @@ class PoreGeometry(StrictModel, ABC):
     @property
     def disconnected(self) -> str | None:
         """Reason why the solid is not connected across the periodic cell; empty if it is, None if a mesh must tell."""
+        return None
+
+    def wall_surfaces(self) -> Sequence[WallSurface] | None:
+        """Return the surfaces on which the pore wall lies; None if a mesh of this kind cannot be moved.
+
+        Their number and order do not depend on the geometry's numbers, which may be complex.
+        """
         return None
 
     def specification(self) -> dict[str, Any]:

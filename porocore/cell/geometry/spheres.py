@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import combinations, product
 from typing import Annotated, Any, Literal
@@ -9,6 +10,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
+from porocore.cell.family.surfaces import Round, WallSurface, sphere
 from porocore.cell.geometry.cad import DrawnGeometry, DrawnPart
 from porocore.cell.geometry.capsules import Capsules
 from porocore.cell.geometry.drawing import split, wedge
@@ -129,8 +131,8 @@ class SpherePores(DrawnGeometry):
         if self.lattice:
             centres = LATTICES[self.lattice][0]
         else:
-            centres = np.array(self.centres, dtype=np.float64)
-            centres = centres - np.rint(centres)
+            centres = np.array(self.centres)
+            centres = centres - np.rint(centres.real)
         radii = np.full(len(centres), self.radius) if self.radii is None else np.array(self.radii)
         return centres, radii
 
@@ -183,6 +185,10 @@ class SpherePores(DrawnGeometry):
         spheres = [(centre, centre, radius) for centre, radius in self._images()]
         return Capsules([*spheres, *self._tubes()])
 
+    def wall_surfaces(self) -> Sequence[WallSurface] | None:
+        spheres = [sphere(centre, radius) for centre, radius in self._images()]
+        return [*spheres, *(Round(a, radius, b - a) for a, b, radius in self._tubes())]
+
     def draw(self, gmsh: Any) -> DrawnPart:
         """The wedge of a lattice."""
         occ = gmsh.model.occ
@@ -199,7 +205,7 @@ class SpherePores(DrawnGeometry):
         """Every sphere with the periodic images that may reach into the cell."""
         centres, radii = self._spheres
         return [
-            (centre + shift, float(radius))
+            (centre + shift, radius)
             for centre, radius in zip(centres, radii, strict=True)
             for shift in product((-1.0, 0.0, 1.0), repeat=3)
         ]
@@ -233,11 +239,11 @@ class SpherePores(DrawnGeometry):
     def _ends(self, throat: Throat) -> Array:
         """Return the centres (2, 3) of the two pores that a throat joins, the first in the cell."""
         centres, _ = self._spheres
-        given = np.array(self.centres, dtype=np.float64)
+        given = np.array(self.centres)
         i, j = throat.join
         a, b = centres[i], centres[j]
         if throat.shift is None:
-            return np.stack([a, b - np.rint(b - a)])
+            return np.stack([a, b - np.rint((b - a).real)])
         return np.stack([a, a + (given[j] + np.array(throat.shift, dtype=np.float64) - given[i])])
 
 

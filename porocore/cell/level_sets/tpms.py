@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property, lru_cache
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from porocore.cell.family.surfaces import Values, WallSurface
 from porocore.cell.geometry.pore_geometry import Unfolding
 from porocore.cell.level_sets.level_set import LevelSetGeometry
 from porocore.core.tensors.point_group import CUBIC, PointGroup
@@ -16,8 +18,10 @@ from porocore.states import Array
 Surface = Literal["gyroid", "schwarz-p", "diamond"]
 #: Largest value of |f|.
 LARGEST = {"gyroid": 1.5, "schwarz-p": 3.0, "diamond": 2**0.5}
-#: Lines along each of two axes on which a void fraction is integrated, exactly along each line.
-LINES = 800
+#: Values |f| of its critical points, where the share of the cell below a level is not smooth.
+CRITICAL = {"gyroid": (2**0.5, 1.5), "schwarz-p": (1.0, 3.0), "diamond": (1.0, 2**0.5)}
+#: Points of the rule between two roots, by which a void fraction is integrated.
+POINTS = 63
 
 
 class TriplyPeriodic(LevelSetGeometry):
@@ -69,7 +73,8 @@ class TriplyPeriodic(LevelSetGeometry):
         assert wanted is not None
         from scipy.optimize import brentq  # slow to import
 
-        return float(brentq(lambda c: self._void_fraction(c) - wanted, *self._levels, xtol=1e-12))
+        low, high = self._levels
+        return float(brentq(lambda c: self._void_fraction(c) - wanted, low, high, xtol=1e-15))
 
     def _void_fraction(self, level: float) -> float:
         if self.solid == "sheet":
@@ -78,7 +83,7 @@ class TriplyPeriodic(LevelSetGeometry):
 
     @property
     def porosity(self) -> float:
-        """See :class:`~porocore.cell.geometry.pore_geometry.PoreGeometry`; to about 1e-6."""
+        """See :class:`~porocore.cell.geometry.pore_geometry.PoreGeometry`; to round-off."""
         return self.void_fraction if self.void_fraction is not None else self._void_fraction(self.wall_level)
 
     @property
@@ -96,6 +101,22 @@ class TriplyPeriodic(LevelSetGeometry):
         name = {"gyroid": "gyroid", "schwarz-p": "Schwarz P", "diamond": "diamond"}[self.surface]
         return f"{name} {self.solid} of porosity {self.porosity:.4g}, level {self.wall_level:.4g}"
 
+    def wall_surfaces(self) -> Sequence[WallSurface] | None:
+        level = self._complex_level()
+        sides = [level, -level] if self.solid == "sheet" else [level]
+        return [Nodal(self.surface, side) for side in sides]
+
+    def _complex_level(self) -> complex:
+        """Return the level of the wall; of a complex void fraction to first order in the imaginary part."""
+        wanted = self.void_fraction
+        if not isinstance(wanted, complex):
+            return self.wall_level if self.level is None else self.level
+        level = self.model_copy(update={"void_fraction": wanted.real}).wall_level
+        slope = slope_of_below(self.surface, level)
+        if self.solid == "sheet":
+            slope = -slope - slope_of_below(self.surface, -level)
+        return level + 1j * wanted.imag / slope
+
     def level_set(self) -> Nodal | Sheet:
         return (Sheet if self.solid == "sheet" else Nodal)(self.surface, self.wall_level)
 
@@ -103,10 +124,10 @@ class TriplyPeriodic(LevelSetGeometry):
 class Nodal:
     """Level set f − level, the nodal approximation of a minimal surface."""
 
-    def __init__(self, surface: Surface, level: float) -> None:
+    def __init__(self, surface: Surface, level: complex) -> None:
         self.surface, self.level = surface, level
 
-    def value(self, points: Array) -> Array:
+    def value(self, points: Array) -> Values:
         (sx, sy, sz), (cx, cy, cz) = np.sin(2 * np.pi * points.T), np.cos(2 * np.pi * points.T)
         f: Array
         if self.surface == "gyroid":
@@ -147,18 +168,65 @@ class Sheet:
 
 @lru_cache(maxsize=256)
 def below(surface: Surface, level: float) -> float:
-    """Return the share of the cell where f < level.
+    """Return the share of the cell where f < level, to round-off; it is smooth between the critical values of f.
 
     Along a line in the direction of x every f is R cos(X − δ) + C, below the level on a share
-    1 − arccos((level − C)/R)/π of its period.
+    1 − arccos((level − C)/R)/π of its period. This is integrated over a part of the two other angles that symmetry
+    allows, by the tanh–sinh rule between the places where it becomes 0 or 1.
     """
-    angle = 2 * np.pi * (np.arange(LINES) + 0.5) / LINES
-    y, z = angle[:, None], angle[None, :]
+    outer, first = _split(_outer_ends(surface, level)[None])
+    y = outer.ravel()[:, None]
+    z, second = _split(_inner_ends(surface, level, y))
     if surface == "gyroid":
         R, C = np.hypot(np.cos(y), np.sin(z)), np.sin(y) * np.cos(z)
     elif surface == "schwarz-p":
-        R, C = np.ones((LINES, LINES)), -(np.cos(y) + np.cos(z))
+        R, C = np.ones_like(z), -(np.cos(y) + np.cos(z))
+    else:  # the sum and the difference of the two angles
+        R, C = np.hypot(np.cos(y), np.sin(z)), np.zeros_like(z)
+    on_lines = 1 - np.arccos(np.clip((level - C) / R, -1, 1)) / np.pi
+    return float(first.ravel() @ (second * on_lines).sum(axis=1))
+
+
+def slope_of_below(surface: Surface, level: float) -> float:
+    """Return the derivative of the share of the cell below a level, by a difference of eighth order."""
+    h = min(0.01, *(abs(abs(level) - c) / 5 for c in CRITICAL[surface]))
+    shares = [below(surface, level + k * h) - below(surface, level - k * h) for k in (1, 2, 3, 4)]
+    return float(np.dot([4 / 5, -1 / 5, 4 / 105, -1 / 280], shares)) / h
+
+
+def _outer_ends(surface: Surface, level: float) -> Array:
+    """Return the range of the first angle, and between its ends the places where the rule is split."""
+    square = level**2
+    if surface == "gyroid":
+        root = np.sqrt(max(2 - square, 0.0))
+        height = np.sqrt((1 + np.sqrt(max(9 - 4 * square, 0.0)) * np.array([1, -1]) * (square > 2)) / 2)
+        sines = [*(s * (level + t * root) / 2 for s in (1, -1) for t in (1, -1)), *height, *-height]
+        return np.sort([-np.pi / 2, *np.arcsin(np.clip(sines, -1, 1)), np.pi / 2])
+    if surface == "schwarz-p":
+        return np.sort([0.0, *np.arccos(np.clip([-level, -level - 2, -level + 2], -1, 1)), np.pi])
+    return np.sort([0.0, *np.arccos(np.sqrt(np.clip([square, square - 1], 0, 1))), np.pi / 2])
+
+
+def _inner_ends(surface: Surface, level: float, y: Array) -> Array:
+    """Return the range of the second angle for each first one (n, 1), and the places of the roots in it, (n, 4)."""
+    if surface == "gyroid":
+        s = np.sin(y)
+        root = np.sqrt(np.maximum(2 + s**2 - s**4 - level**2, 0.0))
+        ends = np.arccos(np.clip((level * s + root * [-1, 1]) / (1 + s**2), -1, 1))
+    elif surface == "schwarz-p":
+        ends = np.arccos(np.clip(np.array([-1, 1]) - level - np.cos(y), -1, 1))
     else:
-        R, C = np.hypot(np.cos(y - z), np.sin(y + z)), np.zeros((LINES, LINES))
-    ratio = np.clip((level - C) / np.maximum(R, 1e-300), -1, 1)
-    return float(1 - np.arccos(ratio).mean() / np.pi)
+        ends = np.arcsin(np.sqrt(np.clip(level**2 - np.cos(y) ** 2, 0, 1))) * [1, 1]
+    high = np.full_like(y, np.pi / 2 if surface == "diamond" else np.pi)
+    return np.sort(np.concatenate([np.zeros_like(y), ends, high], axis=1), axis=1)
+
+
+def _split(ends: Array) -> tuple[Array, Array]:
+    """Return points and weights (n, q) of the tanh–sinh rule between ends (n, k); the weights sum to 1."""
+    t = np.linspace(-3.1, 3.1, POINTS)
+    share = 1 / (1 + np.exp(-np.pi * np.sinh(t)))
+    weight = np.cosh(t) * share * (1 - share)
+    low, width = ends[:, :-1, None], np.diff(ends, axis=1)[:, :, None]
+    length = (ends[:, -1] - ends[:, 0])[:, None, None]
+    points, weights = low + width * share, width / length * weight / weight.sum()
+    return points.reshape(len(ends), -1), weights.reshape(len(ends), -1)

@@ -1,0 +1,287 @@
+"""Mesh of a family of cells (FamilyMesh): one mesh moved to the numbers of each member, and its velocity."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from porocore.cell.conductivity.extension import BoundaryExtension, ends_of_edges
+from porocore.cell.family.numbers import changed_numbers, number_at, with_number
+from porocore.cell.family.surfaces import WallSurface
+from porocore.cell.family.wall import ON, TINY, WallMotion, lies_on
+from porocore.cell.geometry.pore_geometry import PoreGeometry
+from porocore.cell.meshing.mesh import CellMesh, Domain, MeshSettings, Phase, make_mesh
+from porocore.cell.meshing.shape_functions import EDGES
+from porocore.cell.meshing.tetrahedra import least_stretch, volumes
+from porocore.errors import ConfigurationError
+from porocore.states import Array, IntArray
+
+#: Members whose meshes are kept.
+KEPT = 16
+
+
+class FamilyMesh:
+    """Meshes of the members of a family: that of the base with its nodes moved.
+
+    The wall moves by :class:`~porocore.cell.family.wall.WallMotion`, all other nodes by its harmonic extension, so the
+    place of every node is a smooth function of the numbers. Elements, numbers of nodes, mirror planes and cell faces
+    stay, periodic images move alike, and the eighth is part of the whole. Straight elements stay straight.
+
+    Parameters
+    ----------
+    base
+        Geometry that is meshed, at best in the middle of the ranges of its numbers.
+    settings
+        Settings of its mesh.
+    """
+
+    def __init__(self, base: PoreGeometry, settings: MeshSettings) -> None:
+        self.base, self.settings = base, settings
+        self._moving: dict[Phase, MovingMesh] = {}
+        self._whole: dict[Phase, tuple[IntArray, Array]] = {}
+        self._meshes: OrderedDict[tuple[Phase, Domain, PoreGeometry], CellMesh] = OrderedDict()
+
+    def mesh(self, phase: Phase, domain: Domain, geometry: PoreGeometry) -> CellMesh:
+        """Return the mesh of one phase of a member.
+
+        Parameters
+        ----------
+        phase, domain
+            Phase and domain, as of :func:`~porocore.cell.meshing.mesh.make_mesh`.
+        geometry
+            Geometry of the member, which differs from the base in numbers only. Where a mesh of its kind cannot be
+            moved, that of the base is returned for equal numbers.
+
+        Raises
+        ------
+        ConfigurationError
+            The mesh cannot be moved so far, or not at all.
+        ValueError
+            The domain is the eighth of a cell without mirrors.
+        """
+        key = (phase, domain, geometry)
+        if key in self._meshes:
+            self._meshes.move_to_end(key)
+            return self._meshes[key]
+        found = self._made(phase, domain, geometry)
+        self._meshes[key] = found
+        if len(self._meshes) > KEPT:
+            self._meshes.popitem(last=False)
+        return found
+
+    def velocity(self, phase: Phase, domain: Domain, geometry: PoreGeometry, key: str) -> Array:
+        """Return the derivative (nodes, 3) of the places of a member's nodes by one number of its geometry.
+
+        Parameters
+        ----------
+        phase, domain, geometry
+            As of :meth:`mesh`.
+        key
+            Dotted path of the number in the geometry, such as ``radius``, ``radii.x`` or ``centres.2.0``.
+
+        Raises
+        ------
+        ConfigurationError
+            There is no number under the key, or the mesh cannot be moved.
+        """
+        if not len(make_mesh(self.base, self.settings, phase, domain).cells):
+            number_at(geometry, key)
+            return np.zeros((0, 3))
+        speed = self._of(phase).velocity(geometry, key)
+        if domain == "whole" and self.base.unfolding != "whole":
+            node, signs = self._images(phase)
+            speed = speed[node] * signs
+        return speed
+
+    def _made(self, phase: Phase, domain: Domain, geometry: PoreGeometry) -> CellMesh:
+        base = make_mesh(self.base, self.settings, phase, domain)
+        changed = changed_numbers(self.base, geometry)
+        if not len(base.cells) or (not changed and self.base.wall_surfaces() is None):
+            return base
+        points = self._of(phase).points(geometry)
+        if domain == "whole" and self.base.unfolding != "whole":
+            node, signs = self._images(phase)
+            points = points[node] * signs + 0.0  # + 0.0 turns −0.0 into 0.0
+        moved = replace(base, points=points)
+        # The nodes on planes and faces are the same ones, so what depends on them alone is not computed again.
+        for name in ("boundary", "wall", "on_mirrors", "periodic_class"):
+            moved.__dict__[name] = getattr(base, name)
+        return moved
+
+    def _of(self, phase: Phase) -> MovingMesh:
+        if phase not in self._moving:
+            domain: Domain = "whole" if self.base.unfolding == "whole" else "eighth"
+            mesh = make_mesh(self.base, self.settings, phase, domain)
+            straight = self.settings.element == "quadratic-straight"
+            self._moving[phase] = MovingMesh(self.base, mesh, straight=straight)
+        return self._moving[phase]
+
+    def _images(self, phase: Phase) -> tuple[IntArray, Array]:
+        """Return the node (N,) of the eighth of which each node of the whole is an image, and the signs (N, 3)."""
+        if phase not in self._whole:
+            eighth, whole = (
+                make_mesh(self.base, self.settings, phase, d).points for d in ("eighth", "whole")
+            )
+            self._whole[phase] = (_places(eighth, np.abs(whole)), np.sign(whole))
+        return self._whole[phase]
+
+
+class MovingMesh:
+    """Mesh of one phase of the base whose nodes move with the numbers of the geometry; set up once.
+
+    Parameters
+    ----------
+    base
+        Geometry of the base.
+    mesh
+        Mesh of the base, on the eighth where the cell has mirrors, else on the whole cell.
+    straight
+        True if all elements have straight edges.
+
+    Raises
+    ------
+    ConfigurationError
+        A mesh of this kind of geometry cannot be moved.
+    """
+
+    def __init__(self, base: PoreGeometry, mesh: CellMesh, *, straight: bool) -> None:
+        self.base, self._mesh = base, mesh
+        surfaces = _surfaces(base)
+        self._count = len(surfaces)
+        held = (mesh.points == mesh.low) | (mesh.points == mesh.high)
+        images = mesh.periodic_class
+        nodes = np.flatnonzero(np.isin(images, images[np.unique(mesh.wall)]))
+        follows = nodes[_follows_the_wall(mesh, nodes, surfaces, straight=straight)]
+        classes, first = np.unique(images[follows], return_index=True)
+        self._wall = WallMotion(
+            mesh.points[follows[first]], held[follows[first]], _neighbours(mesh, classes), surfaces
+        )
+        #: Ends (2, k) of each wall node's edge among those that follow the wall; one that follows is both of its ends.
+        self._ends = np.searchsorted(classes, images[ends_of_edges(mesh)[:, nodes]])
+        self._ends[:, np.isin(nodes, follows)] = np.searchsorted(classes, images[follows])
+        self._extend = BoundaryExtension(mesh, nodes, held, curved=mesh.order == 2 and not straight)
+        self._ordered = _Ordered(mesh.points) if base.unfolding == "wedge" else None
+        self._places: OrderedDict[PoreGeometry, Array] = OrderedDict()
+        self._curved = mesh.order == 2 and not straight
+
+    def points(self, geometry: PoreGeometry) -> Array:
+        """Return the places (nodes, 3) of the nodes of a member.
+
+        Raises
+        ------
+        ConfigurationError
+            The mesh cannot be moved so far: nodes find no place, or elements fold.
+        """
+        try:
+            step = self._on_wall(geometry) - self._wall.points
+        except ConfigurationError as error:
+            raise self._too_far(geometry, str(error)) from error
+        points = self._mesh.points + self._extend(step[self._ends].mean(axis=0))
+        if self._ordered and geometry.unfolding == "wedge":
+            points = self._ordered.symmetric(points)
+        folded = int((volumes(points, self._mesh.cells) <= 0).sum())
+        if not folded and self._curved:
+            folded = int((least_stretch(points, self._mesh.cells) <= 0).sum())
+        if folded:
+            raise self._too_far(geometry, f"{folded} of its {len(self._mesh.cells):,} tetrahedra fold")
+        return points
+
+    def velocity(self, geometry: PoreGeometry, key: str) -> Array:
+        """Return the derivative (nodes, 3) of the places of a member's nodes by the number under a key."""
+        number = number_at(geometry, key)
+        varied = _surfaces(with_number(geometry, key, number + 1j * TINY))
+        speed = self._wall.velocity(self._on_wall(geometry), _surfaces(geometry), varied)
+        return self._extend(speed[self._ends].mean(axis=0))
+
+    def _on_wall(self, geometry: PoreGeometry) -> Array:
+        """Return the places of the wall's nodes."""
+        if geometry not in self._places:
+            surfaces = _surfaces(geometry)
+            if len(surfaces) != self._count:
+                raise ConfigurationError(f"its wall lies on {len(surfaces)} surfaces, not on {self._count}")
+            self._places[geometry] = self._wall.moved(surfaces)
+            if len(self._places) > KEPT:
+                self._places.popitem(last=False)
+        return self._places[geometry]
+
+    def _too_far(self, geometry: PoreGeometry, why: str) -> ConfigurationError:
+        """Return the error of a member that the mesh of the base does not reach."""
+        changed = changed_numbers(self.base, geometry)
+        ways = ", ".join(f"{key} from {a:.6g} to {b:.6g}" for key, (a, b) in changed.items())
+        return ConfigurationError(
+            f"cell.geometry: the mesh of the {self._mesh.phase} cannot be moved so far, with {ways}: {why}; narrow the "
+            "range, or split it into several cells with ranges of their own"
+        )
+
+
+class _Ordered:
+    """Nodes of an eighth with the symmetry of the cube, each as an image of one with 0 ≤ x ≤ y ≤ z ≤ ½."""
+
+    def __init__(self, points: Array) -> None:
+        self._order = np.argsort(points, axis=1, kind="stable")
+        ordered = np.take_along_axis(points, self._order, axis=1)
+        self._node = _places(points, ordered)
+        self._equal = ordered[:, 1:] == ordered[:, :-1]
+
+    def symmetric(self, points: Array) -> Array:
+        """Return places (nodes, 3) that are symmetric to round-off, with exact symmetry."""
+        of_wedge = points[self._node]
+        for i in range(2):
+            of_wedge[:, i + 1] = np.where(self._equal[:, i], of_wedge[:, i], of_wedge[:, i + 1])
+        found = np.empty_like(points)
+        np.put_along_axis(found, self._order, of_wedge, axis=1)
+        return found
+
+
+def _surfaces(geometry: PoreGeometry) -> Sequence[WallSurface]:
+    surfaces = geometry.wall_surfaces()
+    if surfaces is None:
+        raise ConfigurationError(
+            f"cell.geometry: the mesh of {geometry.description} cannot be moved, so its numbers cannot have ranges; "
+            "give one number instead of each range"
+        )
+    return surfaces
+
+
+def _follows_the_wall(
+    mesh: CellMesh, nodes: IntArray, surfaces: Sequence[WallSurface], *, straight: bool
+) -> Array:
+    """Return True for the corners among some nodes on the wall, and for mid-edge nodes that lie on a surface."""
+    corner = np.zeros(len(mesh.points), dtype=bool)
+    corner[mesh.cells[:, :4]] = True
+    follows = corner[nodes]
+    if not straight:
+        follows |= np.abs(lies_on(mesh.points[nodes], surfaces)[1]) <= ON
+    return follows
+
+
+def _neighbours(mesh: CellMesh, classes: IntArray) -> IntArray:
+    """Return the pairs of neighbours on the wall, by their places in the periodic classes that follow it."""
+    facets = mesh.periodic_class[mesh.wall]
+    ends = facets[:, EDGES[:3]].reshape(-1, 2)
+    if mesh.order == 2:
+        middle = facets[:, 3:].reshape(-1, 1)
+        kept = np.isin(middle[:, 0], classes)
+        halves = [np.concatenate([ends[kept][:, [i]], middle[kept]], axis=1) for i in range(2)]
+        ends = np.concatenate([ends[~kept], *halves])
+    ends = np.unique(np.sort(ends, axis=1), axis=0)
+    return np.asarray(np.searchsorted(classes, ends[ends[:, 0] != ends[:, 1]]))
+
+
+def _places(points: Array, wanted: Array) -> IntArray:
+    """Return the rows of points (n, 3) that equal wanted ones (m, 3)."""
+    both = np.concatenate([points, wanted]) + 0.0
+    inverse = np.unique(both, axis=0, return_inverse=True)[1].reshape(-1)
+    row = np.full(int(inverse.max(initial=-1)) + 1, -1)
+    row[inverse[: len(points)]] = np.arange(len(points))
+    return np.asarray(row[inverse[len(points) :]])
+
+
+@lru_cache(maxsize=4)
+def family_mesh(base: PoreGeometry, settings: MeshSettings) -> FamilyMesh:
+    """Return the mesh of the family of a base; the same object for the same arguments."""
+    return FamilyMesh(base, settings)

@@ -1,0 +1,280 @@
+"""Motion of the nodes on a pore wall with the geometry's numbers, and its velocity.
+
+A node stays on the surfaces of the wall on which it lies: one on a face, two on a ridge, three in a corner. Nodes on
+mirror planes and cell faces stay there. First the nodes without freedom move; those along a curve follow their
+neighbours by linear interpolation, which is a linear map, and are then projected onto their surfaces; those on a face
+follow in the same way. The directions of projection are the normals of the base, so the place of a node is a smooth
+function of the numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
+
+from porocore.cell.family.surfaces import Plane, Round, Values, WallSurface
+from porocore.errors import ConfigurationError
+from porocore.states import Array, IntArray
+
+#: Distance from a surface within which a node of the base lies on it; drawn ridges are exact to some 1e-8.
+ON = 1e-6
+#: Sine of the angle between a surface's normal and the other constraints of a node up to which it follows from them.
+APART = 0.02
+STEPS = 30
+#: Tolerance of a node on its surfaces.
+ACCURACY = 1e-13
+#: Tolerance of a surface through a node that its other constraints should hold.
+TOGETHER = 1e-9
+#: Distance of a body from the wall up to which it may come to cover it.
+NEAR = 0.2
+#: Imaginary part of a number by whose complex step derivatives are taken.
+TINY = 1e-40
+LOST = "nodes of the pore wall find no place on it"
+
+
+class _Pairs:
+    """Nodes with the surfaces on which they stay.
+
+    Parameters
+    ----------
+    node, slot, surface : (m,)
+        Node, place among its constraints, and surface.
+    offset : (m,)
+        Value that the surface's function keeps.
+    """
+
+    def __init__(self, node: IntArray, slot: IntArray, surface: IntArray, offset: Array) -> None:
+        self.node, self.slot, self.surface, self.offset = node, slot, surface, offset
+        self.nodes, self.row = np.unique(node, return_inverse=True)
+        self._groups = [(int(i), np.flatnonzero(surface == i)) for i in np.unique(surface)]
+
+    def of(self, chosen: npt.NDArray[np.bool_]) -> _Pairs:
+        """Return the chosen pairs (m,)."""
+        return _Pairs(self.node[chosen], self.slot[chosen], self.surface[chosen], self.offset[chosen])
+
+    def values(self, places: Array, surfaces: Sequence[WallSurface]) -> Values:
+        """Return the values (m,) of the surfaces for nodes at places (n, 3), less the offsets; complex ones too."""
+        found = np.zeros(len(self.node), dtype=np.complex128)
+        for i, rows in self._groups:
+            found[rows] = surfaces[i].value(places[self.node[rows]])
+        return found - self.offset
+
+    def gradients(self, places: Array, surfaces: Sequence[WallSurface]) -> Array:
+        """Return the gradients (m, 3) of the surfaces for nodes at places (n, 3)."""
+        found = np.zeros((len(self.node), 3))
+        for i, rows in self._groups:
+            found[rows] = surfaces[i].gradient(places[self.node[rows]])
+        return found
+
+
+class WallMotion:
+    """Motion of wall nodes; set up once from their places at the base.
+
+    Parameters
+    ----------
+    points : (n, 3)
+        Nodes of the base, one of each set of periodic images.
+    held : (n, 3)
+        True for components that stay.
+    edges : (e, 2)
+        Pairs of neighbours on the wall.
+    surfaces
+        Surfaces of the base.
+    """
+
+    def __init__(
+        self, points: Array, held: npt.NDArray[np.bool_], edges: IntArray, surfaces: Sequence[WallSurface]
+    ) -> None:
+        self.points, self.held = points, held
+        count = len(points)
+        on, nearest = lies_on(points, surfaces)
+        node, surface = np.nonzero(on)
+        offset = np.where(np.abs(nearest[node]) > ON, nearest[node], 0.0)
+        normals = np.zeros((len(node), 3))
+        for i in np.unique(surface):
+            normals[surface == i] = surfaces[i].gradient(points[node[surface == i]])
+        #: Directions in which a node is projected, (n, 3 of them, 3); 0 where there are fewer.
+        self._directions = np.zeros((count, 3, 3))
+        slot = self._independent(node, normals)
+        pairs = _Pairs(node, slot, surface, offset)
+        self._others = pairs.of(slot < 0)
+        freedom = 3 - held.sum(axis=1) - np.bincount(node[slot >= 0], minlength=count)
+        constraints = np.concatenate([on, held], axis=1)
+        self._levels = [_Level(points, edges, freedom, constraints, level) for level in range(3)]
+        self._pairs_of = [pairs.of((slot >= 0) & (freedom[node] == level)) for level in range(3)]
+        #: Bodies that may come to cover a node, and how deep one may lie in them: ridges may be cut off in an element.
+        self._bodies = [
+            i for i, s in enumerate(surfaces) if isinstance(s, Round) and s.value(points).min() < NEAR
+        ]
+        ends = points[edges]
+        self._deep = float(np.median(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1))) / 2
+
+    def _independent(self, node: IntArray, normals: Array) -> IntArray:
+        """Choose the constraints of each node that do not follow from the others; return their slots, −1 for others."""
+        slot = np.full(len(node), -1)
+        filled = np.zeros(len(self.points), dtype=np.int64)
+        bases = np.zeros((len(self.points), 3, 3))
+        for k in range(len(node)):
+            n = node[k]
+            rest = np.where(self.held[n], 0.0, normals[k])
+            direction = rest.copy()
+            for base in bases[n, : filled[n]]:
+                rest = rest - (rest @ base) * base
+            length = float(np.linalg.norm(rest))
+            if filled[n] < 3 and length > APART * float(np.linalg.norm(normals[k])):
+                slot[k] = filled[n]
+                bases[n, filled[n]] = rest / length
+                self._directions[n, filled[n]] = direction / np.linalg.norm(direction)
+                filled[n] += 1
+        return slot
+
+    def moved(self, surfaces: Sequence[WallSurface]) -> Array:
+        """Return the places (n, 3) of the nodes on the surfaces of a member.
+
+        Raises
+        ------
+        ConfigurationError
+            A node finds no place on its surfaces.
+        """
+        step = np.zeros_like(self.points)
+        for level, pairs in zip(self._levels, self._pairs_of, strict=True):
+            if len(level.nodes):
+                step[level.nodes] = np.where(self.held[level.nodes], 0.0, level.follow(step))
+                self._project(step, pairs, surfaces)
+        places = self.points + step
+        self._check(places, surfaces)
+        return places
+
+    def _project(self, step: Array, pairs: _Pairs, surfaces: Sequence[WallSurface]) -> None:
+        """Add to the steps of the nodes what brings them onto their surfaces."""
+        nodes = pairs.nodes
+        least, best = np.inf, step[nodes]
+        for _ in range(STEPS):
+            places = self.points + step
+            values = pairs.values(places, surfaces).real
+            error = float(np.abs(values).max(initial=0.0))
+            if not np.isfinite(error) or (error >= least and error <= ACCURACY):
+                break
+            if error < least:
+                least, best = error, step[nodes]
+            step[nodes] -= self._solved(pairs, pairs.gradients(places, surfaces), values)
+        step[nodes] = best
+        if not least <= ACCURACY:
+            raise ConfigurationError(LOST)
+
+    def _solved(self, pairs: _Pairs, gradients: Array, values: Array) -> Array:
+        """Return the steps (k, 3) of nodes along their directions that change the surfaces' functions by values."""
+        nodes, row, slot = pairs.nodes, pairs.row, pairs.slot
+        directions = self._directions[nodes]
+        matrix = np.tile(np.eye(3), (len(nodes), 1, 1))
+        matrix[row, slot] = np.einsum("mi,mji->mj", gradients, directions[row])
+        right = np.zeros((len(nodes), 3, 1))
+        right[row, slot, 0] = values
+        try:
+            share = np.linalg.solve(matrix, right)[:, :, 0]
+        except np.linalg.LinAlgError as error:
+            raise ConfigurationError(LOST) from error
+        return np.asarray(np.einsum("kj,kji->ki", share, directions))
+
+    def _check(self, places: Array, surfaces: Sequence[WallSurface]) -> None:
+        """Refuse places that left a surface which met others there at the base, or that lie within another body."""
+        values = self._others.values(places, surfaces).real
+        if np.abs(values).max(initial=0.0) > TOGETHER:
+            raise ConfigurationError("surfaces of the pore wall that meet in one place no longer do")
+        if any(surfaces[i].value(places).min() < -self._deep for i in self._bodies):
+            raise ConfigurationError(
+                "a part of the pore wall comes to lie within another pore, or another obstacle"
+            )
+
+    def velocity(
+        self, places: Array, surfaces: Sequence[WallSurface], varied: Sequence[WallSurface]
+    ) -> Array:
+        """Return the derivative (n, 3) of the places by a number.
+
+        Parameters
+        ----------
+        places : (n, 3)
+            Places of a member.
+        surfaces
+            Its surfaces.
+        varied
+            Its surfaces with the imaginary part ``TINY`` of the number.
+        """
+        speed = np.zeros_like(places)
+        for level, pairs in zip(self._levels, self._pairs_of, strict=True):
+            if not len(level.nodes):
+                continue
+            speed[level.nodes] = np.where(self.held[level.nodes], 0.0, level.follow(speed))
+            change = pairs.values(places, varied).imag / TINY
+            gradients = pairs.gradients(places, surfaces)
+            change += (gradients * speed[pairs.node]).sum(axis=1)
+            speed[pairs.nodes] -= self._solved(pairs, gradients, change)
+        return speed
+
+
+def lies_on(points: Array, surfaces: Sequence[WallSurface]) -> tuple[npt.NDArray[np.bool_], Array]:
+    """Return on which surfaces points (n, 3) lie, (n, s), at least the nearest one, and the value (n,) of that."""
+    on = np.zeros((len(points), len(surfaces)), dtype=bool)
+    nearest, which = np.full(len(points), np.inf), np.zeros(len(points), dtype=np.int64)
+    for i, surface in enumerate(surfaces):
+        if isinstance(surface, Plane):
+            on[:, i] = np.all([np.abs(other.value(points)) <= ON for other in surface.between], axis=0)
+            continue
+        value = surface.value(points)
+        on[:, i] = np.abs(value) <= ON
+        closer = np.abs(value) < np.abs(nearest)
+        nearest[closer], which[closer] = value[closer], i
+    on[np.arange(len(points)), which] = True
+    return on, nearest
+
+
+class _Level:
+    """Nodes of one freedom: in corners (0), along curves (1) or on faces (2); they follow those of less freedom."""
+
+    def __init__(
+        self,
+        points: Array,
+        edges: IntArray,
+        freedom: IntArray,
+        constraints: npt.NDArray[np.bool_],
+        level: int,
+    ) -> None:
+        self.nodes = np.flatnonzero(freedom == level)
+        both = np.concatenate([edges, edges[:, ::-1]])
+        a, b = both.T
+        # Along a curve the neighbours are those that have its constraints too.
+        along = (freedom[a] == level) & (freedom[b] <= level) & (level > 0)
+        if level == 1:
+            along &= (~constraints[a] | constraints[b]).all(axis=1)
+        a, b = a[along], b[along]
+        weight = 1 / np.linalg.norm(points[a] - points[b], axis=1)
+        count = len(points)
+        free = self._reached(a, b, freedom == level, count)
+        matrix = csr_matrix(coo_matrix((weight, (a, b)), (count, count)))[free]
+        total = np.asarray(matrix.sum(axis=1)).ravel()
+        self._free = np.searchsorted(self.nodes, free)
+        self._coupling = matrix.copy()
+        if len(free):
+            square = (coo_matrix((total, (range(len(free)),) * 2)) - matrix[:, free]).tocsc()
+            self._factor = splu(square)
+
+    def _reached(self, a: IntArray, b: IntArray, own: npt.NDArray[np.bool_], count: int) -> IntArray:
+        """Return the nodes of this level from which a way along it leads to a node of less freedom."""
+        within = own[a] & own[b]
+        graph = coo_matrix((np.ones(within.sum()), (a[within], b[within])), (count, count))
+        piece = connected_components(graph, directed=False)[1]
+        return np.flatnonzero(own & np.isin(piece, piece[a[own[a] & ~own[b]]]))
+
+    def follow(self, steps: Array) -> Array:
+        """Return the steps of this level's nodes that interpolate those (n, 3) of nodes of less freedom."""
+        found = np.zeros((len(self.nodes), 3))
+        if len(self._free):
+            known = steps.copy()
+            known[self.nodes] = 0.0
+            found[self._free] = self._factor.solve(self._coupling @ known)
+        return found
