@@ -41,6 +41,7 @@ class FamilyMesh:
 
     def __init__(self, base: PoreGeometry, settings: MeshSettings) -> None:
         self.base, self.settings = base, settings
+        self._bases: dict[tuple[Phase, Domain], CellMesh] = {}
         self._moving: dict[Phase, MovingMesh] = {}
         self._whole: dict[Phase, tuple[IntArray, Array]] = {}
         self._meshes: OrderedDict[tuple[Phase, Domain, PoreGeometry], CellMesh] = OrderedDict()
@@ -88,7 +89,7 @@ class FamilyMesh:
         ConfigurationError
             There is no number under the key, or the mesh cannot be moved.
         """
-        if not len(make_mesh(self.base, self.settings, phase, domain).cells):
+        if not len(self._base_mesh(phase, domain).cells):
             number_at(geometry, key)
             return np.zeros((0, 3))
         speed = self._of(phase).velocity(geometry, key)
@@ -98,7 +99,7 @@ class FamilyMesh:
         return speed
 
     def _made(self, phase: Phase, domain: Domain, geometry: PoreGeometry) -> CellMesh:
-        base = make_mesh(self.base, self.settings, phase, domain)
+        base = self._base_mesh(phase, domain)
         changed = changed_numbers(self.base, geometry)
         if not len(base.cells) or (not changed and self.base.wall_surfaces() is None):
             return base
@@ -112,10 +113,15 @@ class FamilyMesh:
             moved.__dict__[name] = getattr(base, name)
         return moved
 
+    def _base_mesh(self, phase: Phase, domain: Domain) -> CellMesh:
+        if (phase, domain) not in self._bases:
+            self._bases[phase, domain] = make_mesh(self.base, self.settings, phase, domain)
+        return self._bases[phase, domain]
+
     def _of(self, phase: Phase) -> MovingMesh:
         if phase not in self._moving:
             domain: Domain = "whole" if self.base.unfolding == "whole" else "eighth"
-            mesh = make_mesh(self.base, self.settings, phase, domain)
+            mesh = self._base_mesh(phase, domain)
             straight = self.settings.element == "quadratic-straight"
             self._moving[phase] = MovingMesh(self.base, mesh, straight=straight)
         return self._moving[phase]
@@ -123,9 +129,7 @@ class FamilyMesh:
     def _images(self, phase: Phase) -> tuple[IntArray, Array]:
         """Return the node (N,) of the eighth of which each node of the whole is an image, and the signs (N, 3)."""
         if phase not in self._whole:
-            eighth, whole = (
-                make_mesh(self.base, self.settings, phase, d).points for d in ("eighth", "whole")
-            )
+            eighth, whole = (self._base_mesh(phase, "eighth").points, self._base_mesh(phase, "whole").points)
             self._whole[phase] = (_places(eighth, np.abs(whole)), np.sign(whole))
         return self._whole[phase]
 
@@ -176,10 +180,7 @@ class MovingMesh:
         ConfigurationError
             The mesh cannot be moved so far: nodes find no place, or elements fold.
         """
-        try:
-            step = self._on_wall(geometry) - self._wall.points
-        except ConfigurationError as error:
-            raise self._too_far(geometry, str(error)) from error
+        step = self._on_wall(geometry) - self._wall.points
         points = self._mesh.points + self._extend(step[self._ends].mean(axis=0))
         if self._ordered and geometry.unfolding == "wedge":
             points = self._ordered.symmetric(points)
@@ -201,9 +202,12 @@ class MovingMesh:
         """Return the places of the wall's nodes."""
         if geometry not in self._places:
             surfaces = _surfaces(geometry)
-            if len(surfaces) != self._count:
-                raise ConfigurationError(f"its wall lies on {len(surfaces)} surfaces, not on {self._count}")
-            self._places[geometry] = self._wall.moved(surfaces)
+            try:
+                if len(surfaces) != self._count:
+                    raise ConfigurationError(f"its wall has {len(surfaces)} surfaces, not {self._count}")
+                self._places[geometry] = self._wall.moved(surfaces)
+            except ConfigurationError as error:
+                raise self._too_far(geometry, str(error)) from error
             if len(self._places) > KEPT:
                 self._places.popitem(last=False)
         return self._places[geometry]

@@ -119,18 +119,21 @@ class WallMotion:
         slot = np.full(len(node), -1)
         filled = np.zeros(len(self.points), dtype=np.int64)
         bases = np.zeros((len(self.points), 3, 3))
-        for k in range(len(node)):
-            n = node[k]
-            rest = np.where(self.held[n], 0.0, normals[k])
-            direction = rest.copy()
-            for base in bases[n, : filled[n]]:
-                rest = rest - (rest @ base) * base
-            length = float(np.linalg.norm(rest))
-            if filled[n] < 3 and length > APART * float(np.linalg.norm(normals[k])):
-                slot[k] = filled[n]
-                bases[n, filled[n]] = rest / length
-                self._directions[n, filled[n]] = direction / np.linalg.norm(direction)
-                filled[n] += 1
+        place = np.arange(len(node)) - np.searchsorted(
+            node, node
+        )  # among the pairs of a node, which are in a row
+        for k in range(int(place.max(initial=-1)) + 1):
+            pairs = np.flatnonzero(place == k)
+            n, normal = node[pairs], normals[pairs]
+            within = np.where(self.held[n], 0.0, normal)
+            rest = within - np.einsum("kji,kjl,kl->ki", bases[n], bases[n], within)
+            length = np.linalg.norm(rest, axis=1)
+            new = (length > APART * np.linalg.norm(normal, axis=1)) & (filled[n] < 3)
+            pairs, n, at = pairs[new], n[new], filled[n[new]]
+            slot[pairs] = at
+            bases[n, at] = rest[new] / length[new, None]
+            self._directions[n, at] = within[new] / np.linalg.norm(within[new], axis=1, keepdims=True)
+            filled[n] += 1
         return slot
 
     def moved(self, surfaces: Sequence[WallSurface]) -> Array:
