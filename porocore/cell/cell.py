@@ -17,6 +17,7 @@ from pydantic import (
 
 from porocore.cell.contact.settings import ContactSettings
 from porocore.cell.family.family import Family
+from porocore.cell.family.mesh import family_mesh
 from porocore.cell.geometry.kinds import Geometry, OrthogonalChannels
 from porocore.cell.materials.choice import AnyMaterial
 from porocore.cell.materials.composite import Composite, Solid
@@ -24,12 +25,14 @@ from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.cell.meshing.connectivity import pieces, why_disconnected
 from porocore.cell.meshing.estimate import require_few
 from porocore.cell.meshing.mesh import CellMesh, Domain, MeshSettings, Phase, make_mesh
-from porocore.cell.meshing.supercell import block
+from porocore.cell.meshing.supercell import block, tiled
 from porocore.core.files.plain_data import json_hash
+from porocore.core.files.yaml_document import dotted
 from porocore.core.models.strict import CalledByUsers
 from porocore.core.tensors.point_group import PointGroup
 from porocore.core.units.dimensions import Dimension, Unit
 from porocore.errors import ConfigurationError
+from porocore.states import Array
 
 Cells = Annotated[int, Field(ge=1, le=8)]
 #: Name of a region; a number is the name of a tag.
@@ -196,9 +199,43 @@ class Cell(Family, metaclass=CalledByUsers):
     def make_mesh(self, phase: Phase, domain: Domain) -> CellMesh:
         """Return the mesh of one phase on the eighth or on the whole cell, the same for every backend.
 
-        The whole solid is that of the supercell; the fluid is that of one cell.
+        The whole solid is that of the supercell; the fluid is that of one cell. The mesh of a member is that of its
+        family's base, moved.
+
+        Raises
+        ------
+        PorocoreError
+            The geometry cannot be meshed, or its mesh cannot be moved so far.
         """
-        mesh = make_mesh(self.geometry, self.mesh, phase, domain)
-        if phase == "solid" and domain == "whole" and self.supercell != (1, 1, 1):
-            return block(mesh, self.supercell)
-        return mesh
+        mesh = self._mesh_of_one(phase, domain)
+        return block(mesh, self.supercell) if self._several(phase, domain) else mesh
+
+    def mesh_velocity(self, phase: Phase, domain: Domain) -> Array:
+        """Return the derivative of the places of the nodes of :meth:`make_mesh` by each parameter, (m, nodes, 3).
+
+        It is 0 for parameters of materials and of the fluid.
+
+        Raises
+        ------
+        PorocoreError
+            As of :meth:`make_mesh`.
+        """
+        mesh = self._mesh_of_one(phase, domain)
+        several = self._several(phase, domain)
+        nodes = len(block(mesh, self.supercell).points if several else mesh.points)
+        found = np.zeros((len(self.parameters), nodes, 3))
+        for k, parameter in enumerate(self.parameters):
+            if parameter.shape:
+                family = family_mesh(self.base_section("geometry"), self.mesh)
+                speed = family.velocity(phase, domain, self.geometry, dotted(parameter.path[1:]))
+                found[k] = tiled(mesh, speed, self.supercell) if several else speed
+        return found
+
+    def _several(self, phase: Phase, domain: Domain) -> bool:
+        """Return whether a mesh is that of several cells."""
+        return phase == "solid" and domain == "whole" and self.supercell != (1, 1, 1)
+
+    def _mesh_of_one(self, phase: Phase, domain: Domain) -> CellMesh:
+        if not self.moved_from:
+            return make_mesh(self.geometry, self.mesh, phase, domain)
+        return family_mesh(self.base_section("geometry"), self.mesh).mesh(phase, domain, self.geometry)

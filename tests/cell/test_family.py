@@ -161,3 +161,19 @@ def test_a_study_has_the_ranges_in_identity_and_record():
     assert again == config
     assert again.identity == config.identity
     assert np.array_equal([p.base for p in again.cell.parameters], [p.base for p in config.cell.parameters])
+
+
+def test_a_member_has_the_mesh_of_the_family_moved_with_its_velocity():
+    mesh = {"size": 0.5, "fluid_size": 0.5, "element": "linear"}
+    family = cell_from({**FAMILY, "mesh": mesh})
+    base, member, h = family.make_mesh("solid", "eighth"), family.at([0.2, 0.3]), 1e-5
+    moved = member.make_mesh("solid", "eighth")
+    assert np.array_equal(moved.cells, base.cells)
+    assert np.linalg.norm(moved.points[moved.wall][..., :2], axis=-1).min() >= 0.2 - 1e-12
+    velocity = member.mesh_velocity("solid", "eighth")
+    assert velocity.shape == (2, *moved.points.shape)
+    assert not velocity[1].any()
+    ends = [family.at([0.2 + s * h, 0.3]).make_mesh("solid", "eighth").points for s in (1, -1)]
+    assert np.allclose(velocity[0], (ends[0] - ends[1]) / (2 * h), atol=1e-8)
+    whole = Cell(**{**family.model_dump(), "supercell": (2, 1, 1)}).at([0.2, 0.3])
+    assert whole.mesh_velocity("solid", "whole").shape == (2, *whole.make_mesh("solid", "whole").points.shape)

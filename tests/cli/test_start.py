@@ -80,6 +80,9 @@ def test_every_example_obeys_the_schema(path, validator):
         ("closure", 3),
         ("closure", "mean-gradients"),
         ("scales", {"modulus": "1 kPa", "pore": "1 um"}),
+        ("cell.geometry.radius", {"range": [0.2]}),
+        ("cell.geometry.radius", {"range": [0.2, 0.7]}),
+        ("cell.mesh.size", {"range": [0.2, 0.3]}),
     ],
 )
 def test_the_schema_refuses_what_is_faulty(key, value, validator):
@@ -90,6 +93,25 @@ def test_the_schema_refuses_what_is_faulty(key, value, validator):
         section = section[part]
     section[last] = value
     assert list(validator.iter_errors(data)), key
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("geometry", {"radius": {"range": [0.2, 0.3]}}),
+        ("geometry", {"radii": [0, {"range": [0.2, 0.3]}, 0.1]}),
+        ("material", {"poisson_ratio": {"range": [0.2, 0.3]}, "swelling": {"range": [1, 1.1]}}),
+        (
+            "material",
+            {"kind": "ogden", "bulk_modulus": 1, "terms": [{"mu": {"range": ["1 kPa", 2]}, "alpha": 2}]},
+        ),
+        ("viscosity", {"range": [1, "2 Pa s"]}),
+    ],
+)
+def test_the_schema_accepts_ranges(key, value, validator):
+    data = yaml.safe_load(BENCHMARK.read_text(encoding="utf-8"))
+    data["cell"][key] = value
+    assert [error.message for error in validator.iter_errors(data)] == []
 
 
 def test_the_schema_describes_keys_and_tells_their_dimension():

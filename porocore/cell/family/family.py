@@ -119,6 +119,12 @@ class Family(StrictModel):
             if p.shape and value != p.base
         }
 
+    def base_section(self, key: str) -> Any:
+        """Return a section with the base values in place of those of a member."""
+        numbers = {p.path[1:]: p.base for p in self._parameters if p.path[0] == key}
+        section = getattr(self, key)
+        return type(section).model_validate(replaced(section.model_dump(), numbers)) if numbers else section
+
     @cached_property
     def _generic(self) -> Self:
         """Member near the base of a family, without a symmetry by chance; a member is its own."""
