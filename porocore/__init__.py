@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from porocore.interfaces.law import MacroTangent as MacroTangent
     from porocore.interfaces.macro import MacroSolver as MacroSolver
     from porocore.interfaces.records import failed_response as failed_response
+    from porocore.interfaces.rest_data import RestData as RestData
     from porocore.interfaces.sampler import Exploration as Exploration
     from porocore.interfaces.sampler import Request as Request
     from porocore.interfaces.sampler import Sampler as Sampler
@@ -95,6 +96,7 @@ _HOMES = {
     "porocore.interfaces.cell": ["CellField", "CellSolution", "CellSolver"],
     "porocore.interfaces.macro": ["MacroSolver"],
     "porocore.interfaces.sampler": ["Exploration", "Request", "Sampler", "StudyFacts", "StudySampler"],
+    "porocore.interfaces.rest_data": ["RestData"],
     "porocore.interfaces.surrogate": ["Surrogate", "TrainingProgress", "TrainingSet"],
     "porocore.interfaces.law": ["LawMemory", "MacroLaw", "MacroResponse", "MacroTangent"],
     "porocore.cell.materials.neo_hookean": ["NeoHookean"],

@@ -2,6 +2,7 @@
 
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.macro import MacroSolver
+from porocore.interfaces.rest_data import RestData
 from porocore.interfaces.sampler import (
     Exploration,
     Explore,
@@ -22,6 +23,7 @@ __all__ = [
     "MacroSolver",
     "Outlook",
     "Request",
+    "RestData",
     "Sampler",
     "StudyFacts",
     "StudySampler",

@@ -16,7 +16,8 @@ import numpy.typing as npt
 
 from porocore.core.fields.batch import Batch
 from porocore.core.files.plain_data import stable_hash
-from porocore.states import Array, CellResponse, MacroState
+from porocore.errors import ConfigurationError
+from porocore.states import Array, CellResponse, CellSlopes, MacroState
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,6 +175,19 @@ class CellLaw(ABC):
         A law with :attr:`parameters` overrides this; None: all points have the same cell.
         """
         return None
+
+    def slopes(self, states: MacroState) -> CellSlopes:
+        """Return the derivatives of the responses of n states by the parameters of the cell, at fixed (H, p).
+
+        Raises
+        ------
+        ConfigurationError
+            The law has no parameters, or does not know its derivatives by them.
+        """
+        raise ConfigurationError(
+            f"the law {type(self).__name__} gives no derivatives by parameters of the cell; choose one that is made "
+            "for a cell with parameters, such as the surrogate polynomial"
+        )
 
     def reasons(self, states: MacroState) -> list[str]:
         """Return for each of n flagged states which component drives it out, in words; empty where it is not known."""

@@ -12,6 +12,7 @@ from typing import Any, ClassVar, Self
 from porocore.core.inputs.input_space import InputSpace
 from porocore.core.tensors.point_group import TRIVIAL, PointGroup
 from porocore.interfaces.law import CellLaw
+from porocore.interfaces.rest_data import RestData
 from porocore.states import CellResponse, MacroState
 
 #: What to do about too few states to train on, whatever the sampler.
@@ -49,6 +50,8 @@ class TrainingSet:
     tolerance
         States whose estimated error is larger, as a share of the range of what is learned, are to be flagged as
         outside; None: those beyond the hull of the training states are.
+    rests
+        Undeformed members of a cell with parameters, and what is known of these; None for a cell without.
 
     Examples
     --------
@@ -70,6 +73,7 @@ class TrainingSet:
     provenance: dict[str, str]
     symmetry: PointGroup = TRIVIAL
     tolerance: float | None = None
+    rests: RestData | None = None
 
 
 @dataclass(frozen=True)
@@ -132,6 +136,9 @@ class Surrogate(CellLaw):
     expected_error: ClassVar[float] = 5e-3
     #: Whether it gives the undeformed cell's responses and derivatives exactly.
     exact_at_rest: ClassVar[bool] = True
+    #: Whether it learns cells with parameters, whose states hold them, and gives :meth:`slopes` by them; else its
+    #: :meth:`fit` refuses them.
+    learns_parameters: ClassVar[bool] = False
     #: Models to choose from, if there are several kinds; then the constructor takes ``model=``.
     models: ClassVar[tuple[str, ...]] = ()
     #: Model of this instance, one of :attr:`models`; empty where there is one kind only.

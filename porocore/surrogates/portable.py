@@ -12,11 +12,14 @@ import numpy as np
 from porocore.core.echo import echo
 from porocore.core.inputs.input_space import InputSpace
 from porocore.errors import ConfigurationError
+from porocore.interfaces.law import UndeformedCells
 from porocore.interfaces.surrogate import OnProgress, Surrogate, TrainingSet
-from porocore.states import CELL_FIELDS, Array, CellResponse, MacroState
+from porocore.states import CELL_FIELDS, Array, CellResponse, CellSlopes, MacroState
 from porocore.surrogates.conductivity.fit import fit_conductivity
-from porocore.surrogates.conductivity.model import ConductivityModel
 from porocore.surrogates.error_estimate.drivers import ERROR_END, reasons
+from porocore.surrogates.family.conductivity import FamilyConductivity, fit_family_conductivity
+from porocore.surrogates.family.model import FamilyModel
+from porocore.surrogates.family.slopes import family_slopes
 from porocore.surrogates.file import file
 from porocore.surrogates.mean_gradient.model import AnchoredModel
 from porocore.surrogates.network.network import Evaluator, Network
@@ -54,7 +57,7 @@ class ModelSurrogate(Surrogate):
 
     backend: ClassVar[str]
     models: ClassVar[tuple[str, ...]] = ("mlp", "potential")
-    conductivity: ConductivityModel | None = None
+    conductivity: file.AnyConductivity | None = None
     _fitted_model: file.Model | None = None
 
     def __init__(self, *, model: str | None = None, **options: Any) -> None:
@@ -103,7 +106,11 @@ class ModelSurrogate(Surrogate):
         """
         model, self.accuracy = self.train(data, int(seed), checkpoint, on_progress)
         self._become(model, data.identity, data.provenance)
-        found = fit_conductivity(data)
+        found = (
+            fit_family_conductivity(data, model.rest)
+            if isinstance(model, FamilyModel)
+            else fit_conductivity(data)
+        )
         if found is not None:
             self.conductivity, error = found
             self.accuracy |= {"cross-validated ln K": error}
@@ -128,10 +135,41 @@ class ModelSurrogate(Surrogate):
             outside = outside | response.outside_training_range
         return replace(response, conductivity=K, tangent=gradients, outside_training_range=outside)
 
+    def undeformed(self, parameters: Array) -> UndeformedCells | None:
+        """Return porosity and conductivity of the undeformed members; None for a cell without parameters.
+
+        None also where the training set had no conductivity.
+        """
+        model = self._fitted()
+        if not isinstance(model, FamilyModel):
+            return None
+        conductivity = model.rest.conductivities(parameters)
+        return (
+            None
+            if conductivity is None
+            else UndeformedCells(model.rest.at(parameters).porosity, conductivity)
+        )
+
+    def slopes(self, states: MacroState) -> CellSlopes:
+        """Return the exact derivatives of what :meth:`predict` returns by the parameters of the cell.
+
+        That of the conductivity is of K_ref of the deformed pore if this was trained on, else of K of the undeformed
+        one; None where neither is known.
+        """
+        model = self._fitted()
+        if not isinstance(model, FamilyModel):
+            return super().slopes(states)
+        if self.conductivity is None:
+            found = family_slopes(model, states)
+            assert states.parameters is not None
+            return replace(found, conductivity=model.rest.conductivity_slopes(states.parameters))
+        assert isinstance(self.conductivity, FamilyConductivity)
+        return replace(family_slopes(model, states), conductivity=self.conductivity.slopes(states))
+
     def reasons(self, states: MacroState) -> list[str]:
         """Return the component that drives each flagged state out, with its value."""
         model = self._fitted()
-        if isinstance(model, PotentialModel):
+        if isinstance(model, PotentialModel | FamilyModel):
             states = self.inputs.without_rotation(states)
         found = reasons(self.inputs, states, None if model.estimate is None else self._error)
         if model.estimate is not None:
@@ -189,6 +227,7 @@ class ModelSurrogate(Surrogate):
         keep_freed_memory()
         self._fitted_model = model
         self.inputs: InputSpace = model.sampled.inputs
+        self.parameters = self.inputs.parameters
         self.identity, self.provenance = identity, dict(provenance)
 
     def _fitted(self) -> file.Model:
@@ -201,6 +240,7 @@ class NumpySurrogate(ModelSurrogate):
     """Reader of the file of any backend, in numpy alone."""
 
     backend = "numpy"
+    learns_parameters = True
 
     def train(self, *_: Any) -> tuple[file.Model, dict[str, float]]:
         """Raise a ConfigurationError, since this class only reads."""

@@ -20,8 +20,8 @@ from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to
 from porocore.surrogates.polynomial.terms import invariant
 from porocore.surrogates.potential.data import RestExpansion
 from porocore.surrogates.potential.model import PotentialModel
+from porocore.surrogates.potential.training_box import TrainingBox
 from porocore.surrogates.symmetry import Action, Equivariance, on_places, on_triangle, on_variables
-from porocore.surrogates.training_box import TrainingBox
 
 #: All nine components of H and p.
 INPUTS = InputSpace.from_ranges(

@@ -34,6 +34,7 @@ SUITES: dict[str, type[Suite]] = {
     "surrogates": porocore.testing.PotentialSuite,
     "surrogate_files": porocore.testing.PotentialSuite,
     "surrogate_training": porocore.testing.PotentialSuite,
+    "surrogate_parameters": porocore.testing.PotentialSuite,
     "macro_law": porocore.testing.MacroLawSuite,
     "macro_states": porocore.testing.MacroSolverSuite,
     "macro_plates": porocore.testing.MacroSolverSuite,

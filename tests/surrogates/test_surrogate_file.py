@@ -27,7 +27,7 @@ from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.surrogates.polynomial.terms import invariant, plain
 from porocore.surrogates.portable import NumpySurrogate
 from porocore.surrogates.potential.model import NetworkPart, PotentialModel
-from porocore.surrogates.training_box import TrainingBox
+from porocore.surrogates.potential.training_box import TrainingBox
 from porocore.testing.compare import assert_identical
 from porocore.testing.synthetic.cell import synthetic_training_set
 from porocore.testing.synthetic.potential_cell import potential_training_set

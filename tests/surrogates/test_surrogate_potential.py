@@ -14,8 +14,8 @@ from porocore.surrogates.polynomial.fit import fit_mean_grad, polynomial_model, 
 from porocore.surrogates.polynomial.terms import invariant, plain
 from porocore.surrogates.potential.data import PotentialData, variables
 from porocore.surrogates.potential.model import NetworkPart, PotentialModel
+from porocore.surrogates.potential.training_box import TrainingBox
 from porocore.surrogates.stretch.log_stretch import LogStretch
-from porocore.surrogates.training_box import TrainingBox
 from porocore.testing.synthetic.cell import synthetic_training_set
 from porocore.testing.synthetic.potential_cell import (
     IDENTITY,

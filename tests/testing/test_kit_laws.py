@@ -18,7 +18,7 @@ from porocore.testing.suite import laws_of
 #: which is held to all of them by its own tests.
 WHOLE = ("samplers", "cells", "surrogates", "surrogate_training", "macro_law")
 #: Files that need no backend.
-FREE = (*WHOLE, "surrogate_files", "macro_columns")
+FREE = (*WHOLE, "surrogate_files", "surrogate_parameters", "macro_columns")
 #: What a violation says: law, state, expected, got.
 TEXT = re.compile(r"(?:[\w.]+: )?law '(?P<law>[^']+)', .+: expected (?P<expected>.+); got .+", re.DOTALL)
 #: What is expected where the implementation raises an error of its own.

@@ -89,3 +89,20 @@ def symmetric_exponential(A: Array, directions: Array) -> tuple[Array, Array]:
 def _composed(values: Array, vectors: Array) -> Array:
     composed: Array = (vectors * values[..., None, :]) @ vectors.swapaxes(-1, -2)
     return composed
+
+
+def symmetric_logarithm(A: Array, directions: Array) -> tuple[Array, Array]:
+    """Return ln A (n, r, r) of symmetric positive definite A, and its derivatives (n, d, r, r) along ``directions``.
+
+    (ln x − ln y)/(x − y) = (z/tanh z)/mean with z = (ln x − ln y)/2 and the arithmetic mean of x and y is exact where
+    x and y are close: tanh z = (x − y)/(x + y).
+    """
+    values, vectors = np.linalg.eigh(A)
+    logs = np.log(values)
+    half = (logs[:, :, None] - logs[:, None, :]) / 2
+    mean = (values[:, :, None] + values[:, None, :]) / 2
+    size = np.maximum(np.abs(half), 1e-150)
+    differences = size / np.tanh(size) / mean
+    turned = vectors.swapaxes(-1, -2)[:, None] @ directions @ vectors[:, None]
+    slopes: Array = vectors[:, None] @ (differences[:, None] * turned) @ vectors.swapaxes(-1, -2)[:, None]
+    return _composed(logs, vectors), slopes

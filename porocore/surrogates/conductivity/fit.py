@@ -20,6 +20,7 @@ from porocore.surrogates.polynomial.least_squares import (
 from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import plain
 from porocore.surrogates.potential.data import STILL, variables
+from porocore.surrogates.potential.training_box import TrainingBox
 from porocore.surrogates.stretch.log_stretch import LogStretch
 from porocore.surrogates.symmetry import (
     Equivariance,
@@ -29,7 +30,6 @@ from porocore.surrogates.symmetry import (
     on_variables,
     stabiliser,
 )
-from porocore.surrogates.training_box import TrainingBox
 
 LARGEST_DEGREE = 6
 

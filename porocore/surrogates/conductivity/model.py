@@ -19,8 +19,8 @@ from porocore.states import Array, MacroState
 from porocore.surrogates.error_estimate.estimate import ErrorEstimate
 from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.potential.data import variables
+from porocore.surrogates.potential.training_box import TrainingBox
 from porocore.surrogates.stretch.log_stretch import LogStretch
-from porocore.surrogates.training_box import TrainingBox
 
 #: The pore is closed in directions in which it conducts less than this share of the largest conductivity.
 CLOSED = 1e-6

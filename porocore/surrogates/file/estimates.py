@@ -8,6 +8,7 @@ import numpy as np
 
 from porocore.states import Array
 from porocore.surrogates.error_estimate.estimate import ErrorEstimate
+from porocore.surrogates.family.model import FamilyModel
 from porocore.surrogates.file.parts import pack_polynomial, unpack_polynomial
 from porocore.surrogates.mean_gradient.model import AnchoredModel
 from porocore.surrogates.polynomial.monomials import Polynomial
@@ -35,17 +36,18 @@ def pack(
 
 
 def unpack(
-    header: dict[str, Any], arrays: dict[str, Array], model: AnchoredModel | PotentialModel
+    header: dict[str, Any], arrays: dict[str, Array], model: AnchoredModel | PotentialModel | FamilyModel
 ) -> ErrorEstimate:
     """Return the estimate of a file for its model."""
     if isinstance(model, AnchoredModel):
         return unpack_values(header, arrays, "estimate", len(model.sampled.inputs), len(model.components))
-    judged = _judged(header)
+    learned = len(model.rest.centre) if isinstance(model, FamilyModel) else 0
+    judged, variables = _judged(header), VARIABLES + learned
     if not judged or any(a not in range(VARIABLES) for a in judged):
         raise ValueError(f"an estimate of the gradients by {judged}")
     inner = len(arrays["estimate/terms/coefficients"])
-    terms = unpack_polynomial(arrays, "estimate/terms", VARIABLES, inner)
-    return _unpack(header, arrays, "estimate", (VARIABLES, inner, 1), (judged, terms))
+    terms = unpack_polynomial(arrays, "estimate/terms", variables, inner)
+    return _unpack(header, arrays, "estimate", (variables, inner, 1), (judged, terms))
 
 
 def unpack_values(

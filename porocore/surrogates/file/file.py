@@ -19,13 +19,21 @@ from porocore.core.inputs.sampled_range import SampledRange
 from porocore.core.tensors.point_group import PointGroup
 from porocore.states import Array
 from porocore.surrogates.conductivity.model import ConductivityModel
+from porocore.surrogates.family.conductivity import FamilyConductivity
+from porocore.surrogates.family.model import FamilyModel
 from porocore.surrogates.file import estimates, parts
 from porocore.surrogates.file.archive import read_archive, write_archive
 from porocore.surrogates.file.conductivity import pack_conductivity, unpack_conductivity
+from porocore.surrogates.file.family import (
+    pack_family,
+    pack_family_conductivity,
+    unpack_family,
+    unpack_family_conductivity,
+)
 from porocore.surrogates.mean_gradient.model import AnchoredModel
 from porocore.surrogates.network.network import Evaluator, Network
 from porocore.surrogates.polynomial.monomials import Polynomial
-from porocore.surrogates.polynomial.terms import VARIABLES, Terms, plain
+from porocore.surrogates.polynomial.terms import Terms
 from porocore.surrogates.potential.data import RestExpansion
 from porocore.surrogates.potential.model import NetworkPart, PotentialModel
 
@@ -36,7 +44,9 @@ ADVICE = "delete it and train the surrogate again"
 #: Fields of the metadata that the header holds.
 KINDS = {"backend": str, "options": dict, "identity": str, "provenance": dict, "accuracy": dict}
 
-Model = AnchoredModel | PotentialModel
+Model = AnchoredModel | PotentialModel | FamilyModel
+#: Models of the conductivity of the deformed pore.
+AnyConductivity = ConductivityModel | FamilyConductivity
 #: A network that evaluates as the caller likes, from the numbers of the file.
 MakeEvaluator = Callable[[Network], Evaluator]
 
@@ -66,7 +76,7 @@ class SurrogateMetadata:
     identity: str
     provenance: dict[str, str] = field(default_factory=dict)
     accuracy: dict[str, float] = field(default_factory=dict)
-    conductivity: ConductivityModel | None = None
+    conductivity: AnyConductivity | None = None
 
 
 def write(path: Path, model: Model, metadata: SurrogateMetadata) -> None:
@@ -77,8 +87,14 @@ def write(path: Path, model: Model, metadata: SurrogateMetadata) -> None:
     RunFolderError
         The disk is full or read-only.
     """
+    kinds: dict[type, tuple[str, Callable[..., None]]] = {
+        AnchoredModel: ("mlp", _pack_anchored),
+        PotentialModel: ("potential", _pack_potential),
+        FamilyModel: ("family", pack_family),
+    }
+    name, pack = kinds[type(model)]
     header: dict[str, Any] = {
-        "model": "mlp" if isinstance(model, AnchoredModel) else "potential",
+        "model": name,
         **{name: getattr(metadata, name) for name in KINDS},
         "inputs": model.sampled.inputs.names,
     }
@@ -86,12 +102,15 @@ def write(path: Path, model: Model, metadata: SurrogateMetadata) -> None:
         "inputs/lower": np.array(model.sampled.inputs.lower),
         "inputs/upper": np.array(model.sampled.inputs.upper),
     }
+    if model.sampled.inputs.parameters:
+        header["parameters"] = model.sampled.inputs.parameters
     parts.pack_range(model.sampled, arrays)
-    pack = _pack_anchored if isinstance(model, AnchoredModel) else _pack_potential
-    pack(model, header, arrays)  # type: ignore[arg-type]
+    pack(model, header, arrays)
     if model.estimate is not None:
         estimates.pack(model.estimate, header, arrays)
-    if metadata.conductivity is not None:
+    if isinstance(metadata.conductivity, FamilyConductivity):
+        pack_family_conductivity(metadata.conductivity, header, arrays)
+    elif metadata.conductivity is not None:
         pack_conductivity(metadata.conductivity, header, arrays)
     write_archive(path, FORMAT, VERSION, header, arrays)
 
@@ -109,23 +128,24 @@ def read(path: Path) -> tuple[Model, SurrogateMetadata]:
         for name, array in arrays.items():
             if not np.isfinite(array).all():
                 raise ValueError(f"{name} holds numbers that are not finite")
-        inputs = InputSpace(
-            tuple(header["inputs"]), *(tuple(arrays[f"inputs/{end}"].tolist()) for end in ("lower", "upper"))
-        )
+        low, high = (tuple(arrays[f"inputs/{end}"].tolist()) for end in ("lower", "upper"))
+        inputs = InputSpace(tuple(header["inputs"]), low, high, tuple(header.get("parameters", ())))
         sampled = parts.unpack_range(arrays, inputs)
-        unpack: dict[str, Callable[..., Model]] = {"mlp": _unpack_anchored, "potential": _unpack_potential}
+        unpack: dict[str, Callable[..., Model]] = {
+            "mlp": _unpack_anchored,
+            "potential": _unpack_potential,
+            "family": unpack_family,
+        }
         model = unpack[header["model"]](header, arrays, sampled)
         if "estimate" in header:
             model = replace(model, estimate=estimates.unpack(header, arrays, model))
-        metadata = _unpack_metadata(header, arrays, inputs)
+        metadata = _unpack_metadata(header, arrays, model)
     except UNREADABLE as error:
         raise damaged(path, "surrogate", error, ADVICE) from error
     return model, metadata
 
 
-def _unpack_metadata(
-    header: dict[str, Any], arrays: dict[str, Array], inputs: InputSpace
-) -> SurrogateMetadata:
+def _unpack_metadata(header: dict[str, Any], arrays: dict[str, Array], model: Model) -> SurrogateMetadata:
     for name, kind in KINDS.items():
         if not isinstance(header[name], kind):
             raise ValueError(f"its header says '{name}': {str(header[name])[:40]}")
@@ -133,7 +153,11 @@ def _unpack_metadata(
         raise ValueError("its header has a provenance that is no text")
     if not all(isinstance(x, float | int) for x in header["accuracy"].values()):
         raise ValueError("its header has an accuracy that is no number")
-    conductivity = unpack_conductivity(header, arrays, inputs) if "conductivity" in header else None
+    conductivity: AnyConductivity | None = None
+    if "conductivity" in header and isinstance(model, FamilyModel):
+        conductivity = unpack_family_conductivity(header, arrays, model)
+    elif "conductivity" in header:
+        conductivity = unpack_conductivity(header, arrays, model.sampled.inputs)
     return SurrogateMetadata(conductivity=conductivity, **{name: header[name] for name in KINDS})
 
 
@@ -141,7 +165,7 @@ def evaluated(model: Model, make_evaluator: MakeEvaluator) -> Model:
     """Return the model of a file with its network replaced by an evaluator."""
     if isinstance(model, AnchoredModel):
         return replace(model, network=make_evaluator(model.network.as_numpy))
-    if model.network is None:
+    if isinstance(model, FamilyModel) or model.network is None:
         return model
     part = model.network
     return replace(model, network=replace(part, network=make_evaluator(part.network.as_numpy)))
@@ -193,23 +217,6 @@ def _unpack_anchored(
     )
 
 
-def _pack_terms(terms: Terms, name: str, arrays: dict[str, Array]) -> None:
-    parts.pack_polynomial(terms.polynomial, name, arrays)
-    arrays[f"{name}/weights"] = np.array(terms.weights, dtype=float)
-
-
-def _unpack_terms(kind: str, name: str, arrays: dict[str, Array]) -> Terms:
-    weights = tuple(int(w) for w in arrays[f"{name}/weights"].reshape(-1))
-    polynomial = parts.unpack_polynomial(arrays, name, VARIABLES, len(weights))
-    if kind == "plain":
-        if not (polynomial.exponents.sum(axis=1) == 1).all():
-            raise ValueError(f"{name}: a term that is no variable")
-        return plain(tuple(int(row.argmax()) for row in polynomial.exponents))
-    if kind != "invariant":
-        raise ValueError(f"terms of the kind {kind!r}")
-    return Terms(kind, polynomial, weights)
-
-
 def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[str, Array]) -> None:
     header |= {
         "active": model.active,
@@ -222,7 +229,7 @@ def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[
     parts.pack_polynomial(model.mean_grad, "mean_grad", arrays)
     parts.pack_box(model.training_box, arrays)
     if model.terms is not None:
-        _pack_terms(model.terms, "terms", arrays)
+        parts.pack_terms(model.terms, "terms", arrays)
     header["polynomials"] = []
     for name, polynomial in (("polynomial", model.polynomial), ("refinement", model.refinement)):
         if model.terms is not None and polynomial is not None:
@@ -231,7 +238,7 @@ def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[
     if model.network is not None:
         part = model.network
         header["network_terms"] = part.terms.name
-        _pack_terms(part.terms, "network/terms", arrays)
+        parts.pack_terms(part.terms, "network/terms", arrays)
         _pack_network(part.network.as_numpy, header, arrays)
 
 
@@ -248,12 +255,12 @@ def _unpack_potential(
     terms: Terms | None = None
     polynomials: dict[str, Polynomial] = {}
     if header["terms"] is not None:
-        terms = _unpack_terms(header["terms"], "terms", arrays)
+        terms = parts.unpack_terms(header["terms"], "terms", arrays)
         for name in header["polynomials"]:
             polynomials[name] = parts.unpack_polynomial(arrays, name, len(terms.weights), 1)
     part = None
     if header["network"]:
-        own = _unpack_terms(header["network_terms"], "network/terms", arrays)
+        own = parts.unpack_terms(header["network_terms"], "network/terms", arrays)
         part = NetworkPart(_unpack_network(header, arrays, len(own.weights), 1), own)
     mean_grad = parts.unpack_polynomial(arrays, "mean_grad", len(box.active), 9)
     coarse, fine = polynomials.get("polynomial"), polynomials.get("refinement")

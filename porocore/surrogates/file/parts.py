@@ -1,4 +1,4 @@
-"""Parts of models in a file: polynomials, hulls and boxes of the training states.
+"""Parts of models in a file: polynomials, terms, hulls and boxes of the training states.
 
 Functions of this folder that unpack raise a KeyError, TypeError or ValueError where something is missing or does not
 fit together; :func:`porocore.surrogates.file.file.read` makes one message of it.
@@ -14,8 +14,8 @@ from porocore.core.inputs.input_space import InputSpace
 from porocore.core.inputs.sampled_range import SampledRange
 from porocore.states import Array
 from porocore.surrogates.polynomial.monomials import Polynomial
-from porocore.surrogates.polynomial.terms import VARIABLES
-from porocore.surrogates.training_box import TrainingBox
+from porocore.surrogates.polynomial.terms import VARIABLES, Terms, plain
+from porocore.surrogates.potential.training_box import TrainingBox
 
 #: Largest exponent of a polynomial, and the number of its monomials' divisors: far beyond any that was fitted.
 MOST_EXPONENT, MOST_DIVISORS = 32, 1_000_000
@@ -43,6 +43,25 @@ def unpack_polynomial(arrays: dict[str, Array], name: str, variables: int, outpu
     if (exponents + 1).prod(axis=1).sum() > MOST_DIVISORS:
         raise ValueError(f"{name} has more monomials than can be evaluated")
     return Polynomial(exponents.astype(np.int64), coefficients)
+
+
+def pack_terms(terms: Terms, name: str, arrays: dict[str, Array]) -> None:
+    """Add terms to the arrays of a file, under a name."""
+    pack_polynomial(terms.polynomial, name, arrays)
+    arrays[f"{name}/weights"] = np.array(terms.weights, dtype=float)
+
+
+def unpack_terms(kind: str, name: str, arrays: dict[str, Array]) -> Terms:
+    """Return the terms of that name and kind."""
+    weights = tuple(int(w) for w in arrays[f"{name}/weights"].reshape(-1))
+    polynomial = unpack_polynomial(arrays, name, VARIABLES, len(weights))
+    if kind == "plain":
+        if not (polynomial.exponents.sum(axis=1) == 1).all():
+            raise ValueError(f"{name}: a term that is no variable")
+        return plain(tuple(int(row.argmax()) for row in polynomial.exponents))
+    if kind != "invariant":
+        raise ValueError(f"terms of the kind {kind!r}")
+    return Terms(kind, polynomial, weights)
 
 
 def pack_range(sampled: SampledRange, arrays: dict[str, Array], folder: str = "") -> None:

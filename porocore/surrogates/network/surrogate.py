@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from porocore.core.inputs.sampled_range import SampledRange
+from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import OnProgress, TrainingSet
 from porocore.surrogates.error_estimate.models import with_mean_gradient_error, with_potential_error
 from porocore.surrogates.file.file import Model
@@ -87,6 +88,11 @@ class NetworkSurrogate(ModelSurrogate):
             Called from time to time. The losses of ``mlp`` are mean squares of the scaled outputs: 1 is the linear
             limit.
         """
+        if data.inputs.parameters:
+            raise ConfigurationError(
+                f"surrogate.backend: {self.backend} does not learn cells with parameters "
+                f"({', '.join(data.inputs.parameters)}) yet; choose polynomial, or give one number for each range"
+            )
         if self.model == "potential":
             autodiff = self.autodiff()
             model, errors = train_potential(data, self.options, seed, autodiff, self.evaluator, on_progress)

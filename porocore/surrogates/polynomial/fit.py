@@ -14,6 +14,7 @@ from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import Terms, invariant, plain
 from porocore.surrogates.potential.data import PotentialData
 from porocore.surrogates.potential.model import NetworkPart, PotentialModel
+from porocore.surrogates.potential.training_box import TrainingBox
 from porocore.surrogates.symmetry import (
     Equivariance,
     acting_across,
@@ -22,7 +23,6 @@ from porocore.surrogates.symmetry import (
     on_variables,
     stabiliser,
 )
-from porocore.surrogates.training_box import TrainingBox
 
 #: More variables than this are combined by the cell's symmetry, where it has one.
 MOST_PLAIN = 3

@@ -158,7 +158,7 @@ def tied_least_squares(
         The symmetry that the polynomials have exactly; None: none.
     """
     if tied is None:
-        return np.stack([_least_squares(rows, right) for rows, right in equations])
+        return np.stack([least_squares(rows, right) for rows, right in equations])
     ties = tied.ties(exponents)
     coefficients = np.zeros((len(equations), len(exponents)))
     for together in tied.outputs.orbits():
@@ -172,7 +172,7 @@ def tied_least_squares(
             used = np.flatnonzero(ties.number[o] >= 0)
             selection[used, np.searchsorted(free, ties.number[o, used])] = ties.sign[o, used]
             blocks.append((equations[o][0] @ selection, selection))
-        found = _least_squares(
+        found = least_squares(
             np.concatenate([rows for rows, _ in blocks]),
             np.concatenate([equations[o][1] for o in together]),
         )
@@ -181,15 +181,20 @@ def tied_least_squares(
     return coefficients
 
 
-def _least_squares(rows: Array, right: Array) -> Array:
+def least_squares(rows: Array, right: Array, ridge: float = RIDGE) -> Array:
+    """Return the solution (K,) of equations (m, K), or (K, o) of several right-hand sides, columns of any size.
+
+    A ridge, relative to the squares of the columns, keeps small what the equations do not tell.
+    """
     size = np.sqrt((rows**2).sum(axis=0))
     size[size == 0] = 1.0
-    # A ridge, as further equations: columns that the samples do not move stay small.
-    ridge = np.sqrt(RIDGE) * np.eye(len(size))
+    # As further equations: columns that the samples do not move stay small.
+    more = np.sqrt(ridge) * np.eye(len(size))
+    nothing = np.zeros((len(size), *right.shape[1:]))
     solution = np.linalg.lstsq(
-        np.concatenate([rows / size, ridge]), np.concatenate([right, np.zeros(len(size))]), rcond=None
+        np.concatenate([rows / size, more]), np.concatenate([right, nothing]), rcond=None
     )[0]
-    found: Array = solution / size
+    found: Array = (solution.T / size).T
     return found
 
 

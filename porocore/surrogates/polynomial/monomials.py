@@ -29,7 +29,7 @@ def exponents_up_to(weights: tuple[int, ...], lowest: int, highest: int) -> IntA
         ]
     total = [sum(a * b for a, b in zip(e, weights, strict=True)) for e in found]
     kept = sorted((t, e) for t, e in zip(total, found, strict=True) if lowest <= t <= highest)
-    return np.array([e for _, e in kept], dtype=np.int64).reshape(-1, len(weights))
+    return np.array([e for _, e in kept], dtype=np.int64).reshape(len(kept), len(weights))
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,6 +9,10 @@ from porocore.core.echo import cut, echo
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import OnProgress, TrainingProgress, TrainingSet
 from porocore.surrogates.error_estimate.models import with_potential_error
+from porocore.surrogates.family.error import with_family_error
+from porocore.surrogates.family.fit import family_model
+from porocore.surrogates.family.model import FamilyModel
+from porocore.surrogates.family.regression import Weights
 from porocore.surrogates.polynomial.fit import polynomial_model
 from porocore.surrogates.portable import ModelSurrogate
 from porocore.surrogates.potential.model import PotentialModel
@@ -32,6 +36,7 @@ class PolynomialSurrogate(ModelSurrogate):
 
     backend = "polynomial"
     models = ("potential",)
+    learns_parameters = True
 
     def __init__(self, *, model: str | None = None, degree: int | None = None, **unknown: Any) -> None:
         if unknown:
@@ -50,8 +55,10 @@ class PolynomialSurrogate(ModelSurrogate):
 
     def train(
         self, data: TrainingSet, seed: int, checkpoint: Path | None, on_progress: OnProgress | None
-    ) -> tuple[PotentialModel, dict[str, float]]:
+    ) -> tuple[PotentialModel | FamilyModel, dict[str, float]]:
         """Fit to the stable states of ``data``; nothing is random, and nothing takes long enough to be resumed."""
+        if data.inputs.parameters:
+            return self._train_family(data, on_progress)
         model, found = polynomial_model(data, self.degree)
         errors = {"cross-validated slopes of W": found.errors[found.degree]} if found.errors else {}
         if on_progress is not None:
@@ -59,3 +66,14 @@ class PolynomialSurrogate(ModelSurrogate):
             on_progress(TrainingProgress(1, 1, loss))
         self.settings = {"degree": found.degree}
         return with_potential_error(model, data), errors
+
+    def _train_family(
+        self, data: TrainingSet, on_progress: OnProgress | None
+    ) -> tuple[FamilyModel, dict[str, float]]:
+        model, found, known = family_model(data, Weights(), self.degree)
+        best = found.errors.get((found.degree, found.more), float("nan"))
+        if on_progress is not None:
+            on_progress(TrainingProgress(1, 1, best**2))
+        self.settings = {"degree": found.degree}
+        errors = {"cross-validated slopes of W": best} if found.errors else {}
+        return with_family_error(model, known, data.tolerance), errors

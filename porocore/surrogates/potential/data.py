@@ -155,7 +155,7 @@ class PotentialData:
             [stretch.pull(np.moveaxis(responses.stress, 0, -1)), -responses.fluid_volume[None]]
         )
         active = tuple(int(a) for a in np.flatnonzero(np.abs(y).max(axis=1) > STILL))
-        mean_grad, gradients = _unrotated(stretch, responses)
+        mean_grad, gradients = unrotated(stretch, responses)
         return cls(rest, y, active, responses.potential.copy(), gradient, mean_grad, gradients)
 
     def __len__(self) -> int:
@@ -185,7 +185,7 @@ class PotentialData:
         return np.where(spread > 0, spread, 1.0)
 
 
-def _unrotated(stretch: LogStretch, responses: CellResponse) -> tuple[Array, Array]:
+def unrotated(stretch: LogStretch, responses: CellResponse) -> tuple[Array, Array]:
     """Return Rᵀ m (9, n) and its derivatives by y (9, 7, n); along pure stretches R does not change."""
     t = responses.tangent
     assert t is not None

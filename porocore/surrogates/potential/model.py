@@ -23,8 +23,8 @@ from porocore.surrogates.polynomial.composition import TermSum
 from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import Terms, plain
 from porocore.surrogates.potential.data import RestExpansion, variables
+from porocore.surrogates.potential.training_box import TrainingBox
 from porocore.surrogates.stretch.log_stretch import LogStretch
-from porocore.surrogates.training_box import TrainingBox
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,13 +26,14 @@ from porocore.states import Array, CellResponse, MacroState
 from porocore.testing.compare import RESPONSES, assert_alike, assert_identical, perturbed, with_derivatives
 from porocore.testing.expect import holds, near, options, refused, require, same, state_text, states_text
 from porocore.testing.surrogate_laws.files import Files
+from porocore.testing.surrogate_laws.parameters import Parameters
 from porocore.testing.surrogate_laws.training import Trainings
 from porocore.testing.synthetic.cell import INPUTS, synthetic_training_set
 
 __all__ = ["SurrogateSuite", "synthetic_training_set"]
 
 
-class SurrogateSuite(Files, Trainings):
+class SurrogateSuite(Files, Trainings, Parameters):
     """Subclass it, name the class ``Test…`` and give it ``make_surrogate``."""
 
     def test_shapes(self, fitted: Surrogate, unseen: TrainingSet) -> None:

@@ -8,18 +8,18 @@ from typing import ClassVar
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.testing import PotentialSuite
 
-#: What was fitted to so many states: all sets of one size are alike here, and a fit takes longer than a law.
-FITTED: dict[int, PolynomialSurrogate] = {}
+#: What was fitted to so many states and parameters: all such sets are alike here, and a fit takes longer than a law.
+FITTED: dict[tuple[int, tuple[str, ...]], PolynomialSurrogate] = {}
 
 
 class Altered(PolynomialSurrogate):
     """Answers what ``alter`` makes of the right response."""
 
     def fit(self, data, *, seed, checkpoint=None, on_progress=None):
-        n = len(data.states)
-        if n not in FITTED:
-            FITTED[n] = PolynomialSurrogate(degree=4).fit(data, seed=seed)
-        vars(self).update(vars(FITTED[n]))
+        key = len(data.states), data.inputs.parameters
+        if key not in FITTED:
+            FITTED[key] = PolynomialSurrogate(degree=4).fit(data, seed=seed)
+        vars(self).update(vars(FITTED[key]))
         return self
 
     def alter(self, response, states):

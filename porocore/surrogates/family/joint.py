@@ -1,0 +1,209 @@
+"""Polynomials in terms t(y) and coordinates θ̂ together: exponents, designs for fits, evaluation at any θ̂."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from porocore.states import Array, IntArray
+from porocore.surrogates.polynomial.composition import TermDerivatives, TermSum
+from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to
+from porocore.surrogates.polynomial.terms import VARIABLES, Terms
+
+#: Value (n,), gradient (7, n) and Hessian (7, 7, n), to which is added in place.
+AddTo = Callable[[Array, Array, Array], None]
+
+
+def joint_exponents(terms: Terms, l: int, lowest: int, degree: int, more: int) -> IntArray:
+    """Return exponents (K, k + l) of monomials in k terms and l coordinates.
+
+    A monomial of weight w in the terms, ``lowest`` ≤ w ≤ ``degree``, has at most the degree ``degree`` − w + ``more``
+    in the coordinates.
+    """
+    found = []
+    inner = terms.monomials(lowest, degree)
+    weights = inner @ np.array(terms.weights, dtype=np.int64)
+    for weight in range(lowest, degree + 1):
+        of_terms = inner[weights == weight]
+        outer = exponents_up_to((1,) * l, 0, degree - weight + more)
+        found.append(
+            np.concatenate(
+                [np.repeat(of_terms, len(outer), axis=0), np.tile(outer, (len(of_terms), 1))], axis=1
+            )
+        )
+    return np.concatenate(found)
+
+
+@dataclass(frozen=True, eq=False)
+class MonomialDerivatives:
+    """Values and derivatives of K monomials at n states.
+
+    Attributes
+    ----------
+    value : (K, n), by_y : (K, 7, n), by_x : (K, l, n)
+        Values, and derivatives by y and by θ̂.
+    by_yy : (K, 7, 7, n), by_yx : (K, 7, l, n)
+        Second derivatives; None where they are not wanted.
+    """
+
+    value: Array
+    by_y: Array
+    by_x: Array
+    by_yy: Array | None = None
+    by_yx: Array | None = None
+
+
+def design(terms: Terms, exponents: IntArray, y: Array, x: Array, *, second: bool) -> MonomialDerivatives:
+    """Return the monomials (K, k + l) at y (7, n) and θ̂ (l, n), with their second derivatives if ``second``."""
+    t, J, curved = terms.polynomial.derivatives(y, second=second)
+    k = len(t)
+    value, first, twice = _monomials(exponents, np.concatenate([t, x]), second)
+    by_y = np.einsum("tKn,tan->Kan", first[:k], J)
+    by_x = np.ascontiguousarray(np.moveaxis(first[k:], 0, 1))
+    if twice is None or curved is None:
+        return MonomialDerivatives(value, by_y, by_x)
+    by_yy = np.einsum("tsKn,tan,sbn->Kabn", twice[:k, :k], J, J, optimize=True)
+    by_yy += np.einsum("tKn,tabn->Kabn", first[:k], curved)
+    by_yx = np.einsum("tcKn,tan->Kacn", twice[:k, k:], J)
+    return MonomialDerivatives(value, by_y, by_x, by_yy, by_yx)
+
+
+def _monomials(exponents: IntArray, t: Array, second: bool) -> tuple[Array, Array, Array | None]:
+    """Return monomials (K, n) at t (v, n), and their first (v, K, n) and second (v, v, K, n) derivatives."""
+    v, (K, n) = len(t), (len(exponents), t.shape[1])
+    powers = t ** np.arange(int(exponents.max(initial=0)) + 1)[:, None, None]
+    e = exponents.T[:, :, None]
+    factors = [
+        np.stack([powers[np.maximum(exponents[:, a] - order, 0), a] for a in range(v)]) for order in range(3)
+    ]
+    factors[1], factors[2] = factors[1] * e, factors[2] * (e * (e - 1))
+    value, first = factors[0].prod(axis=0), np.empty((v, K, n))
+    for a in range(v):
+        first[a] = factors[1][a] * np.delete(factors[0], a, axis=0).prod(axis=0)
+    if not second:
+        return value, first, None
+    twice = np.empty((v, v, K, n))
+    for a in range(v):
+        others = np.delete(factors[0], a, axis=0)
+        twice[a, a] = factors[2][a] * others.prod(axis=0)
+        for b in range(a + 1, v):
+            rest = np.delete(others, b - 1, axis=0).prod(axis=0)
+            twice[a, b] = twice[b, a] = factors[1][a] * factors[1][b] * rest
+    return value, first, twice
+
+
+class PartialDerivatives(Polynomial):
+    """Polynomials of which only some derivatives are wanted: by some variables, and by some pairs of them."""
+
+    first: tuple[tuple[int], ...]
+    pairs: tuple[tuple[int, int], ...]
+
+    @classmethod
+    def of_terms(cls, polynomial: Polynomial, k: int) -> PartialDerivatives:
+        """Return those by the first k variables, first and second."""
+        found = cls(polynomial.exponents, polynomial.coefficients)
+        pairs = tuple((a, b) for a in range(k) for b in range(a, k))
+        found.__dict__.update(first=tuple((a,) for a in range(k)), pairs=pairs)
+        return found
+
+    @classmethod
+    def across(cls, polynomial: Polynomial, k: int) -> PartialDerivatives:
+        """Return the first ones by all variables and the second ones by one of the first k and one of the others."""
+        found = cls(polynomial.exponents, polynomial.coefficients)
+        v = polynomial.variables
+        pairs = tuple((a, b) for a in range(k) for b in range(k, v))
+        found.__dict__.update(first=tuple((a,) for a in range(v)), pairs=pairs)
+        return found
+
+    @cached_property
+    def _rows(self):  # type: ignore[no-untyped-def]
+        return self._derivative(()), self._derivatives(self.first), self._derivatives(self.pairs)
+
+
+@dataclass(frozen=True, eq=False)
+class JointPolynomial:
+    """Polynomial R(t(y), θ̂) with one output.
+
+    Attributes
+    ----------
+    terms
+        t.
+    polynomial
+        In the k terms and l coordinates.
+    """
+
+    terms: Terms
+    polynomial: Polynomial
+
+    @property
+    def _k(self) -> int:
+        return len(self.terms.weights)
+
+    @cached_property
+    def _by_terms(self) -> PartialDerivatives:
+        return PartialDerivatives.of_terms(self.polynomial, self._k)
+
+    @cached_property
+    def _across(self) -> PartialDerivatives:
+        return PartialDerivatives.across(self.polynomial, self._k)
+
+    @cached_property
+    def _inner(self) -> tuple[IntArray, IntArray]:
+        """Exponents of the terms that occur, each once, and the number of each monomial among them."""
+        found, number = np.unique(self.polynomial.exponents[:, : self._k], axis=0, return_inverse=True)
+        return found, number.reshape(-1)
+
+    def bound(self, x: Array) -> TermSum:
+        """Return the polynomial of the terms at one θ̂ (l,)."""
+        inner, number = self._inner
+        outer = np.prod(x ** self.polynomial.exponents[:, self._k :], axis=1)
+        coefficients: Array = np.bincount(number, self.polynomial.coefficients[0] * outer, len(inner)).astype(
+            np.float64
+        )
+        return TermSum(self.terms, Polynomial(inner, coefficients[None]))
+
+    def add(self, y: Array, x: Array, value: Array, gradient: Array, hessian: Array) -> None:
+        """Add the values at y (7, n) and θ̂ (l, n) to (n,), (7, n) and (7, 7, n), in place."""
+        derivatives, t = self._terms(y)
+        found, first, second = self._by_terms.entries(np.concatenate([t, x]))
+        value += found[0]
+        if derivatives is None:
+            places = self.terms.variables
+            for (_, i), row in first:
+                gradient[places[i]] += row
+            for (_, i, j), row in second:
+                a, b = places[i], places[j]
+                hessian[a, b] += row
+                if a != b:
+                    hessian[b, a] += row
+            return
+        by_t, by_tt = np.zeros_like(t), np.zeros((len(t), *t.shape))
+        for (_, i), row in first:
+            by_t[i] = row
+        for (_, i, j), row in second:
+            by_tt[i, j] = by_tt[j, i] = row
+        derivatives.push(by_t, by_tt, gradient, hessian)
+
+    def by_coordinates(self, y: Array, x: Array) -> tuple[Array, Array, Array, Array]:
+        """Return R (n,), ∂R/∂y (7, n), ∂R/∂θ̂ (l, n) and ∂²R/∂y∂θ̂ (7, l, n) at y (7, n) and θ̂ (l, n)."""
+        k, n = self._k, y.shape[1]
+        t, J, _ = self.terms.polynomial.derivatives(y, second=False)
+        value, first, second = self._across.entries(np.concatenate([t, x]))
+        by_y, by_x, by_yx = np.zeros((VARIABLES, n)), np.zeros((len(x), n)), np.zeros((VARIABLES, len(x), n))
+        for (_, i), row in first:
+            if i < k:
+                by_y += J[i] * row
+            else:
+                by_x[i - k] = row
+        for (_, i, j), row in second:
+            by_yx[:, j - k] += J[i] * row
+        return value[0], by_y, by_x, by_yx
+
+    def _terms(self, y: Array) -> tuple[TermDerivatives | None, Array]:
+        if self.terms.name == "plain":
+            return None, y[list(self.terms.variables)]
+        found = TermDerivatives(self.terms, y)
+        return found, found.t

@@ -1,0 +1,88 @@
+"""Derivatives of the responses of a family's model by the parameters, exact for the model."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from porocore.states import Array, CellSlopes, MacroState
+from porocore.surrogates.family.derivatives import Scaling
+from porocore.surrogates.family.model import FamilyModel
+from porocore.surrogates.family.rest import RestValues
+from porocore.surrogates.network.network import Derivatives
+from porocore.surrogates.polynomial.terms import VARIABLES
+
+
+def family_slopes(model: FamilyModel, states: MacroState) -> CellSlopes:
+    """Return the derivatives of all responses but the conductivity by the m parameters, at fixed (H, p)."""
+    theta, stretch, y, at, scaling = model.at_states(states, slopes=True)
+    parameters, n = model.rest.parameters, len(states)
+    m = len(parameters.kinds)
+    value, gradient, hessian = model.potential(y, at)
+    by, c = scaling.variables, scaling.factor
+    W, T = np.zeros((m, n)), np.zeros((7, m, n))
+    mean, mean_slopes = model.mean_part(y, at.x, at)
+    more, porosity = np.zeros((9, m, n)), np.zeros((m, n))
+    learned = parameters.learned
+    W[learned], T[:, learned], more[:, learned] = _learned(model, y, at, mean_slopes)
+    W[learned] *= c
+    T[:, learned] *= (by * c)[:, None]
+    more[:, learned] *= scaling.stretch
+    assert at.slopes is not None
+    porosity[learned] = at.slopes.porosity
+    for k, kind in enumerate(parameters.kinds):
+        if kind in ("modulus", "swelling"):
+            W[k], T[:, k], more[:, k] = _exact(
+                kind, theta[:, k], y, scaling, (value, gradient, hessian), mean, mean_slopes
+            )
+    R = stretch.rotations
+    turned = np.moveaxis(more, -1, 0).reshape(n, 3, 3, m)
+    return CellSlopes(
+        potential=W.T.copy(),
+        stress=np.stack(stretch.stresses(*(T[:6, k] for k in range(m))), axis=-1),
+        fluid_volume=-T[6].T,
+        porosity=porosity.T.copy(),
+        mean_grad=turned if R is None else np.einsum("nij,njkm->nikm", R, turned),
+    )
+
+
+def _learned(model: FamilyModel, y: Array, at: RestValues, mean_slopes: Array) -> tuple[Array, Array, Array]:
+    """Return the derivatives of w (l, n), ∂w/∂y (7, l, n) and Rᵀ⟨∇u¹⟩ (9, l, n) by the learned parameters."""
+    s = at.slopes
+    assert s is not None
+    linear = np.einsum("abln,bn->aln", s.matrix, y)
+    W = s.value + ((s.gradient + linear / 2) * y[:, None]).sum(axis=0)
+    T = s.gradient + linear
+    for part, fine in ((model.coarse, False), (model.fine, True)):
+        if part is None:
+            continue
+        first: Array | float = 1.0
+        z = y
+        if fine and len(model.training_box.beyond(y)):
+            z, first, _ = model.training_box.saturated(y)
+        value, by_y, by_x, by_yx = part.by_coordinates(z, at.x)
+        W = W + s.scale * value + at.scale * np.einsum("cn,cln->ln", by_x, s.x)
+        across = np.einsum("acn,cln->aln", by_yx, s.x) * at.scale + by_y[:, None] * s.scale
+        T = T + across * (first if isinstance(first, float) else first[:, None])
+    mean = s.mean_value + np.einsum("oaln,an->oln", s.mean, y)
+    mean = mean + np.einsum("ocn,cln->oln", mean_slopes[:, VARIABLES:], s.x)
+    return W, T, mean
+
+
+def _exact(
+    kind: str, theta: Array, y: Array, scaling: Scaling, w: Derivatives, mean: Array, mean_slopes: Array
+) -> tuple[Array, Array, Array]:
+    """Return the derivatives of W, ∂W/∂y and ⟨∇u¹⟩ by the modulus or the swelling stretch, from the scaling of w."""
+    value, gradient, hessian = w
+    by, c = scaling.variables, scaling.factor
+    change = np.zeros_like(y)
+    if kind == "modulus":
+        change[6] = -y[6] / theta
+    else:
+        change[:3] = -1 / theta
+    power = 1 if kind == "modulus" else 3
+    W = c * (power / theta * value + (gradient * change).sum(axis=0))
+    T = c * by * (power / theta * gradient + np.einsum("abn,bn->an", hessian, change))
+    if kind == "modulus":
+        T[6] -= c * by[6] / theta * gradient[6]
+    more = scaling.stretch * np.einsum("oan,an->on", mean_slopes[:, :VARIABLES], change)
+    return W, T, more if kind == "modulus" else more + mean * scaling.stretch / theta
