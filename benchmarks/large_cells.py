@@ -20,6 +20,7 @@ from common import table
 
 from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import MeshSettings
+from porocore.core.parallel.threads import one_thread_in_children
 from porocore.states import CellResponse, Status
 from porocore.testing.cell_laws.open_cells import image_cell
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
@@ -113,7 +114,9 @@ def main(images: tuple[int, ...] = IMAGES) -> bool:
                 if solver == "pardiso" and voxels > LARGEST_WITH_FACTORS:
                     continue
                 command = [sys.executable, __file__, what, solver, str(voxels)]
-                found = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+                with one_thread_in_children():
+                    done = subprocess.run(command, check=True, capture_output=True, text=True)
+                found = json.loads(done.stdout)
                 values = np.array(found["values"])
                 error = None if exact is None else float(np.abs(values - exact).max() / np.abs(exact).max())
                 exact = values if solver == "pardiso" else exact

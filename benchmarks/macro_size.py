@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import resource
 import subprocess
 import sys
@@ -17,6 +16,7 @@ import h5py  # noqa: F401 - before dolfinx, which brings an HDF5 library of its 
 import numpy as np
 from common import table
 
+from porocore.core.parallel.threads import one_thread_in_children
 from porocore.macro.linear_systems.figures import work_figures
 from porocore.macro.problem import MacroProblem
 from porocore.verification.ladder.small_strain import mean_gradient, potential
@@ -143,7 +143,8 @@ def main() -> None:
                         continue
                     # A process each, so that the memory is its own.
                     command = [sys.executable, __file__, "--solve", backend, law, solver, str(size)]
-                    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, env=os.environ)
+                    with one_thread_in_children():
+                        done = subprocess.run(command, check=True, stdout=subprocess.PIPE)
                     result = json.loads(done.stdout.splitlines()[-1])
                     found.append(result)
                     rows.append(row(backend, law, solver, result))
