@@ -84,6 +84,8 @@ nitpick_ignore_regex = [
         r"(porocore\.interfaces\.(cell|macro)\.)?Prepared|porocore\.(cell\.(contact|materials|meshing|stability\.line)|core|macro\.(analytic|problem\.TimePlan)|study\.(api\.solved\.T|config|run_folder|tuning)"
         r"|plugins\.kinds\.Scaffold|testing\.sampler_laws|verification\.(local_fields\.(nodal|points)|sensitivity\.(plan|results)|representative))\b.*",
     ),
+    # The alias of states.py where it is imported for type checkers only.
+    ("py:class", "Array"),
     # What stands where a type stands in a docstring, such as (n, 3, 3).
     ("py:class", r"(?!porocore\.)[^A-Z].*"),
 ]
