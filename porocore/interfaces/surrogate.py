@@ -136,7 +136,7 @@ class Surrogate(CellLaw):
     expected_error: ClassVar[float] = 5e-3
     #: Whether it gives the undeformed cell's responses and derivatives exactly.
     exact_at_rest: ClassVar[bool] = True
-    #: Whether it learns cells with parameters, whose states hold them, and gives :meth:`slopes` by them; else its
+    #: Whether it learns cells with parameters, whose states hold them, and gives ``slopes`` by them; else its
     #: :meth:`fit` refuses them.
     learns_parameters: ClassVar[bool] = False
     #: Models to choose from, if there are several kinds; then the constructor takes ``model=``.
