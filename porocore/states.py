@@ -234,7 +234,6 @@ class CellResponse(Batch):
         ),
     )
     tangent: CellTangent | None = field(default=None, metadata=rows_of(CellTangent))
-    slopes: CellSlopes | None = field(default=None, metadata=rows_of(CellSlopes))
     extrema: CellExtrema | None = field(default=None, metadata=rows_of(CellExtrema, name="peaks"))
     outside_training_range: npt.NDArray[np.bool_] | None = field(
         default=None,
@@ -266,6 +265,7 @@ class CellResponse(Batch):
             gaps=True,
         ),
     )
+    slopes: CellSlopes | None = field(default=None, metadata=rows_of(CellSlopes))
 
     def __len__(self) -> int:
         return len(self.status)

@@ -95,6 +95,7 @@ LAW: Any = SimpleNamespace(
     name="fake",
     identity="made-up",
     initial=_at_rest,
+    initial_at=lambda points: _at_rest(len(points)),
     respond=lambda s, g, memory, tangent: SimpleNamespace(memory=memory),
 )
 

@@ -22,7 +22,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 def study(sampler: str) -> Any:
     test = SimpleNamespace(count=12, seed=1)
-    return SimpleNamespace(sampling=SimpleNamespace(test=test, sampler=sampler, input_space=lambda: INPUTS))
+    return SimpleNamespace(sampling=SimpleNamespace(test=test, sampler=sampler), input_space=lambda: INPUTS)
 
 
 def near_rest(path: Path, share: float) -> Any:

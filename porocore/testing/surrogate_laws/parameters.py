@@ -28,7 +28,7 @@ SWAPPED = InputSpace.from_ranges(
 class Parameters(Fitting):
     """Part of :class:`porocore.testing.surrogate_laws.base.SurrogateSuite`, for one that ``learns_parameters``.
 
-    The family is that of :mod:`porocore.testing.synthetic.porous_family`. Another surrogate has to refuse it.
+    The family is that of :mod:`porocore.testing.synthetic.porous_family`. No study asks another one for it.
     """
 
     @classmethod
@@ -44,15 +44,10 @@ class Parameters(Fitting):
         cls.needs(type(surrogate).learns_parameters, "this surrogate learns no cells with parameters")
         return surrogate.fit(cls.family_data(), seed=cls.seed)
 
-    def test_a_cell_with_parameters_is_learned_or_refused(self) -> None:
-        """Without ``learns_parameters`` the refusal names them; with it the surrogate's inputs have them."""
-        surrogate, data = self.make_surrogate(), self.family_data()
-        if type(surrogate).learns_parameters:
-            found = surrogate.fit(data, seed=self.seed).inputs.parameters
-            holds(found == NAMES, "trained on the family", f"inputs with the parameters {NAMES}", found)
-            return
-        with refused(ConfigurationError, state="states with parameters", naming=NAMES):
-            surrogate.fit(data, seed=self.seed)
+    def test_a_cell_with_parameters_is_learned(self, of_family: Surrogate) -> None:
+        """The inputs of the trained surrogate have the parameters."""
+        found = of_family.inputs.parameters
+        holds(found == NAMES, "trained on the family", f"inputs with the parameters {NAMES}", found)
 
     def test_learns_every_member(self, of_family: Surrogate) -> None:
         """Unseen states of unseen members are predicted within the declared accuracy."""

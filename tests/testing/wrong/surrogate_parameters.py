@@ -16,13 +16,16 @@ class TestFine(Law):
     caught_by = ""
 
 
-class TestTakesAnyCell(Law):
-    """It promises nothing and learns a cell with parameters as if it had none."""
+class TestForgetsParameters(Law):
+    """Its inputs are those of one cell."""
 
-    caught_by = "test_a_cell_with_parameters_is_learned_or_refused"
+    caught_by = "test_a_cell_with_parameters_is_learned"
 
     class surrogate(Altered):
-        learns_parameters = False
+        def fit(self, data, **how):
+            super().fit(data, **how)
+            self.inputs = replace(self.inputs, parameters=())
+            return self
 
 
 class TestOneMember(Law):
