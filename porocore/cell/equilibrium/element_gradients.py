@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.quadrature import tetrahedron_rule
 from porocore.cell.meshing.shape_functions import shape_functions
 from porocore.states import Array
+
+#: Meshes whose gradients are kept: the eighth and the whole of one member.
+KEPT = 2
 
 
 class ElementGradients:
@@ -55,3 +60,9 @@ class ElementGradients:
         return np.stack(
             [np.bincount(flat, blocks[:, :, i].ravel(), self.count) for i in range(3)], axis=1
         ).astype(float)
+
+
+@lru_cache(maxsize=KEPT)
+def element_gradients(mesh: CellMesh, degree: int) -> ElementGradients:
+    """Return the gradients on an undeformed mesh, which all states of a cell share."""
+    return ElementGradients(mesh, degree)

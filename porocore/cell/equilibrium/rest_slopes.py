@@ -38,7 +38,13 @@ def hessian_slopes_at_rest(problem: DiscreteSolid, dependences: Sequence[Explici
     ------
     FactorError
         The solid has no stiffness.
+    ValueError
+        The solid is swollen, or a parameter swells it: then it has a stress at F = I.
     """
+    if problem.material.mean_stretch != 1 or any(d.material and d.elasticity is None for d in dependences):
+        raise ValueError(
+            "expected a solid without stress in the undeformed state by every parameter, got one that swells"
+        )
     found = np.zeros((10, 10, len(dependences)))
     gradients = ElementGradients(problem.mesh, problem.degree)
     F = np.broadcast_to(np.eye(3), (*gradients.weights.shape, 3, 3))

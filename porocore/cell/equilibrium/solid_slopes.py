@@ -20,7 +20,7 @@ import numpy as np
 
 from porocore.cell.contact.slopes import contact_slopes
 from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorisedTangent, Iterate
-from porocore.cell.equilibrium.element_gradients import ElementGradients
+from porocore.cell.equilibrium.element_gradients import element_gradients
 from porocore.cell.equilibrium.integrals import Sensitivities
 from porocore.cell.symmetry.parity import classes, visible
 from porocore.core.tensors.cofactors import cofactor, cofactor_tangent, determinant
@@ -138,7 +138,7 @@ class PointValues:
 
     def __init__(self, problem: DiscreteSolid, iterate: Iterate) -> None:
         self.iterate, self._material = iterate, problem.material
-        self.gradients = ElementGradients(problem.mesh, problem.degree)
+        self.gradients = element_gradients(problem.mesh, problem.degree)
         self.grad = self.gradients.gradient(iterate.displacement)
         self.F = self.grad + np.eye(3) + iterate.H
         self.cof, self.J = cofactor(self.F), determinant(self.F)

@@ -4,17 +4,27 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from porocore.cell.cell import Cell
 from porocore.cell.conductivity.fluid import DiscreteFluid
-from porocore.cell.conductivity.pore import Pore, require_one_cell
+from porocore.cell.conductivity.pore import Pore, PoreMotion, require_one_cell
 from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorError, Iterate
 from porocore.cell.equilibrium.path import follow
-from porocore.cell.equilibrium.responses import respond
+from porocore.cell.equilibrium.responses import respond_with_slopes
+from porocore.cell.equilibrium.rest_slopes import hessian_slopes_at_rest
+from porocore.cell.equilibrium.solid_slopes import ExplicitDependence, SolidSlopes
+from porocore.cell.family.slopes import (
+    base_meshes,
+    conductivity_with_slopes,
+    explicit_dependences,
+    fluid_velocities,
+    response_slopes,
+    with_viscosity,
+)
 from porocore.cell.meshing.connectivity import blocked, pieces
 from porocore.cell.meshing.mesh import CellMesh, Domain
 from porocore.cell.meshing.quadrature import LARGEST_DEGREE
@@ -35,6 +45,7 @@ class PreparedCell:
     def __init__(self, solver: EquilibriumCellSolver, cell: Cell, *, deformed: bool = False) -> None:
         self._solver, self.cell, self.deformed = solver, cell, deformed
         self._pores: dict[Domain, Pore] = {}
+        self._dependences: dict[Domain, list[ExplicitDependence]] = {}
         #: Linear solvers in words, by the phase and the domain.
         self._choices: dict[tuple[str, Domain], str] = {}
 
@@ -58,16 +69,29 @@ class PreparedCell:
         """Return the pore of the eighth or of the whole cell; it is kept where every state needs it."""
         if domain in self._pores:
             return self._pores[domain]
-        pore = Pore(self._solver.fluid(self.cell.make_mesh("fluid", domain)))
+        pore = Pore(self._solver.fluid(self.cell.make_mesh("fluid", domain)), base_meshes(self.cell, domain))
         self._choices["fluid", domain] = pore.fluid.choice
         if self.deformed:
             self._pores[domain] = pore
         return pore
 
+    def dependences(self, solid: DiscreteSolid) -> list[ExplicitDependence]:
+        """Return the explicit dependence of a solid on each parameter of the cell; they are kept."""
+        domain = solid.mesh.domain
+        if domain not in self._dependences:
+            self._dependences[domain] = explicit_dependences(self.cell, solid)
+        return self._dependences[domain]
+
     def solid_for(self, H: Array) -> DiscreteSolid:
         """Return the eighth where load and settings allow it, else the whole solid."""
         diagonal = np.abs(H - np.diag(np.diag(H))).max() == 0
-        return self.eighth if diagonal and self.cell.mirrored else self.whole
+        return self.eighth if diagonal and self._mirrored else self.whole
+
+    @cached_property
+    def _mirrored(self) -> bool:
+        """True where the cell and its neighbours in the family are mirrored, or slopes of shears would be lost."""
+        cell = self.cell
+        return cell.mirrored and (not cell.parameters or cell.with_parameters(cell.parameters).mirrored)
 
     @property
     def remark(self) -> str:
@@ -78,16 +102,26 @@ class PreparedCell:
             if choice
         )
 
-    @cached_property
+    @property
     def conductivity(self) -> Array:
         """K (3, 3) of the undeformed cell; 0 without pores."""
+        return self._undeformed[0]
+
+    @property
+    def conductivity_slopes(self) -> Array:
+        """Slopes of K (3, 3, m) by the parameters of the cell."""
+        return self._undeformed[1]
+
+    @cached_property
+    def _undeformed(self) -> tuple[Array, Array]:
         if self.cell.geometry.porosity == 0:
-            return np.zeros((3, 3))
+            return np.zeros((3, 3)), np.zeros((3, 3, len(self.cell.parameters)))
         pore = self.pore("eighth" if self.cell.symmetric else "whole")
-        return self.open_only(pore.undeformed) / self.cell.viscosity
+        K, slopes = conductivity_with_slopes(self.cell, pore)
+        return self.open_only(K), self.open_only(slopes)
 
     def open_only(self, K: Array) -> Array:
-        """Return K (3, 3) with zeros along the axes that no pore runs along, where the discretisation leaves errors."""
+        """Return K (3, 3, ...) with zeros along the axes that no pore runs along, where errors are left."""
         K = K.copy()
         for axis in self._closed:
             K[axis] = K[:, axis] = 0.0
@@ -104,6 +138,7 @@ class EquilibriumCellSolver(CellSolver[PreparedCell]):
     conductivities = ("piola", "deformed")
     contact = True
     returns_fields = True
+    slopes = True
     meshes = "core"
 
     def __init__(self, *, quadrature_degree: int | None = None) -> None:
@@ -130,6 +165,11 @@ class EquilibriumCellSolver(CellSolver[PreparedCell]):
     def conductivity(self, prepared: PreparedCell) -> Array:
         return prepared.conductivity
 
+    def hessian_slopes_at_rest(self, prepared: PreparedCell) -> Array:
+        """Return the slopes (10, 10, m) of ∂²W by H, row by row, and p at rest; a solid that swells has none."""
+        solid = prepared.solid_for(np.zeros((3, 3)))
+        return hessian_slopes_at_rest(solid, prepared.dependences(solid))
+
     def remark(self, prepared: PreparedCell) -> str:
         return prepared.remark
 
@@ -151,12 +191,25 @@ class EquilibriumCellSolver(CellSolver[PreparedCell]):
         return CellSolution(response, [field for _, field in solved] if fields else None)
 
 
+@dataclass(frozen=True, eq=False)
+class _Solved:
+    """Response of one state and, where it has values, the solid, its equilibrium and the slopes of its averages."""
+
+    response: CellResponse
+    solid: DiscreteSolid | None = None
+    iterate: Iterate | None = None
+    slopes: SolidSlopes | None = None
+
+
 def _solve_one(
     prepared: PreparedCell, H: Array, p: float, start: CellField | None, tangent: bool, fields: bool
 ) -> tuple[CellResponse, CellField | None]:
-    response, solid, iterate = _equilibrium(prepared, H, p, start, tangent)
+    solved = _equilibrium(prepared, H, p, start, tangent)
+    response, solid, iterate = solved.response, solved.solid, solved.iterate
     if prepared.deformed:
-        response = _with_conductivity(prepared, response, solid, iterate)
+        response = _with_conductivity(prepared, solved)
+    elif solved.slopes is not None:
+        response = replace(response, slopes=response_slopes(solved.slopes, prepared.conductivity_slopes))
     if solid is None or iterate is None or not fields:
         return response, None
     return response, CellField(H.copy(), p, solid.mesh.domain, iterate.displacement.copy())
@@ -164,45 +217,70 @@ def _solve_one(
 
 def _equilibrium(
     prepared: PreparedCell, H: Array, p: float, start: CellField | None, tangent: bool
-) -> tuple[CellResponse, DiscreteSolid | None, Iterate | None]:
-    """Return the response and, where it has values, the solid and its equilibrium."""
+) -> _Solved:
+    """Return the response without conductivity."""
+    count = len(prepared.cell.parameters) if tangent else 0
+
+    def failed(status: Status) -> _Solved:
+        return _Solved(failed_response(status, tangent=tangent, parameters=count or None))
+
     if not (np.isfinite(H).all() and np.isfinite(p)) or np.linalg.det(np.eye(3) + H) <= 0:
-        return failed_response(Status.inverted, tangent=tangent), None, None
+        return failed(Status.inverted)
     solid = prepared.solid_for(H)
     try:
         outcome = follow(solid, _start(solid, start), H, p, TOLERANCE)
         if outcome.equilibrium is None:
-            return failed_response(outcome.status, tangent=tangent), None, None
-        response = respond(solid, outcome.equilibrium, tangent=tangent)
+            return failed(outcome.status)
+        dependences = prepared.dependences(solid) if count else []
+        response, slopes = respond_with_slopes(solid, outcome.equilibrium, dependences, tangent=tangent)
     except FactorError:
-        return failed_response(Status.not_converged, tangent=tangent), None, None
-    if response.tangent is not None and not _finite(response.tangent):
+        return failed(Status.not_converged)
+    if response.tangent is not None and not (_finite(response.tangent) and _finite_slopes(slopes)):
         # The sensitivities did not reach their tolerance. Only an unstable state may be without derivatives.
-        missing = failed_response(Status.not_converged, tangent=True)
+        missing = failed(Status.not_converged)
         if response.status[0] != Status.unstable:
-            return missing, None, None
-        response = replace(response, tangent=missing.tangent)
+            return missing
+        response = replace(response, tangent=missing.response.tangent, slopes=missing.response.slopes)
+        slopes = None
     has_pores = prepared.cell.geometry.porosity > 0
     if has_pores and response.fluid_volume is not None and response.fluid_volume[0] <= 0:
-        return failed_response(Status.overlap, tangent=tangent), None, None
-    return response, solid, outcome.equilibrium
+        return failed(Status.overlap)
+    return _Solved(response, solid, outcome.equilibrium, slopes)
 
 
 def _finite(tangent: CellTangent) -> bool:
     return all(np.isfinite(derivative).all() for derivative in provided_fields(tangent).values())
 
 
-def _with_conductivity(
-    prepared: PreparedCell, response: CellResponse, solid: DiscreteSolid | None, iterate: Iterate | None
-) -> CellResponse:
+def _finite_slopes(slopes: SolidSlopes | None) -> bool:
+    return slopes is None or bool(np.isfinite(slopes.stress).all() and np.isfinite(slopes.mean_grad).all())
+
+
+def _with_conductivity(prepared: PreparedCell, solved: _Solved) -> CellResponse:
     """Add K_ref of the deformed pore and the smallest J of the fluid's mesh; NaN where the solid has no values."""
-    K, smallest = np.full((3, 3), np.nan), np.nan
+    K, smallest, response, slopes = np.full((3, 3), np.nan), np.nan, solved.response, solved.slopes
+    solid, iterate, cell = solved.solid, solved.iterate, prepared.cell
     if solid is not None and iterate is not None:
-        pore = prepared.pore(solid.mesh.domain)
-        K, smallest = pore.deformed(iterate.H, iterate.displacement, solid.mesh)
+        pore, place = prepared.pore(solid.mesh.domain), (iterate.H, iterate.displacement, solid.mesh)
+        if slopes is None:
+            K, smallest = pore.deformed(*place)
+        else:
+            motion = _pore_motion(prepared, solid, slopes)
+            K, smallest, K_slopes = pore.deformed_slopes(*place, motion)
+            of_conductivity = prepared.open_only(with_viscosity(cell, K, K_slopes))
+            response = replace(response, slopes=response_slopes(slopes, of_conductivity))
         K = prepared.open_only(K)
-    return replace(
-        response, conductivity=K[None] / prepared.cell.viscosity, min_fluid_jacobian=np.array([smallest])
+    return replace(response, conductivity=K[None] / cell.viscosity, min_fluid_jacobian=np.array([smallest]))
+
+
+def _pore_motion(prepared: PreparedCell, solid: DiscreteSolid, slopes: SolidSlopes) -> PoreMotion:
+    """Return the motion of the pore of a state by the parameters of its cell."""
+    domain, still = solid.mesh.domain, np.zeros_like(solid.mesh.points)
+    velocities = [one.velocity for one in prepared.dependences(solid)]
+    return PoreMotion(
+        np.stack([still if V is None else V for V in velocities]),
+        fluid_velocities(prepared.cell, domain),
+        np.moveaxis(slopes.displacement, -1, 0),
     )
 
 

@@ -27,6 +27,7 @@ from porocore.macro.laws.pull_back import ConductivityLaw, PulledBack
 from porocore.states import MacroState
 from porocore.testing.cell_laws.calls import Calls
 from porocore.testing.cell_laws.exact import ExactCells
+from porocore.testing.cell_laws.members import Members
 from porocore.testing.cell_laws.suite import RESPONSES, STATES, STEP, matches_difference, state_label
 from porocore.testing.expect import holds, near, require
 
@@ -35,10 +36,10 @@ ROTATION = Rotation.from_rotvec([0.3, -0.5, 0.7]).as_matrix()
 TURNED = ROTATION @ (np.eye(3) + STATES["sheared"][0]) - np.eye(3), STATES["sheared"][1]
 
 
-class CellSolverSuite(ExactCells, Calls):
+class CellSolverSuite(ExactCells, Calls, Members):
     """Subclass it, name the class ``Test…`` give it ``make_solver``, and ``make_cell`` if it solves some cells only.
 
-    What the solver's class does not offer (``conductivities``, ``returns_fields``, ``accuracy``) is skipped.
+    What the solver's class does not offer (``conductivities``, ``slopes``, ``accuracy`` …) is skipped.
     """
 
     @pytest.mark.parametrize("name", STATES)

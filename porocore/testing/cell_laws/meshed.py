@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 import porocore.testing.cell_laws.identities as identities
+from porocore.cell.cell import Cell
 from porocore.cell.contact.settings import ContactSettings
 from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.interfaces.cell import CellSolver
 from porocore.states import MacroState, Status
 from porocore.testing.cell_laws.base import CellSolverSuite
+from porocore.testing.cell_laws.members import range_around
 from porocore.testing.cell_laws.open_cells import OpenCells
 from porocore.testing.cell_laws.suite import RESPONSES, STATES, state_label
 from porocore.testing.expect import holds, near, require, state_text
@@ -20,6 +23,15 @@ from porocore.testing.expect import holds, near, require, state_text
 
 class MeshedCellSuite(OpenCells, CellSolverSuite):
     """Subclass it, name the class ``Test…`` and give it ``make_solver``."""
+
+    @classmethod
+    def make_family(cls) -> Cell:
+        """The cell with ranges around radius and Poisson's ratio: the mesh moves with the first."""
+        geometry, material = OrthogonalChannels(), NeoHookean()
+        return cls.make_cell(
+            geometry={"kind": geometry.kind, "radius": range_around(geometry.radius)},
+            material={"poisson_ratio": range_around(material.poisson_ratio)},
+        )
 
     def test_cubic_symmetry(self, solver: CellSolver, prepared: Any) -> None:
         """M of a cubic cell is a cubic tensor."""
