@@ -82,6 +82,20 @@ def solved_states(
     return SolvedStore(store, identity, tangent, fields, member=member)
 
 
+def undeformed_members(
+    store: ResultStore | None, backend: str, options: dict[str, Any], cell: Cell
+) -> SolvedStore | None:
+    """Return the undeformed members of a family in the store, which hold K besides what a solved state holds."""
+    if store is None:
+        return None
+
+    def member(values: Array) -> str:
+        return _hash("undeformed", cell_key(backend, options, cell.at(values), "piola"))
+
+    identity = cell_key(backend, options, cell, "piola")
+    return SolvedStore(store, identity, tangent=True, fields=False, member=member)
+
+
 @contextmanager
 def told(
     known: SolvedStore | None,

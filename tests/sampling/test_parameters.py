@@ -42,7 +42,7 @@ def make() -> tuple[MemberSolver, Any]:
 def sampled(path: Path, sampler: Any = None, **pool: Any) -> Dataset:
     dataset = Dataset.create_or_open(path, inputs=INPUTS, identity="family")
     with CellPool(make, **pool) as workers:
-        run_campaign(sampler or SobolDesign(INPUTS, 16, seed=3), workers, dataset)
+        run_campaign(sampler or SobolDesign(INPUTS, 16, seed=3, states_per_member=1), workers, dataset)
     return dataset
 
 
@@ -83,7 +83,8 @@ def test_a_file_is_read_back_with_its_parameters(dataset: Dataset, tmp_path: Pat
     np.testing.assert_array_equal(again.states().parameters, dataset.states().parameters)
     assert all(finding.holds for finding in check_file(dataset.path)), check_file(dataset.path)
     merged = merge(
-        [dataset, sampled(tmp_path / "more.h5", SobolDesign(INPUTS, 20, seed=3))], tmp_path / "all.h5"
+        [dataset, sampled(tmp_path / "more.h5", SobolDesign(INPUTS, 20, seed=3, states_per_member=1))],
+        tmp_path / "all.h5",
     )
     assert len(merged) == 20
     np.testing.assert_array_equal(merged.states().parameters[:16], dataset.states().parameters)
@@ -98,7 +99,7 @@ def test_an_interrupted_sampling_ends_with_the_same_states(
     dataset: Dataset, tmp_path: Path, workers: int
 ) -> None:
     path = tmp_path / "data.h5"
-    sampled(path, SobolDesign(INPUTS, 7, seed=3))
+    sampled(path, SobolDesign(INPUTS, 7, seed=3, states_per_member=1))
     again = sampled(path, workers=workers)
     assert again.digest() == dataset.digest()
 

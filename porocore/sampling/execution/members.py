@@ -1,10 +1,10 @@
-"""Cell solver for states of several members of a family, which it prepares as they come (MemberSolver)."""
+"""Cell solvers for states of several members of a family, prepared as they come (MemberSolver), and undeformed."""
 
 from __future__ import annotations
 
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -160,13 +160,48 @@ class MemberSolver(CellSolver[PreparedFamily]):
         return prepared.members[key]
 
 
-def _different(states: MacroState) -> tuple[Array, Array]:
-    """Return the different parameters (k, m) of n states in order of appearance, and which each state has (n,)."""
+class UndeformedMemberSolver(MemberSolver):
+    """Cell solver of the members of a family at rest: their responses hold K of the undeformed pore as well."""
+
+    def solve(
+        self,
+        prepared: PreparedFamily,
+        states: MacroState,
+        *,
+        start: Sequence[CellField | None] | None = None,
+        tangent: bool = True,
+        fields: bool = False,
+    ) -> CellSolution:
+        """Return the solutions of n undeformed states with their parameters.
+
+        Raises
+        ------
+        ConfigurationError
+            The states have no parameters.
+        ValueError
+            A state is deformed, or has a pressure.
+        """
+        if states.grad_u.any() or states.p.any():
+            raise ValueError("expected undeformed states, H = 0 and p = 0")
+        found = super().solve(prepared, states, start=start, tangent=tangent, fields=fields)
+        K, volume = np.full((len(states), 3, 3), np.nan), np.full(len(states), np.nan)
+        for i in np.flatnonzero(found.response.valid):
+            K[i], volume[i] = self.conductivity_at(prepared, _parameters(states)[i]), 1.0
+        return CellSolution(replace(found.response, conductivity=K, min_fluid_jacobian=volume), found.fields)
+
+
+def _parameters(states: MacroState) -> Array:
+    """Return the parameters (n, m) of states that have to have some."""
     if states.parameters is None:
         raise ConfigurationError(
             "expected the parameters of the cell with every state, got none; give them with it"
         )
-    values, first, of_row = np.unique(states.parameters, axis=0, return_index=True, return_inverse=True)
+    return states.parameters
+
+
+def _different(states: MacroState) -> tuple[Array, Array]:
+    """Return the different parameters (k, m) of n states in order of appearance, and which each state has (n,)."""
+    values, first, of_row = np.unique(_parameters(states), axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)
     place = np.empty_like(order)
     place[order] = np.arange(len(order))

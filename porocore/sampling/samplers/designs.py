@@ -1,4 +1,4 @@
-"""Samplers ``sobol`` and ``latin-hypercube``: designs that fill the box evenly; corners of the box."""
+"""Samplers ``sobol`` and ``latin-hypercube``: designs that fill the box evenly; corners of the box; members."""
 
 from __future__ import annotations
 
@@ -33,6 +33,9 @@ class Design(RoundSampler):
         Seed of the randomisation.
     corners : bool
         Solve the 2^d corners of the box of up to eight inputs first, so that a surrogate never extrapolates within it.
+    states_per_member : int, at least 1
+        Number of states in a row that have the same parameters of the cell, which then are a design of their own; 1:
+        the design is one of all inputs together. Without parameters it does nothing.
 
     Raises
     ------
@@ -45,12 +48,19 @@ class Design(RoundSampler):
     seeded = True
 
     def __init__(
-        self, inputs: InputSpace, count: int = 100, seed: int = 0, corners: bool = False, **unknown: Any
+        self,
+        inputs: InputSpace,
+        count: int = 100,
+        seed: int = 0,
+        corners: bool = False,
+        states_per_member: int = 4,
+        **unknown: Any,
     ) -> None:
-        refuse_unknown(self.name, ("count", "seed", "corners"), unknown)
+        refuse_unknown(self.name, ("count", "seed", "corners", "states_per_member"), unknown)
         super().__init__(inputs, whole("sampling.options.count", count, 1))
         self.seed = whole("sampling.options.seed", seed, 0, LARGEST_SEED)
         self.corners = yes_or_no("sampling.options.corners", corners)
+        self.states_per_member = whole("sampling.options.states_per_member", states_per_member, 1)
         if corners:
             d = len(inputs)
             if d > MOST_CORNER_INPUTS:
@@ -68,26 +78,54 @@ class Design(RoundSampler):
         """Return the whole design, once."""
         if len(self.points):
             return np.empty((0, len(self.inputs)))
-        first = box_corners(len(self.inputs)) if self.corners else np.empty((0, len(self.inputs)))
-        filling = self.filling(room - len(first)) if room > len(first) else first[:0]
+        m = len(self.inputs.parameters)
+        first = np.empty((0, len(self.inputs)))
+        if self.corners:
+            # The corners of one member follow each other.
+            first = np.roll(box_corners(len(self.inputs)), -m, axis=1)
+        filling = self._members(room - len(first), m) if room > len(first) else first[:0]
         return np.concatenate([first, filling])
 
+    def _members(self, count: int, m: int) -> Array:
+        """Return points (count, d): a design over the components, and each point of one over m parameters for some."""
+        if not m or self.states_per_member == 1:
+            return self.filling(count, len(self.inputs))
+        states = self.filling(count, len(self.inputs) - m)
+        values = self.parameter_filling(-(-count // self.states_per_member), m)
+        return np.concatenate([states, np.repeat(values, self.states_per_member, axis=0)[:count]], axis=1)
+
+    @property
+    def members(self) -> int:
+        """Number of members of a family of cells that are prepared for the states; 1 for a cell without parameters."""
+        m = len(self.inputs.parameters)
+        corners = 2 ** len(self.inputs) if self.corners else 0
+        return (2**m if corners else 0) + -(-(self.count - corners) // self.states_per_member) if m else 1
+
     @abstractmethod
-    def filling(self, count: int) -> Array:
+    def filling(self, count: int, d: int) -> Array:
         """Return ``count`` points (n, d) of the unit box."""
+
+    @abstractmethod
+    def parameter_filling(self, count: int, m: int) -> Array:
+        """Return points (count, m) of the unit box for the parameters of ``count`` members."""
 
 
 class SobolDesign(Design):
     """The first ``count`` points of a scrambled Sobol sequence (Sobol' 1967, Owen 1998).
 
-    A larger ``count`` with the same seed begins with the same states. A power of two fills the box most evenly.
+    A larger ``count`` with the same seed begins with the same states. A power of two fills the box most evenly. The
+    parameters of a family of cells are points of a scrambled Halton sequence, since two Sobol sequences would be alike.
     """
 
     name = "sobol"
 
-    def filling(self, count: int) -> Array:
+    def filling(self, count: int, d: int) -> Array:
         """Return points of the sequence."""
-        return sobol_points(len(self.inputs), count, self.seed)
+        return sobol_points(d, count, self.seed)
+
+    def parameter_filling(self, count: int, m: int) -> Array:
+        """Return points of the Halton sequence."""
+        return halton_points(m, count, self.seed)
 
 
 class LatinHypercube(Design):
@@ -98,14 +136,21 @@ class LatinHypercube(Design):
 
     name = "latin-hypercube"
 
-    def filling(self, count: int) -> Array:
+    def filling(self, count: int, d: int) -> Array:
         """Return points of the hypercube."""
-        d = len(self.inputs)
-        optimisation = "random-cd" if d > 1 and 1 < count * d <= MOST_OPTIMISED else None
-        from scipy.stats import qmc  # slow to import
+        return _hypercube(count, d, self.seed)
 
-        points: Array = qmc.LatinHypercube(d, seed=self.seed, optimization=optimisation).random(count)
-        return points
+    def parameter_filling(self, count: int, m: int) -> Array:
+        """Return points of a hypercube of their own."""
+        return _hypercube(count, m, self.seed + 1)
+
+
+def _hypercube(count: int, d: int, seed: int) -> Array:
+    optimisation = "random-cd" if d > 1 and 1 < count * d <= MOST_OPTIMISED else None
+    from scipy.stats import qmc  # slow to import
+
+    points: Array = qmc.LatinHypercube(d, seed=seed, optimization=optimisation).random(count)
+    return points
 
 
 def sobol_points(d: int, count: int, seed: int) -> Array:
@@ -114,6 +159,14 @@ def sobol_points(d: int, count: int, seed: int) -> Array:
     from scipy.stats import qmc  # slow to import
 
     points: Array = qmc.Sobol(d, seed=seed).random_base2(power)[:count]
+    return points
+
+
+def halton_points(d: int, count: int, seed: int) -> Array:
+    """Return the first points (count, d) of a scrambled Halton sequence (Halton 1960)."""
+    from scipy.stats import qmc  # slow to import
+
+    points: Array = qmc.Halton(d, seed=seed).random(count)
     return points
 
 

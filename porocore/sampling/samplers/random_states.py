@@ -13,7 +13,7 @@ from porocore.core.inputs.sampled_range import SampledRange
 from porocore.errors import ConfigurationError
 from porocore.interfaces.sampler import Request, Sampler
 from porocore.sampling.samplers.options import check_waiting
-from porocore.states import CellResponse, Status
+from porocore.states import Array, CellResponse, Status
 
 #: After so many states in a row beyond a sampled range, it is too thin to draw in, and the box stands in.
 MOST_MISSES = 10_000
@@ -45,6 +45,8 @@ class RandomStates(Sampler):
         After ``most_tries * count`` states there are no more, however few have values.
     within
         Only states in this range are drawn; None: in the whole box.
+    states_per_member
+        Number of states in a row that have the same parameters of the cell.
 
     Raises
     ------
@@ -61,20 +63,26 @@ class RandomStates(Sampler):
         seed: int = 0,
         most_tries: int = 10,
         within: SampledRange | None = None,
+        states_per_member: int = 1,
         **unknown: Any,
     ) -> None:
         if unknown:
             raise ConfigurationError(
                 f"random states: unknown option {', '.join(map(repr, sorted(unknown)))}; "
-                "the options are count, seed and most_tries"
+                "the options are count, seed, most_tries and states_per_member"
             )
-        for option, value, low in (("count", count, 1), ("seed", seed, 0), ("most_tries", most_tries, 1)):
+        for option, value, low in (
+            ("count", count, 1),
+            ("seed", seed, 0),
+            ("most_tries", most_tries, 1),
+            ("states_per_member", states_per_member, 1),
+        ):
             if isinstance(value, bool) or not isinstance(value, int) or value < low:
                 raise ConfigurationError(
                     f"random states: {option} must be a whole number of at least {low}, got {value!r}"
                 )
         self.count, self.limit = count, count * most_tries
-        self._draws = _draw(inputs, seed, within)
+        self._draws = _draw(inputs, seed, within, states_per_member)
         self._asked = 0
         self._waiting: set[str] = set()
         self._failed = 0
@@ -106,12 +114,19 @@ class RandomStates(Sampler):
         return min(self.count + self._failed, self.limit)
 
 
-def _draw(inputs: InputSpace, seed: int, within: SampledRange | None = None) -> Iterator[Request]:
+def _draw(
+    inputs: InputSpace, seed: int, within: SampledRange | None = None, states_per_member: int = 1
+) -> Iterator[Request]:
     random = np.random.default_rng(seed)
     low, high = np.array(inputs.lower), np.array(inputs.upper)
+    own = len(inputs) - len(inputs.parameters)
     index = misses = 0
+    member: Array = np.empty(0)
     while True:
-        x = low + (high - low) * random.random(len(inputs))
+        unit = random.random(len(inputs))
+        if index % states_per_member == 0:
+            member = unit[own:]
+        x = low + (high - low) * np.concatenate([unit[:own], member])
         if within is not None and not within.contains(x)[0]:
             misses += 1
             if misses == MOST_MISSES:

@@ -58,6 +58,8 @@ class HeldOutSettings(StrictModel):
     """Random states with values that no surrogate is trained on; the surrogate's error is measured there."""
     seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 0
     """Seed of their draw."""
+    states_per_member: Annotated[int, Field(ge=1, le=MOST_STATES)] = 4
+    """Held-out states in a row with the same parameters of the cell; without parameters it does nothing."""
 
 
 class SamplingSettings(StrictModel):

@@ -71,18 +71,6 @@ def require_parts(solver: type[MacroSolver], name: str, problem: MacroSetup) -> 
         )
 
 
-def require_supported(cell: Cell) -> None:
-    """Refuse a study of a cell of which only single states can be solved yet.
-
-    Raises
-    ------
-    ConfigurationError
-        A number of the cell is a range, or its solid swells.
-    """
-    require_parameters(cell)
-    require_without_swelling(cell)
-
-
 def require_without_swelling(cell: Cell) -> None:
     """Refuse a study of a body whose solid swells: at rest its cell has a stress, which no closure takes yet.
 
@@ -91,6 +79,12 @@ def require_without_swelling(cell: Cell) -> None:
     ConfigurationError
         A material has a swelling stretch other than 1, or a range of it.
     """
+    ranges = [parameter.key for parameter in cell.parameters if parameter.path[-1] == "swelling"]
+    if ranges:
+        raise ConfigurationError(
+            f"{ranges[0]}: expected 1, got a range; bodies of solids that swell are not solved yet, single states of "
+            "their cell are: porocore cell state"
+        )
     for key, material in {"material": cell.material, **(cell.materials or {})}.items():
         if material is not None and material.swells:
             at = key if cell.materials is None else f"materials.{key}"
@@ -100,8 +94,8 @@ def require_without_swelling(cell: Cell) -> None:
             )
 
 
-def require_parameters(cell: Cell) -> None:
-    """Refuse a study of a cell with parameters, which samples and surrogates do not have yet.
+def require_learnable(cell: Cell) -> None:
+    """Refuse to learn from a cell with parameters, which no surrogate does yet.
 
     Raises
     ------
@@ -109,8 +103,8 @@ def require_parameters(cell: Cell) -> None:
         A number of the cell is a range.
     """
     cell.require_member(
-        "the parameters of a cell are no inputs of samples and surrogates yet: give one number, or solve single "
-        "members with porocore cell state --parameters"
+        "no surrogate learns the parameters of a cell yet: give one number, or solve the samples alone with "
+        "porocore sample"
     )
 
 

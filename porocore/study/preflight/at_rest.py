@@ -66,8 +66,11 @@ def at_rest(config: RunConfig, store: ResultStore | None = None) -> Iterator[str
         return
     reference = undeformed(cell, config.fem, config.conductivity, store)
     coefficients = linear_coefficients(reference, config)
-    yield "at rest, drained:"
+    yield "at rest, drained, in the middle of the ranges:" if cell.is_family else "at rest, drained:"
     yield from (f"  {line}" for line in cell_lines(coefficients, cell.viscosity, config.result_units))
+    if cell.is_family:  # the body is of many cells
+        yield from _prescribed(config)
+        return
     if axes := drained_axes(config.macro):
         yield f"  {coefficients_of_consolidation(coefficients, axes, config.result_units)}"
     yield from _consolidation(config, coefficients)

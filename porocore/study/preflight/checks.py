@@ -32,14 +32,14 @@ from porocore.study.config.config import RunConfig
 from porocore.study.magnitudes.left_out import left_out
 from porocore.study.magnitudes.prescribed import require_right_side_out
 from porocore.study.magnitudes.separation import separation
-from porocore.study.preflight.abilities import require_fields, require_supported
+from porocore.study.preflight.abilities import require_fields, require_without_swelling
 from porocore.study.preflight.at_rest import cell_length, edges
 from porocore.study.preflight.guess import RunTimes, decisions
 from porocore.study.preflight.limits import require_memory, slow_states, unit_of_the_modulus
 from porocore.study.preflight.resolution import resolution
 from porocore.study.preflight.symmetry_notes import uncovered, unmirrored
 from porocore.study.preflight.time_functions import check_time_functions, late_functions
-from porocore.study.preflight.workload import Workload, share_solved, sheared
+from porocore.study.preflight.workload import Workload, family_lines, members_of, share_solved, sheared
 
 #: Points of a table that are shown.
 MOST_POINTS = 4
@@ -73,7 +73,7 @@ def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) ->
 
 def _check(config: RunConfig, needed: Collection[Kind]) -> None:
     find_backends(config, needed)
-    require_supported(config.cell)
+    require_without_swelling(config.cell)
     check_sampling(config, trained="surrogate" in needed)
     check_time_functions(config.macro)
     require_right_side_out(config.macro, place(config), config.result_units)
@@ -161,8 +161,7 @@ def outline(config: RunConfig) -> Iterator[str]:
     Raises
     ------
     ConfigurationError
-        The cell cannot be meshed, has no pores or a solid without stiffness, its fluid cannot follow the solid where
-        it ought to, or its regions are not those of ``cell.materials``.
+        The cell cannot be meshed, has no pores, no stiffness or other regions, or its fluid cannot follow the solid.
     """
     yield config.title or "a study without a title"
     quality = measure_mesh_quality(config.cell)
@@ -173,8 +172,8 @@ def outline(config: RunConfig) -> Iterator[str]:
     _require_that_the_fluid_follows(config)
     if config.cell.materials is not None:
         config.cell.solid.on(config.cell.make_mesh("solid", "whole"))
-    units = config.result_units
     yield from edges(config)
+    units = config.result_units
     with speaking(units):
         yield f"  {config.cell.solid.description}, viscosity {units.text(config.cell.viscosity, 'viscosity')}"
         swept = config.input_space()
@@ -189,7 +188,9 @@ def outline(config: RunConfig) -> Iterator[str]:
     sampler = backends.make_backend("sampler", config)
     nodes, fluid = (phase.nodes if phase else 0 for phase in (quality.solid, quality.fluid))
     nodes *= math.prod(config.cell.supercell)
-    work = Workload.of(config, sampler.expected, len(place(config).cells), (nodes, fluid))
+    yield from family_lines(config, sampler)
+    elements, members = len(place(config).cells), sum(members_of(config, sampler))
+    work = Workload.of(config, sampler.expected, elements, (nodes, fluid), members)
     yield from work.as_lines()
     yield from decisions(config, sampler)
     yield RunTimes.of(config, work, sampler).line(max(1, work.workers))

@@ -7,6 +7,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from porocore.cell.cell import Cell
+from porocore.interfaces.sampler import Sampler
+from porocore.sampling.samplers.designs import Design
+from porocore.sampling.samplers.undeformed_members import undeformed_count
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight import cost
 from porocore.study.preflight.cost import LIBRARIES, process_memory
@@ -49,6 +52,8 @@ class Workload:
         True if every state also has the flow through its deformed pore.
     serial
         True if states are solved by the run's own process, without workers.
+    undeformed, members
+        Undeformed members of a family of cells, and members that are prepared for other states; 0 without parameters.
     """
 
     states: int
@@ -63,9 +68,13 @@ class Workload:
     rest: float = 1.0
     deformed: bool = False
     serial: bool = False
+    undeformed: int = 0
+    members: int = 0
 
     @classmethod
-    def of(cls, config: RunConfig, states: int, elements: int, nodes: tuple[int, int]) -> Workload:
+    def of(
+        cls, config: RunConfig, states: int, elements: int, nodes: tuple[int, int], members: int = 0
+    ) -> Workload:
         """Return the counts of ``config``, of which the others are known from its sampler and meshes."""
         time = config.macro.time
         return cls(
@@ -80,6 +89,8 @@ class Workload:
             1 / 8 if config.cell.mirrored else 1.0,
             config.conductivity == "deformed",
             solves_itself(config),
+            undeformed_count(len(config.cell.parameters)) if config.cell.is_family else 0,
+            members,
         )
 
     @property
@@ -130,7 +141,10 @@ class Workload:
         """Approximate time of all cell problems, K and the state at rest included; the states share the workers [s]."""
         again = 0.0 if self.serial and self.rest == self.parts[0] else self.first
         rest = self._first(self.rest) + self._state(self.rest)
-        return self.conductivity + rest + again + math.ceil(self.states / max(1, self.workers)) * self.state
+        workers = max(1, self.workers)
+        members = math.ceil(self.members / workers) * self.first
+        members += math.ceil(self.undeformed / workers) * (self.conductivity + rest)
+        return self.conductivity + rest + again + members + math.ceil(self.states / workers) * self.state
 
     @property
     def _solved(self) -> tuple[float, float]:
@@ -157,6 +171,31 @@ class Workload:
             return ""
         who = f"{self.workers} {'worker' if self.workers == 1 else 'workers'} and of the run itself"
         return f", {self.process / 1e9:.2g} GB each of {who}"
+
+
+def members_of(config: RunConfig, sampler: Sampler) -> tuple[int, int]:
+    """Return how many members of a family of cells are prepared for the sampler's states and for the held-out ones."""
+    if not config.cell.is_family:
+        return 0, 0
+    test = config.sampling.test
+    own = sampler.members if isinstance(sampler, Design) else sampler.expected
+    return own, math.ceil(test.count / test.states_per_member)
+
+
+def family_lines(config: RunConfig, sampler: Sampler) -> Iterator[str]:
+    """Yield the counts of members of a family of cells; nothing of a cell without parameters."""
+    if not config.cell.is_family:
+        return
+    sampled, held_out = members_of(config, sampler)
+    ranges = (f"{each.name} in [{each.lower:g}, {each.upper:g}]" for each in config.cell.parameters)
+    yield (
+        f"  family of cells over {', '.join(ranges)}: {undeformed_count(len(config.cell.parameters))} undeformed "
+        f"members; states of {_members(sampled)}, held-out states of {_members(held_out)}"
+    )
+
+
+def _members(count: int) -> str:
+    return f"{count} {'member' if count == 1 else 'members'}"
 
 
 def workers_here(config: RunConfig) -> int:

@@ -25,6 +25,8 @@ class RunFiles:
         keeps the solutions of each, and one surrogate for each model.
     reference, dataset, test_dataset
         The undeformed cell, and the data sets of the states to learn from and of the held-out ones.
+    undeformed
+        Data set of the undeformed members of a family of cells.
     decisions
         Decisions of a sampler that explores, for a sampling that is resumed.
     direct_work, fallback, fallback_work
@@ -39,7 +41,7 @@ class RunFiles:
     def __init__(self, path: Path, config: RunConfig) -> None:
         self.path = path
         self.config = self.written = config
-        self.reference = path / "cell.json"
+        self.reference, self.undeformed = path / "cell.json", path / "undeformed.h5"
         self.dataset, self.test_dataset = path / "samples.h5", path / "test.h5"
         self.decisions = path / "decisions.json"
         self.direct_work = path / "direct.json"

@@ -51,7 +51,10 @@ def solve_reference(
             console.note(f"cell: {remark}")
     reference = load_reference(folder, config)
     diagonal = config.result_units.texts(np.diag(reference.conductivity), "conductivity")
-    console.note(f"cell: porosity {reference.porosity:.4f}, conductivity K_11, K_22, K_33 = {diagonal}")
+    which = " in the middle of the ranges" if config.cell.is_family else ""
+    console.note(
+        f"cell{which}: porosity {reference.porosity:.4f}, conductivity K_11, K_22, K_33 = {diagonal}"
+    )
     for warning in (
         *undrained(config.macro, reference.conductivity),
         *broken_by_the_mesh(reference.response, config.cell.point_group),
@@ -82,15 +85,19 @@ def _solve_rest(
     clock: StageClock,
     begin: Callable[[], None] = lambda: None,
 ) -> str:
-    """Solve the undeformed cell and save it, or take it from the store; return the solver's remark."""
+    """Solve the undeformed cell and save it, or take it from the store; return the solver's remark.
+
+    That of a family is the one in the middle of the ranges.
+    """
     files = {"cells": path}
     key = "" if store is None else cell_key(fem.backend, fem.options, cell, conductivity)
     if (saved := fetch_files(store, key, files)) is not None:
         clock.add(saved)
         return ""
     begin()
-    solver, prepared = prepare_cell(fem.backend, fem.options, cell, conductivity)
-    CellReference.compute(solver, prepared, cell, cell_identity(cell, fem)).save(path)
+    one = cell.at([parameter.base for parameter in cell.parameters]) if cell.is_family else cell
+    solver, prepared = prepare_cell(fem.backend, fem.options, one, conductivity)
+    CellReference.compute(solver, prepared, one, cell_identity(cell, fem)).save(path)
     keep_files(store, key, files, clock.seconds)
     return solver.remark(prepared)
 

@@ -1,22 +1,24 @@
-"""The sampling stage: solves the states that a sampler asks for, and the held-out ones.
+"""The sampling stage: undeformed members of a family, states that a sampler asks for, and the held-out ones.
 
 States that the data sets hold are not solved again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 
 from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
 from porocore.core.units.results import speaking
+from porocore.errors import DataError
 from porocore.interfaces.sampler import Sampler
 from porocore.sampling.campaign import CampaignProgress, CampaignSummary, run_campaign
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.execution.interrupts import listening
 from porocore.sampling.forecast import Guess
+from porocore.sampling.samplers.undeformed_members import UndeformedMembers
 from porocore.sampling.warm_starts import WarmStarts
 from porocore.states import Array, Status
 from porocore.study.backends import make_backend
@@ -32,8 +34,10 @@ from porocore.study.stages.stage_files import (
     factory_of,
     held_out_states,
     load_reference,
+    prepare_undeformed,
+    undeformed_inputs,
 )
-from porocore.study.store import solved_states, told
+from porocore.study.store import solved_states, told, undeformed_members
 
 
 def sample(
@@ -50,7 +54,8 @@ def sample(
 
     ``pool`` solves them, one of :func:`cell_pool`; by default a new one. ``sampled`` is called when the sampler's
     states are known, before the held-out ones. With ``retry_lost``, states over which workers died or hung in an
-    earlier session are solved again.
+    earlier session are solved again. The undeformed members of a family of cells are solved before, by workers of
+    their own.
     """
     inputs = config.input_space()
     for warning in uncovered(inputs, config.cell.point_group):
@@ -67,6 +72,8 @@ def sample(
     with ExitStack() as stack:
         stack.enter_context(speaking(config.result_units))
         stack.enter_context(listening(console.note))
+        if config.cell.is_family:
+            solve_undeformed(folder, config, provenance, console=console, retry_lost=retry_lost, store=store)
         workers = (
             stack.enter_context(cell_pool(config, console=console, store=store)) if pool is None else pool
         )
@@ -84,18 +91,56 @@ def sample(
             if retry_lost:
                 dataset.drop(dataset.ended(Status.lost))
             guess = guessed_times(config, states, solved)
-            with (
-                timed(folder.timings, title) as clock,
-                told(known, title, console.note, clock.add, workers.workers),
-            ):
-                summary = _campaign(title, states, workers, dataset, console, guess, starts)
-                clock.idle = not summary.solved
+            summary = _campaign(title, states, workers, dataset, folder, console, guess, starts)
             ended += summary.solved
             _tell(title, summary, folder, console)
     if known and known.found:
         console.note(f"store: {known.found} of {ended} states were taken, {ended - known.found} were solved")
     if known and known.store.fault:
         console.warn(f"{known.store.fault}; the solved states are in the run folder alone")
+
+
+def solve_undeformed(
+    folder: RunFolder,
+    config: RunConfig,
+    provenance: Mapping[str, str],
+    *,
+    console: Console,
+    retry_lost: bool = False,
+    store: ResultStore | None = None,
+) -> None:
+    """Solve the undeformed members of a family into a data set of their own; see :func:`sample`.
+
+    A member that cannot be made, or whose solve fails, is a row with a status.
+
+    Raises
+    ------
+    DataError
+        No member could be solved, or the file is damaged or belongs to another family.
+    """
+    title, inputs = "undeformed members", undeformed_inputs(config)
+    backend = (config.fem.backend, config.fem.options, config.cell)
+    dataset = Dataset.create_or_open(
+        folder.undeformed, inputs=inputs, identity=config.stages.cell, provenance=provenance
+    )
+    if retry_lost:
+        dataset.drop(dataset.ended(Status.lost))
+    members = UndeformedMembers(inputs)
+    with CellPool(
+        prepare_undeformed,
+        backend,
+        **config.sampling.pool_options(),
+        fields=False,
+        on_warning=console.warn,
+        known=undeformed_members(store, *backend),
+    ) as workers:
+        summary = _campaign(title, members, workers, dataset, folder, console, guessed_times(config, members))
+    _tell(title, summary, folder, console, "members")
+    if not dataset.responses().stable.any():
+        raise DataError(
+            f"{folder.undeformed}: no member of the family could be solved; narrow the ranges of the cell, refine its "
+            f"mesh (cell.mesh.size), or see single members with porocore cell state --parameters"
+        )
 
 
 def cell_pool(
@@ -118,11 +163,17 @@ def _campaign(
     sampler: Sampler,
     pool: CellPool,
     dataset: Dataset,
+    folder: RunFolder,
     console: Console,
     guess: Guess,
-    starts: WarmStarts | None,
+    starts: WarmStarts | None = None,
 ) -> CampaignSummary:
-    with console.task(title, "states") as task:
+    """Solve the states of a sampler with progress; record the time, and tell what came from the store."""
+    with (
+        timed(folder.timings, title) as clock,
+        told(pool.known, title, console.note, clock.add, pool.workers),
+        console.task(title, "states") as task,
+    ):
 
         def show(progress: CampaignProgress) -> None:
             detail = "stopping" if progress.stopping else progress.doing
@@ -134,12 +185,16 @@ def _campaign(
                 seconds=progress.seconds,
             )
 
-        return run_campaign(sampler, pool, dataset, on_progress=show, guess=guess, starts=starts)
+        summary = run_campaign(sampler, pool, dataset, on_progress=show, guess=guess, starts=starts)
+        clock.idle = not summary.solved
+    return summary
 
 
-def _tell(title: str, summary: CampaignSummary, folder: RunFolder, console: Console) -> None:
+def _tell(
+    title: str, summary: CampaignSummary, folder: RunFolder, console: Console, what: str = "states"
+) -> None:
     counts = ", ".join(f"{n} {status.name.replace('_', ' ')}" for status, n in summary.counts.items())
-    console.note(f"{title}: {sum(summary.counts.values())} states: {counts}")
+    console.note(f"{title}: {sum(summary.counts.values())} {what}: {counts}")
     if lost := summary.counts.get(Status.lost, 0):
         console.warn(
             f"{title}: {lost} states were lost: on each, two workers died or exceeded the time limit. Lost states "

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from porocore.cell.cell import Cell
+from porocore.core.inputs.input_space import InputSpace
 from porocore.core.inputs.sampled_range import SampledRange
 from porocore.errors import DataError
 from porocore.interfaces.cell import CellSolver
@@ -20,12 +21,13 @@ from porocore.plugins.registry import registry
 from porocore.sampling.campaign import is_complete
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.datasets.parts import describe
-from porocore.sampling.execution.members import MemberSolver, PreparedFamily
+from porocore.sampling.execution.members import MemberSolver, PreparedFamily, UndeformedMemberSolver
 from porocore.sampling.execution.tasks import Factory
 from porocore.sampling.samplers.random_states import RandomStates
+from porocore.sampling.samplers.undeformed_members import UndeformedMembers
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
-from porocore.study.preflight.abilities import require_conductivity
+from porocore.study.preflight.abilities import require_conductivity, require_learnable
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.run_folder.provenance import versions
 from porocore.study.stages.exploration import inform
@@ -63,6 +65,22 @@ def prepare_family(
     return members, members.prepare(cell, **_how(conductivity))
 
 
+def prepare_undeformed(
+    backend: str, options: dict[str, Any], cell: Cell
+) -> tuple[UndeformedMemberSolver, PreparedFamily]:
+    """Return a solver of the undeformed members of a family, and the family; worker processes call this once.
+
+    Raises
+    ------
+    ConfigurationError
+        The solver computes no conductivity.
+    """
+    solver: CellSolver = registry().get("cell solver", backend)(**options)
+    require_conductivity(type(solver), backend, "piola")
+    members = UndeformedMemberSolver(solver)
+    return members, members.prepare(cell)
+
+
 def factory_of(cell: Cell) -> Factory:
     """Return the function that prepares a cell, or a family of cells, in each worker."""
     return prepare_family if cell.is_family else prepare_cell
@@ -76,6 +94,29 @@ def _how(conductivity: str) -> dict[str, Any]:
 def load_reference(folder: RunFolder, config: RunConfig) -> CellReference:
     """Return the undeformed cell of the run."""
     return CellReference.load(folder.require(folder.reference, "sample"), config.stages.cell)
+
+
+def load_undeformed(folder: RunFolder, config: RunConfig) -> Dataset:
+    """Return the undeformed members of the run's family: responses with derivatives and K; failed ones have NaN.
+
+    Raises
+    ------
+    RunFolderError
+        They are not solved yet.
+    DataError
+        The file is damaged, belongs to another family, or lacks members.
+    """
+    path, inputs = folder.require(folder.undeformed, "sample"), undeformed_inputs(config)
+    dataset = Dataset.open(path, inputs=inputs, identity=config.stages.cell)
+    if not is_complete(UndeformedMembers(inputs), dataset):
+        raise DataError(f"{path}: members are missing; run porocore sample {folder.path}")
+    return dataset
+
+
+def undeformed_inputs(config: RunConfig) -> InputSpace:
+    """Return the parameters of the run's family as the only inputs."""
+    ranges = {each.name: (each.lower, each.upper) for each in config.cell.parameters}
+    return InputSpace.from_ranges({}, ranges)
 
 
 def linear_coefficients(reference: CellReference, config: RunConfig) -> LinearCoefficients:
@@ -138,9 +179,10 @@ def load_solution(folder: RunFolder, law: str, load: float) -> MacroSolution:
 def held_out_states(config: RunConfig, samples: Dataset) -> RandomStates:
     """Return the sampler of the held-out states; where ``samples`` do not fill the ranges, they lie between those."""
     test, within = config.sampling.test, None
+    together = {"states_per_member": test.states_per_member} if config.cell.is_family else {}
     if not registry().get("sampler", config.sampling.sampler).fills_ranges:
         within = SampledRange.around(samples.inputs, samples.x()[samples.responses().stable])
-    return RandomStates(config.input_space(), count=test.count, seed=test.seed, within=within)
+    return RandomStates(config.input_space(), count=test.count, seed=test.seed, within=within, **together)
 
 
 def drop_misplaced(held_out: Dataset, states: RandomStates) -> None:
@@ -157,7 +199,10 @@ def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
     ------
     DataError
         Sampling is not finished, or there are too few of them.
+    ConfigurationError
+        The cell is a family.
     """
+    require_learnable(config.cell)
     sampler: Sampler = make_backend("sampler", config)
     reference = load_reference(folder, config)
     inform(sampler, folder.written, reference, folder.remembered())

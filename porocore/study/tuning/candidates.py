@@ -11,6 +11,7 @@ from porocore.core.echo import cut, echo
 from porocore.errors import ConfigurationError
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
+from porocore.study.preflight.abilities import require_learnable
 from porocore.surrogates.network.options import MOST_LAYERS, MOST_WIDTH
 
 #: More networks than this are not tried.
@@ -55,10 +56,12 @@ def candidates(
     Raises
     ------
     ConfigurationError
-        The surrogate has no options ``hidden`` and ``activation``, or does not take these values.
+        The surrogate has no options ``hidden`` and ``activation``, or does not take these values; or the cell is a
+        family.
     PluginError
         The surrogate is unknown or missing.
     """
+    require_learnable(config.cell)
     make_backend("surrogate", config)  # reports any other fault first
     known = [name for name in ACTIVATIONS if _takes(config, Candidate(1, 4, name))]
     if not known:
