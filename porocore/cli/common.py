@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from porocore.core.files.store import ResultStore
     from porocore.core.units.scales import Scales
     from porocore.study.config.config import RunConfig
+    from porocore.study.run_folder.folder import RunFolder
 
 #: Exit status after Ctrl-C, and after SIGTERM.
 INTERRUPTED, TERMINATED = 130, 143
@@ -123,6 +124,13 @@ def command_group(what: str, **settings: Any) -> typer.Typer:
         context_settings={"help_option_names": ["-h", "--help"]},
         **settings,
     )
+
+
+def claim(path: Path, settings: RunConfig, out: Path | None, resume: bool) -> RunFolder:
+    """Return the run folder of the configuration at ``path``, ``out`` or one by its name, made or opened."""
+    from porocore.study.run_folder.folder import RunFolder
+
+    return RunFolder.claim(Path("runs") / path.stem if out is None else out, settings, resume=resume)
 
 
 def chosen_store(store: Path | None, no_store: bool) -> ResultStore | None:

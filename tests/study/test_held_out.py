@@ -11,6 +11,7 @@ import pytest
 from campaigns import sample
 from fake_cell import INPUTS
 
+from porocore.cell.cell import Cell
 from porocore.core.inputs.sampled_range import SampledRange
 from porocore.sampling.samplers.random_states import RandomStates
 from porocore.study.config.loading import load_config
@@ -22,7 +23,8 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 
 def study(sampler: str) -> Any:
     test = SimpleNamespace(count=12, seed=1)
-    return SimpleNamespace(sampling=SimpleNamespace(test=test, sampler=sampler), input_space=lambda: INPUTS)
+    sampling = SimpleNamespace(test=test, sampler=sampler)
+    return SimpleNamespace(sampling=sampling, input_space=lambda: INPUTS, cell=Cell())
 
 
 def near_rest(path: Path, share: float) -> Any:

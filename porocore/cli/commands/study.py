@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porocore.cli.common import chosen_store, command, interruptible, located, read_config
+from porocore.cli.common import chosen_store, claim, command, interruptible, located, read_config
 from porocore.cli.options import (
     ClosureOption,
     ConfigArgument,
@@ -67,7 +67,7 @@ def run(
     settings = settings.with_executor(executor, scheduler)
     _check_backends(path, settings, "cell solver", "macro solver", "sampler", "surrogate")
     kept = chosen_store(store, no_store)
-    folder = _claim(path, settings, out, resume)
+    folder = claim(path, settings, out, resume)
     again = command(
         "run", config, fem=fem, macro=macro, surrogate=surrogate, closure=closure, law=law, executor=executor,
         scheduler=scheduler, fallback=_unless_none(fallback), out=folder.path, resume=True, store=store,
@@ -117,7 +117,7 @@ def sample(
         path, settings = read_config(target, fem)
         settings = settings.with_executor(executor, scheduler)
         _check_backends(path, settings, "cell solver", "sampler")
-        folder = _claim(path, settings, out, resume)
+        folder = claim(path, settings, out, resume)
     console, again = (
         Console(),
         command(
@@ -285,12 +285,6 @@ def _laws_of_run(law: list[LawName] | None, fallback: FallbackName) -> tuple[Law
 def _unless_none(fallback: FallbackName) -> FallbackName | None:
     """Return the fallback for a command to continue, None without one."""
     return None if fallback is FallbackName.none else fallback
-
-
-def _claim(path: Path, settings: RunConfig, out: Path | None, resume: bool) -> RunFolder:
-    from porocore.study.run_folder.folder import RunFolder
-
-    return RunFolder.claim(Path("runs") / path.stem if out is None else out, settings, resume=resume)
 
 
 def _check_backends(path: Path, settings: RunConfig, *needed: Kind) -> None:

@@ -65,15 +65,15 @@ def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) ->
     ConfigurationError
         Options are unusable, the box reaches det F ≤ 0, states are too few or too many, nobody listens at the
         scheduler's address, a function of time has no value somewhere, there is no such surface, boundary conditions
-        contradict each other, do not hold the body or turn it inside out, or a probe lies outside.
+        contradict each other, do not hold the body or turn it inside out, or a probe lies outside; its solid swells.
     """
     with speaking(config.result_units):
         _check(config, KINDS if needed is None else needed)
 
 
 def _check(config: RunConfig, needed: Collection[Kind]) -> None:
-    find_backends(config, needed)
     require_without_swelling(config.cell)
+    find_backends(config, needed)
     check_sampling(config, trained="surrogate" in needed)
     check_time_functions(config.macro)
     require_right_side_out(config.macro, place(config), config.result_units)
@@ -241,10 +241,8 @@ def _body(config: RunConfig) -> Iterator[str]:
     length = units.factor("displacement")
     sizes = " × ".join(f"{(b - a) * length:.4g}" for a, b in zip(low, high, strict=True))
     name_of_length = f" {units.name('displacement')}" if units.given else ""
-    yield (
-        f"body: {macro.body.kind}, {sizes}{name_of_length}, {len(mesh.cells)} {mesh.element.shape} elements, "
-        f"{mesh.size} unknowns with those that are prescribed"
-    )
+    elements = f"{len(mesh.cells)} {mesh.element.shape} elements, {mesh.size} unknowns with those that are prescribed"
+    yield f"body: {macro.body.kind}, {sizes}{name_of_length}, {elements}"
     symmetry = Symmetry.of(macro)
     if symmetry.normals:
         planes = " and ".join(symmetry.normals)

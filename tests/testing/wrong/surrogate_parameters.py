@@ -16,15 +16,17 @@ class TestFine(Law):
     caught_by = ""
 
 
-class TestForgetsParameters(Law):
-    """Its inputs are those of one cell."""
+class TestNamesInReverse(Law):
+    """It names the parameters in the reverse order."""
 
     caught_by = "test_a_cell_with_parameters_is_learned"
 
     class surrogate(Altered):
         def fit(self, data, **how):
             super().fit(data, **how)
-            self.inputs = replace(self.inputs, parameters=())
+            last = self.inputs.parameters[::-1]
+            names = (*self.inputs.names[: -len(last)], *last)
+            self.inputs = replace(self.inputs, names=names, parameters=last)
             return self
 
 
