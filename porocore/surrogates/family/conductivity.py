@@ -201,7 +201,7 @@ def fit_family_conductivity(data: TrainingSet, rest: RestModel) -> tuple[FamilyC
     found = fit_joint(
         joint, plain(active), 1, tied=tied, weights=WEIGHTS, judged="value", highest=LARGEST_DEGREE
     )
-    error = min(found.errors.values(), default=float("nan")) * float(joint.value.std(axis=1).max())
+    error = found.error * float(joint.value.std(axis=1).max())
     model = FamilyConductivity(
         rest,
         found.polynomial,

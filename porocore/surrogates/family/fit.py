@@ -12,13 +12,12 @@ from porocore.errors import DataError
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import Array, IntArray
 from porocore.surrogates.family.derivatives import PotentialSlopes
-from porocore.surrogates.family.joint import JointPolynomial
+from porocore.surrogates.family.joint import JointPolynomial, summed
 from porocore.surrogates.family.model import FamilyModel
-from porocore.surrogates.family.regression import JointData, JointFit, Weights, fit_joint
+from porocore.surrogates.family.regression import LARGEST_DEGREE, JointData, JointFit, Weights, fit_joint
 from porocore.surrogates.family.rest import RestModel
 from porocore.surrogates.family.rest_fit import fit_rest
 from porocore.surrogates.polynomial.fit import ANCHOR_DEGREE, MOST_PLAIN, SMALLEST_SLOPE
-from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import Terms, invariant, plain
 from porocore.surrogates.potential.data import STILL
 from porocore.surrogates.potential.training_box import TrainingBox
@@ -178,15 +177,15 @@ def family_model(
     terms, l = terms_of(data), len(data.potential.x)
     tied = symmetry_of(terms, l, data.rest.symmetry)
 
-    def fitted(samples: JointData, choice: tuple[int, int] | None) -> JointFit:
-        return fit_joint(samples, terms, 3, tied=tied, weights=weights, choice=choice)
+    def fitted(highest: int) -> JointFit:
+        return fit_joint(data.potential, terms, 3, tied=tied, weights=weights, highest=highest)
 
-    found = fitted(data.potential, None if degree is None else (degree, 2))
+    found = fitted(LARGEST_DEGREE if degree is None else degree)
     coarse, fine = found, None
     if found.degree > ANCHOR_DEGREE:
-        # Together they span what was found, but only the first part is continued beyond the sampled states.
-        coarse = fitted(data.potential, (ANCHOR_DEGREE, found.more))
-        fine = JointPolynomial(terms, _less(found.polynomial, coarse.polynomial))
+        # Together they are what was found, but only the first part is continued beyond the sampled states.
+        coarse = fitted(ANCHOR_DEGREE)
+        fine = JointPolynomial(terms, summed(found.polynomial, coarse.polynomial, -1.0))
     model = FamilyModel(
         data.rest,
         JointPolynomial(terms, coarse.polynomial) if len(coarse.polynomial.exponents) else None,
@@ -197,13 +196,3 @@ def family_model(
         TrainingBox.from_states(data.potential.y, data.active, data.rest.symmetry),
     )
     return model, found, data
-
-
-def _less(whole: Polynomial, part: Polynomial) -> Polynomial:
-    """Return the difference of two polynomials."""
-    exponents = np.concatenate([whole.exponents, part.exponents])
-    coefficients = np.concatenate([whole.coefficients, -part.coefficients], axis=1)
-    every, number = np.unique(exponents, axis=0, return_inverse=True)
-    summed = np.zeros((len(every), len(coefficients)))
-    np.add.at(summed, number.reshape(-1), coefficients.T)
-    return Polynomial(every, summed.T.copy())

@@ -207,3 +207,13 @@ class JointPolynomial:
             return None, y[list(self.terms.variables)]
         found = TermDerivatives(self.terms, y)
         return found, found.t
+
+
+def summed(one: Polynomial, other: Polynomial, factor: float = 1.0) -> Polynomial:
+    """Return the sum of a polynomial and another one times a factor."""
+    exponents = np.concatenate([one.exponents, other.exponents])
+    coefficients = np.concatenate([one.coefficients, factor * other.coefficients], axis=1)
+    every, number = np.unique(exponents, axis=0, return_inverse=True)
+    total = np.zeros((len(every), len(coefficients)))
+    np.add.at(total, number.reshape(-1), coefficients.T)
+    return Polynomial(every, total.T.copy())

@@ -17,7 +17,7 @@ from porocore.core.inputs.sampled_range import SampledRange
 from porocore.states import Array, CellResponse, CellTangent, IntArray, MacroState, Status
 from porocore.surrogates.error_estimate.estimate import ErrorEstimate
 from porocore.surrogates.family.derivatives import Scaling
-from porocore.surrogates.family.joint import JointPolynomial
+from porocore.surrogates.family.joint import JointPolynomial, summed
 from porocore.surrogates.family.rest import RestModel, RestValues
 from porocore.surrogates.network.network import Derivatives
 from porocore.surrogates.polynomial.composition import TermSum
@@ -29,6 +29,8 @@ from porocore.surrogates.stretch.log_stretch import LogStretch
 
 #: As many sets of parameters are evaluated one after the other, each as a polynomial in y alone.
 MOST_BOUND = 32
+#: Of fewer terms several sets of parameters are faster evaluated together.
+MANY = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,42 +82,45 @@ class FamilyModel:
 
     def beyond_rest(self, y: Array, x: Array) -> Derivatives:
         """Return R and its derivatives by y, as :meth:`potential`, at θ̂ (l, n)."""
-        n = y.shape[1]
-        value, gradient, hessian = np.zeros(n), np.zeros((VARIABLES, n)), np.zeros((VARIABLES, VARIABLES, n))
-        if self.coarse is not None:
-            self._add(self.coarse, y, x, value, gradient, hessian)
-        if self.fine is not None:
-            beyond = self.training_box.beyond(y)
-            v, g, h = np.zeros_like(value), np.zeros_like(gradient), np.zeros_like(hessian)
-            if len(beyond):
-                z, first, second = self.training_box.saturated(y)
-                self._add(self.fine, z, x, v, g, h)
-                h *= first[:, None] * first[None]
-                h[range(VARIABLES), range(VARIABLES)] += second * g
-                g *= first
-            else:
-                self._add(self.fine, y, x, v, g, h)
-            value, gradient, hessian = value + v, gradient + g, hessian + h
-        return value, gradient, hessian
+        found = _zeros(y.shape[1])
+        if self.coarse is None:
+            return found
+        self._add(self._whole, y, x, found)
+        beyond = self.training_box.beyond(y) if self.fine is not None else ()
+        if self.fine is not None and len(beyond):
+            (value, gradient, hessian), (v, g, h) = found, _zeros(len(beyond))
+            z, first, second = self.training_box.saturated(y[:, beyond])
+            self.fine.add(z, x[:, beyond], v, g, h)
+            h *= first[:, None] * first[None]
+            h[range(VARIABLES), range(VARIABLES)] += second * g
+            g *= first
+            self.coarse.add(y[:, beyond], x[:, beyond], v, g, h)
+            value[beyond], gradient[:, beyond], hessian[:, :, beyond] = v, g, h
+        return found
 
-    def _add(
-        self, part: JointPolynomial, y: Array, x: Array, value: Array, gradient: Array, hessian: Array
-    ) -> None:
+    @cached_property
+    def _whole(self) -> JointPolynomial:
+        """Both parts of R as one polynomial, which holds within the sampled box."""
+        assert self.coarse is not None
+        if self.fine is None:
+            return self.coarse
+        return JointPolynomial(self.coarse.terms, summed(self.coarse.polynomial, self.fine.polynomial))
+
+    def _add(self, part: JointPolynomial, y: Array, x: Array, found: Derivatives) -> None:
+        """Add a polynomial and its derivatives by y to ``found``, in place."""
         groups = self._groups(x)
         if groups is None:
-            part.add(y, x, value, gradient, hessian)
-            return
-        for rows in groups:
-            bound = self._bound(part, x[:, rows[0]])
-            if len(rows) == y.shape[1]:
-                bound.start(y)(value, gradient, hessian)
-                continue
-            v, g, h = value[rows], gradient[:, rows], hessian[:, :, rows]
-            bound.start(y[:, rows])(v, g, h)
-            value[rows], gradient[:, rows], hessian[:, :, rows] = v, g, h
+            part.add(y, x, *found)
+        elif len(groups) == 1:
+            self._bound(part, x[:, 0]).start(y)(*found)
+        else:
+            for rows in groups:
+                v, g, h = _zeros(len(rows))
+                self._bound(part, x[:, rows[0]]).start(y[:, rows])(v, g, h)
+                found[0][rows], found[1][:, rows], found[2][:, :, rows] = v, g, h
 
     def _bound(self, part: JointPolynomial, x: Array) -> TermSum:
-        key = (part is self.fine, x.tobytes())
+        key = x.tobytes()
         if key not in self._known_bound:
             if len(self._known_bound) >= 2 * MOST_BOUND:
                 self._known_bound.clear()
@@ -123,7 +128,7 @@ class FamilyModel:
         return self._known_bound[key]
 
     @cached_property
-    def _known_bound(self) -> dict[tuple[bool, bytes], TermSum]:
+    def _known_bound(self) -> dict[bytes, TermSum]:
         return {}
 
     @cached_property
@@ -143,7 +148,8 @@ class FamilyModel:
         groups = None
         if few:
             unique, number = np.unique(x, axis=1, return_inverse=True)
-            if unique.shape[1] <= max(min(MOST_BOUND, n // 16), 1):
+            most = MOST_BOUND if self.coarse is not None and len(self.coarse.terms.weights) >= MANY else 1
+            if unique.shape[1] <= max(min(most, n // 16), 1):
                 groups = [np.flatnonzero(number.reshape(-1) == i) for i in range(unique.shape[1])]
         self._last_groups.insert(0, (x, groups))
         del self._last_groups[2:]
@@ -248,3 +254,8 @@ class FamilyModel:
         linear = at.gradient + np.einsum("abn,bn->an", at.matrix, y)
         found = ((gradient - linear) / at.scale)[list(self.estimate.judged)]
         return self.sampled.far(unrotated) | self.estimate.flagged(np.concatenate([y, at.x]), found)
+
+
+def _zeros(n: int) -> Derivatives:
+    """Return a value (n,), a gradient (7, n) and a Hessian (7, 7, n) of zeros."""
+    return np.zeros(n), np.zeros((VARIABLES, n)), np.zeros((VARIABLES, VARIABLES, n))

@@ -1,12 +1,14 @@
 """Least squares for polynomials in terms and coordinates, from values, first and second derivatives.
 
-The degrees are those with the smallest cross-validated error. All of them share the equations of the largest, so that a
-cross-validation costs one pass over the data and small linear systems.
+Coefficients have a normal prior, whose width falls by one factor with each degree in y and by another one with each
+degree in θ̂. The factors and the noise are those with the smallest cross-validated error, so that few states with many
+equations each carry many monomials (Rasmussen & Williams 2006, ch. 5).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -14,24 +16,18 @@ from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.sparse import csr_array
 
 from porocore.states import Array, IntArray
-from porocore.surrogates.family.functions import EXACT_RIDGE
 from porocore.surrogates.family.joint import design, joint_exponents
-from porocore.surrogates.polynomial.least_squares import (
-    EQUATIONS_PER_TERM,
-    FOLDS,
-    held_out,
-    least_squares,
-)
+from porocore.surrogates.polynomial.least_squares import held_out
 from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import VARIABLES, Terms
 from porocore.surrogates.symmetry import Equivariance
 
-#: Degrees in the coordinates beyond what the total degree leaves that are tried.
-MORE = (0, 1, 2)
-#: Largest degree, and number of coefficients at most.
-LARGEST_DEGREE, MOST_COEFFICIENTS = 8, 1500
-#: Relative ridge of the normal equations of a cross-validation.
-RIDGE = 1e-14
+#: Degree in the coordinates beyond what the total degree leaves.
+MORE = 2
+#: Largest degree, and number of coefficients at most; there are no more than equations.
+LARGEST_DEGREE, MOST_COEFFICIENTS = 8, 650
+#: Widths of the prior from one degree in y to the next, ratios of those in θ̂ to them, and noises that are tried.
+DECAYS, RATIOS, NUGGETS = (0.4, 0.25, 0.15, 0.6), (1.0, 1.4, 0.7), (1e-4, 1e-6, 1e-3, 1e-2)
 #: Derivatives that vary less than this share of the largest of their kind weigh no more.
 SMALL = 1e-2
 #: An output that stays below this share of the largest is not learned.
@@ -76,22 +72,30 @@ class Weights:
 
 @dataclass(frozen=True, eq=False)
 class JointFit:
-    """Polynomials that were fitted, and their errors.
+    """Polynomials that were fitted, and their error.
 
     Attributes
     ----------
     polynomial
         In the k terms and l coordinates, o outputs.
-    degree, more
-        Degree in y, and that in θ̂ which monomials of this degree may have.
-    errors
-        Cross-validated errors of what was tried: root mean squares of the scaled quantities that are judged.
+    degree
+        Largest weight in the terms.
+    error
+        Cross-validated root mean square of the scaled quantities that are judged; NaN where nothing was fitted.
     """
 
     polynomial: Polynomial
     degree: int
-    more: int
-    errors: dict[tuple[int, int], float]
+    error: float
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Prior of the coefficients: widths from one degree to the next in y, the ratio of those in θ̂, and the noise."""
+
+    decay: float = DECAYS[0]
+    ratio: float = RATIOS[0]
+    nugget: float = NUGGETS[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +109,7 @@ class SharedEquations:
     judged : (e,) bool
         Those whose error is cross-validated.
     weight, degree : (f,)
-        Weight in the terms and degree in θ̂ of each coefficient.
+        Weight in the terms above the lowest, and degree in θ̂, of each coefficient.
     """
 
     rows: Array
@@ -114,33 +118,48 @@ class SharedEquations:
     weight: IntArray
     degree: IntArray
 
-    def chosen(self, degree: int, more: int) -> npt.NDArray[np.bool_]:
-        """Return the coefficients (f,) of a choice of degrees."""
-        chosen: npt.NDArray[np.bool_] = (self.weight <= degree) & (self.degree <= degree - self.weight + more)
-        return chosen
+    def penalties(self, prior: Prior) -> Array:
+        """Return what is added to the diagonal of the normal equations of columns of unit mean square (f,)."""
+        widths = prior.decay**self.weight * (prior.decay * prior.ratio) ** self.degree
+        penalties: Array = len(self.rows) * (prior.nugget / widths) ** 2
+        return penalties
 
-    def squares(self, choices: list[tuple[int, int]]) -> dict[tuple[int, int], float]:
-        """Return for each choice the sum of the squared errors at states that were left out of a fit."""
-        n = len(self.rows)
-        size = np.sqrt((self.rows**2).sum(axis=(0, 1)))
+    @cached_property
+    def size(self) -> Array:
+        """Root mean squares of the columns (f,)."""
+        size: Array = np.sqrt((self.rows**2).mean(axis=(0, 1)))
         size[size == 0] = 1.0
-        scaled = self.rows / size
-        folds = held_out(n)
+        return size
+
+    @cached_property
+    def _folds(self) -> tuple[list[tuple[Array, Array]], list[tuple[Array, Array]]]:
+        """Normal equations of the states that a fold keeps, and the judged equations of those that it leaves out."""
+        scaled = self.rows / self.size
+        folds = held_out(len(scaled))
         parts = [_normal(scaled[fold], self.right[fold]) for fold in folds]
         gram, moment = sum(part[0] for part in parts), sum(part[1] for part in parts)
-        found = dict.fromkeys(choices, 0.0)
-        for fold, (A, b) in zip(folds, parts, strict=True):
-            there, right = scaled[fold][:, self.judged], self.right[fold][:, self.judged]
-            for choice in choices:
-                kept = np.flatnonzero(self.chosen(*choice))
-                matrix = (gram - A)[np.ix_(kept, kept)] + RIDGE * np.eye(len(kept)) * n
-                try:
-                    solution = cho_solve(cho_factor(matrix), (moment - b)[kept])
-                except LinAlgError:
-                    # The other states do not tell so many coefficients apart.
-                    found[choice] = np.inf
-                    continue
-                found[choice] += float(((there[..., kept] @ solution - right) ** 2).sum())
+        out = [(scaled[fold][:, self.judged], self.right[fold][:, self.judged]) for fold in folds]
+        return [(gram - A, moment - b) for A, b in parts], out
+
+    def squares(self, prior: Prior) -> float:
+        """Return the sum of the squared errors at states that were left out of a fit; infinite where one fails."""
+        penalties, found = np.diag(self.penalties(prior)), 0.0
+        for (gram, moment), (rows, right) in zip(*self._folds, strict=True):
+            try:
+                solution = cho_solve(cho_factor(gram + penalties), moment)
+            except LinAlgError:
+                return np.inf
+            found += float(((rows @ solution - right) ** 2).sum())
+        return found
+
+    def solve(self, prior: Prior) -> Array:
+        """Return the coefficients (f,)."""
+        f = self.rows.shape[-1]
+        rows = np.concatenate(
+            [(self.rows / self.size).reshape(-1, f), np.diag(np.sqrt(self.penalties(prior)))]
+        )
+        solution = np.linalg.lstsq(rows, np.concatenate([self.right.ravel(), np.zeros(f)]), rcond=None)[0]
+        found: Array = solution / self.size
         return found
 
 
@@ -157,10 +176,9 @@ def fit_joint(
     tied: Equivariance,
     weights: Weights,
     judged: str = "by_y",
-    choice: tuple[int, int] | None = None,
     highest: int = LARGEST_DEGREE,
 ) -> JointFit:
-    """Fit monomials whose weight in the terms is from ``lowest`` to a degree.
+    """Fit monomials whose weight in the terms is from ``lowest`` to a degree, as high as the equations allow.
 
     Parameters
     ----------
@@ -169,44 +187,47 @@ def fit_joint(
     weights
         Weights of the kinds of equations.
     judged
-        Kind of equations by whose error the degrees are chosen.
-    choice
-        Degree and ``more``; None: those of the smallest cross-validated error. The data may allow less.
+        Kind of equations by whose error the prior is chosen.
     highest
-        Largest degree that is tried.
+        Largest degree.
     """
     l, o = len(data.x), len(data.value)
     scales = _scales(data, weights, tied)
     each = sum(int(np.isfinite(scale).sum()) for scale in scales.values())
-    limit = min(each * data.y.shape[1] * (1 - 1 / FOLDS) / EQUATIONS_PER_TERM, MOST_COEFFICIENTS)
-    tries: dict[tuple[int, int], IntArray] = {}
-    for degree, more in [(d, m) for d in range(lowest, highest + 1) for m in (MORE if l else (0,))]:
-        if choice is None or (degree <= choice[0] and more <= choice[1]):
-            exponents = joint_exponents(terms, l, lowest, degree, more)
-            if tied.ties(exponents).count <= limit:
-                tries[degree, more] = exponents
-    if not tries:
-        return JointFit(Polynomial.zero(len(terms.weights) + l, o), lowest - 1, 0, {})
-    every = np.unique(np.concatenate(list(tries.values())), axis=0)
-    ties = tied.ties(every)
-    systems = _systems(data, terms, every, scales, judged, tied)
-    errors: dict[tuple[int, int], float] = {}
-    best = max(tries)
-    if choice is None and len(tries) > 1:
-        for _, system in systems:
-            for key, square in system.squares(list(tries)).items():
-                errors[key] = errors.get(key, 0.0) + square
-        count = sum(system.right[:, system.judged].size for _, system in systems)
-        errors = {key: float(np.sqrt(square / count)) for key, square in errors.items()}
-        best = min(errors, key=lambda key: errors[key])
+    limit = min(each * data.y.shape[1], MOST_COEFFICIENTS)
+    exponents = np.zeros((0, len(terms.weights) + l), dtype=np.int64)
+    for degree in range(lowest, highest + 1):
+        more = joint_exponents(terms, l, lowest, degree, MORE if l else 0)
+        if tied.ties(more).count > limit:
+            break
+        exponents = more
+    systems = _systems(data, terms, exponents, scales, judged, tied) if len(exponents) else []
+    if not systems:
+        return JointFit(Polynomial.zero(len(terms.weights) + l, o), lowest - 1, np.nan)
+    prior, squares = _chosen([system for _, system in systems])
+    ties = tied.ties(exponents)
     free = np.zeros(ties.count)
     for numbers, system in systems:
-        kept = system.chosen(*best)
-        rows = system.rows[..., kept].reshape(-1, int(kept.sum()))
-        free[numbers[kept]] = least_squares(rows, system.right.ravel(), EXACT_RIDGE)
+        free[numbers] = system.solve(prior)
     coefficients = ties.coefficients(free)
     used = coefficients.any(axis=0)
-    return JointFit(Polynomial(every[used], coefficients[:, used]), *best, errors)
+    count = sum(system.right[:, system.judged].size for _, system in systems)
+    found = int((exponents[:, : len(terms.weights)] @ np.array(terms.weights)).max())
+    polynomial = Polynomial(exponents[used], coefficients[:, used])
+    return JointFit(polynomial, found, float(np.sqrt(squares / count)))
+
+
+def _chosen(systems: list[SharedEquations]) -> tuple[Prior, float]:
+    """Return the prior with the smallest cross-validated error, one number after the other, and its squares."""
+    best, least = Prior(), sum(system.squares(Prior()) for system in systems)
+    for name, values in (("decay", DECAYS), ("ratio", RATIOS), ("nugget", NUGGETS), ("decay", DECAYS)):
+        for value in values:
+            tried = replace(best, **{name: value})
+            if tried != best:
+                squares = sum(system.squares(tried) for system in systems)
+                if squares < least:
+                    best, least = tried, squares
+    return best, least
 
 
 def _scales(data: JointData, weights: Weights, tied: Equivariance) -> dict[str, Array]:
@@ -245,6 +266,7 @@ def _systems(
     columns = design(terms, exponents, data.y, data.x, second=second)
     k = len(terms.weights)
     weight = exponents[:, :k] @ np.array(terms.weights, dtype=np.int64)
+    weight -= weight.min()
     degree = exponents[:, k:].sum(axis=1)
     ties = tied.ties(exponents)
     found = []

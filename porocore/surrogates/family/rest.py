@@ -192,7 +192,7 @@ class RestModel:
             m_slopes += mean_slopes[9:].reshape(9, 7, *mean_slopes.shape[1:])
             found = RestValues(
                 J, phi_slopes, affine_slopes[0], affine_slopes[1:], A_slopes, mean_slopes[:9], m_slopes,
-                wave_slopes, np.moveaxis(K_slopes.reshape(r, r, -1, n), (2, 3), (0, 1)),
+                wave_slopes, np.moveaxis(K_slopes.reshape(r, r, len(x), n), (2, 3), (0, 1)),
             )  # fmt: skip
         m += mean[9:].reshape(9, 7, n)
         log_K = np.moveaxis(K.reshape(r, r, n), -1, 0)
@@ -212,7 +212,7 @@ class RestModel:
         """Return the stiffness in Mandel's components (6, 6, n) and its derivatives (6, 6, l, n)."""
         n = x.shape[1]
         S, S_slopes = _chained(self.stiffness, x, J)
-        S_slopes = S_slopes.reshape(6, 6, -1, n)
+        S_slopes = S_slopes.reshape(6, 6, len(x), n)
         E, E_slopes = symmetric_exponential(
             np.moveaxis(S.reshape(6, 6, n), -1, 0), np.moveaxis(S_slopes, (2, 3), (1, 0))
         )

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from porocore.core.echo import cut, echo
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import OnProgress, TrainingProgress, TrainingSet
@@ -71,9 +73,8 @@ class PolynomialSurrogate(ModelSurrogate):
         self, data: TrainingSet, on_progress: OnProgress | None
     ) -> tuple[FamilyModel, dict[str, float]]:
         model, found, known = family_model(data, Weights(), self.degree)
-        best = found.errors.get((found.degree, found.more), float("nan"))
         if on_progress is not None:
-            on_progress(TrainingProgress(1, 1, best**2))
+            on_progress(TrainingProgress(1, 1, found.error**2))
         self.settings = {"degree": found.degree}
-        errors = {"cross-validated slopes of W": best} if found.errors else {}
+        errors = {"cross-validated slopes of W": found.error} if np.isfinite(found.error) else {}
         return with_family_error(model, known, data.tolerance), errors
