@@ -363,6 +363,27 @@ def test_a_geometry_is_meshed_by_gmsh_with_its_names(tmp_path):
     assert area["lids"] == pytest.approx(np.pi / 2, rel=2e-3)
 
 
+def test_what_is_near_in_a_body_from_a_file_is_near_in_memory(tmp_path):
+    """Nodes in any order, as meshing programs leave them; named surfaces and volumes follow."""
+    import meshio
+
+    write_tetrahedra(tmp_path / "box.msh", Box(size=(1, 1, 1), elements=(6, 6, 6)))
+    mesh = meshio.read(tmp_path / "box.msh")
+    shuffled = np.random.default_rng(0).permutation(len(mesh.points))
+    place = np.argsort(shuffled)
+    for block in mesh.cells:
+        block.data = place[block.data]
+    mesh.points = mesh.points[shuffled]
+    mesh.write(tmp_path / "shuffled.msh", file_format="gmsh22")
+    bodies = [read_body(tmp_path / name, None, 1.0) for name in ("box.msh", "shuffled.msh")]
+    for body in bodies:
+        assert np.median(np.ptp(body.cells, axis=1)) < len(body.points) / 6  # 5 of 6 at random
+        assert body.weights.sum() == pytest.approx(1, rel=1e-12)
+        np.testing.assert_array_equal(body.points[body.surfaces["x+"], 0], 1)
+        inside = [np.ptp(body.centres[own], axis=0) for own in body.volumes.values()]
+        np.testing.assert_allclose(inside, [np.ptp(body.centres, axis=0)], rtol=1e-12)
+
+
 def test_files_that_are_no_body_are_refused(tmp_path):
     with pytest.raises(ConfigurationError, match="No such file"):
         read_body(tmp_path / "none.msh", None, 1.0)

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from porocore.cell.geometry.cad import import_gmsh
 from porocore.cell.meshing.estimate import PER_CUBE, require_few
@@ -63,6 +64,7 @@ def read_body(path: Path, size: float | None, scale: float) -> BodyMesh:
     ((kind, cells),) = volumes.items()
     _require_apart(points, path)
     mesh = _quadratic(points * scale, kind, _upright(points, cells))
+    mesh, faces, named = _neighbours_together(mesh, faces, named)
     return BodyMesh(mesh.points, mesh.cells, _named(mesh, faces, path), named)
 
 
@@ -235,6 +237,27 @@ def _quadratic(points: Array, kind: str, cells: IntArray) -> BodyMesh:
         for j, m in enumerate(local):
             whole[:, order[tuple(m)]] = numbers[:, j]
     return BodyMesh(np.concatenate(found), whole)
+
+
+def _neighbours_together(
+    mesh: BodyMesh, faces: dict[str, list[IntArray]], named: dict[str, IntArray]
+) -> tuple[BodyMesh, dict[str, list[IntArray]], dict[str, IntArray]]:
+    """Number elements and nodes by place, so that what is near in the body is near in memory.
+
+    The elements are taken leaf by leaf of a tree over their centres, the nodes as these elements meet them.
+    """
+    centres = mesh.points[mesh.cells[:, : mesh.element.corners]].mean(axis=1)
+    elements = cKDTree(centres).indices
+    cells = mesh.cells[elements]
+    _, first = np.unique(cells, return_index=True)
+    nodes = cells.ravel()[np.sort(first)]
+    number, place = np.empty_like(nodes), np.empty_like(elements)
+    number[nodes], place[elements] = np.arange(len(nodes)), np.arange(len(elements))
+    return (
+        BodyMesh(mesh.points[nodes], number[cells]),
+        {name: [number[part] for part in parts] for name, parts in faces.items()},
+        {name: np.sort(place[own]) for name, own in named.items()},
+    )
 
 
 def _named(mesh: BodyMesh, faces: dict[str, list[IntArray]], path: Path) -> dict[str, IntArray]:
