@@ -131,6 +131,17 @@ class CellSolver(ABC, Generic[Prepared]):
         """
         raise NotImplementedError(f"{type(self).__name__} computes no conductivity")
 
+    def hessian_slopes_at_rest(self, prepared: Prepared) -> Array | None:
+        """Return the slopes of the Hessian of W of the undeformed cell by its m parameters.
+
+        Returns
+        -------
+        slopes : (10, 10, m) or None
+            As of :attr:`~porocore.CellSlopes.hessian`; None: the solver does not compute them, and a surrogate learns
+            the stiffness of undeformed members from its values alone.
+        """
+        return None
+
     def remark(self, prepared: Prepared) -> str:
         """Return a line for the log on how the linear systems were solved so far; empty where there is none."""
         return ""

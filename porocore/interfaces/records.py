@@ -127,7 +127,7 @@ def failed_response(
         names, parameters = found, parameter_count(CELL_FIELDS, found)
     if names is None:
         asked = {"": True, "tangent": tangent, "deformed": deformed, "slopes": parameters is not None}
-        names = [name for name, declared in CELL_FIELDS.items() if asked[declared.flag]]
+        names = [name for name, declared in CELL_FIELDS.items() if asked.get(declared.flag)]
     shapes = {name: (1, *CELL_FIELDS[name].row_shape(parameters)) for name in names}
     return build_response([int(status)], {name: np.full(shape, np.nan) for name, shape in shapes.items()})
 

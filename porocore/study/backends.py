@@ -11,7 +11,7 @@ from porocore.macro.laws import CLOSURES
 from porocore.plugins.kinds import Kind
 from porocore.plugins.registry import registry
 from porocore.study.config.config import RunConfig
-from porocore.study.preflight.abilities import require_conductivity, require_parts
+from porocore.study.preflight.abilities import require_conductivity, require_learner, require_parts
 from porocore.study.preflight.limits import require_states
 
 
@@ -101,6 +101,7 @@ def check(kind: Kind, config: RunConfig) -> None:
     if kind == "sampler":
         require_states(config, backend.expected)
     if kind == "surrogate":
+        require_learner(type(backend), config.surrogate.backend, config.cell)
         _check_responses(backend, config)
     if kind == "macro solver":
         problem = config.macro.problem(config.macro.loads[0])

@@ -82,7 +82,7 @@ def solved_states(
     return SolvedStore(store, identity, tangent, fields, member=member)
 
 
-def undeformed_members(
+def solved_members(
     store: ResultStore | None, backend: str, options: dict[str, Any], cell: Cell
 ) -> SolvedStore | None:
     """Return the undeformed members of a family in the store, which hold K besides what a solved state holds."""

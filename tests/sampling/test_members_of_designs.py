@@ -16,7 +16,7 @@ from porocore.sampling.execution import CellPool
 from porocore.sampling.execution.members import UndeformedMemberSolver
 from porocore.sampling.samplers.designs import Design, LatinHypercube, SobolDesign
 from porocore.sampling.samplers.random_states import RandomStates
-from porocore.sampling.samplers.undeformed_members import UndeformedMembers, undeformed_count
+from porocore.sampling.samplers.undeformed_members import UndeformedMembers
 from porocore.states import MacroState, Status
 from porocore.testing.synthetic.family import INPUTS, PARAMETERS, SyntheticFamily, SyntheticFamilySolver
 
@@ -79,8 +79,8 @@ def test_held_out_states_share_members() -> None:
 
 @pytest.mark.parametrize(("m", "count"), [(1, 10), (2, 20), (3, 40), (4, 75), (9, 150)])
 def test_undeformed_members_are_denser_towards_the_ends(m: int, count: int) -> None:
-    assert undeformed_count(m) == count
-    unit = points(UndeformedMembers(InputSpace.from_ranges({}, {f"t{i}": (0, 1) for i in range(m)})))
+    ranges = {f"t{i}": (0.0, 1.0) for i in range(m)}
+    unit = points(UndeformedMembers(InputSpace.from_ranges({}, ranges), count))
     assert unit.shape == (count, m)
     assert ((unit > 0) & (unit < 1)).all()
     # A third of the points of the density 1/π√(u(1 − u)) lies within 1/15 of each end.
@@ -92,7 +92,7 @@ def test_undeformed_members_are_kept_with_their_conductivity_and_resumed(tmp_pat
     path, warned = tmp_path / "undeformed.h5", list[str]()
     dataset = Dataset.create_or_open(path, inputs=ONLY, identity="family")
     with CellPool(make, executor="serial", fields=False, on_warning=warned.append) as pool:
-        run_campaign(UndeformedMembers(ONLY), pool, dataset)
+        run_campaign(UndeformedMembers(ONLY, 20), pool, dataset)
     found, states = dataset.responses(), dataset.states()
     assert states.parameters is not None
     porosity, modulus = states.parameters.T
@@ -109,8 +109,8 @@ def test_undeformed_members_are_kept_with_their_conductivity_and_resumed(tmp_pat
     digest = dataset.digest()
     dataset.drop(dataset.keys[::3])
     with CellPool(make, executor="serial", fields=False) as pool:
-        summary = run_campaign(UndeformedMembers(ONLY), pool, Dataset.open(path))
-        again = run_campaign(UndeformedMembers(ONLY), pool, Dataset.open(path))
+        summary = run_campaign(UndeformedMembers(ONLY, 20), pool, Dataset.open(path))
+        again = run_campaign(UndeformedMembers(ONLY, 20), pool, Dataset.open(path))
     assert (summary.solved, again.solved) == (7, 0)
     assert Dataset.open(path).digest() == digest
     path.write_bytes(path.read_bytes()[:-500])

@@ -88,8 +88,7 @@ def check(
         check_backends(settings)
         for line in chain(outline(settings), at_rest(settings, user_store())):
             typer.echo(line)
-    next_one = "sample" if settings.cell.is_family else "run"  # no surrogate learns parameters yet
-    typer.echo(f"no faults; next: {command(next_one, config)}")
+    typer.echo(f"no faults; next: {command('run', config)}")
 
 
 def _beginning(path: Path) -> str:

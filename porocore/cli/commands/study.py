@@ -129,8 +129,7 @@ def sample(
 
         pipeline.solve_reference(folder, settings, console=console, store=kept)
         pipeline.sample(folder, settings, console=console, retry_lost=retry_lost, store=kept)
-    if not settings.cell.is_family:  # no surrogate learns parameters yet
-        console.note(f"next: {command('train', folder.path)}")
+    console.note(f"next: {command('train', folder.path)}")
     typer.echo(folder.dataset)
 
 
@@ -289,10 +288,7 @@ def _unless_none(fallback: FallbackName) -> FallbackName | None:
 
 def _check_backends(path: Path, settings: RunConfig, *needed: Kind) -> None:
     """Refuse what would stop a run later, before a folder belongs to the configuration at ``path``."""
-    from porocore.study.preflight.abilities import require_learnable
     from porocore.study.preflight.checks import check_backends
 
     with located(path):
         check_backends(settings, needed)
-        if "surrogate" in needed:
-            require_learnable(settings.cell)

@@ -33,7 +33,7 @@ class RowField:
         What it is, in one sentence.
     flag
         What must be asked for: ``tangent`` (derivatives), ``slopes`` (derivatives by the parameters of the cell),
-        ``deformed`` (conductivity of the deformed pore);
+        ``deformed`` (conductivity of the deformed pore), ``undeformed`` (responses of undeformed members alone);
         ``surrogate`` where cell solvers never provide it; empty: nothing.
     models
         Models of surrogates that predict it.

@@ -72,3 +72,14 @@ class CellSlopes(Batch):
             gaps=True,
         ),
     )
+    hessian: Array | None = field(
+        default=None,
+        metadata=row(
+            "E",
+            "∂³W / ∂(H, p)_k ∂(H, p)_l ∂θ_m of the undeformed cell, with H row by row and p in k and l.",
+            10,
+            10,
+            "m",
+            flag="undeformed",
+        ),
+    )

@@ -184,10 +184,21 @@ class UndeformedMemberSolver(MemberSolver):
         if states.grad_u.any() or states.p.any():
             raise ValueError("expected undeformed states, H = 0 and p = 0")
         found = super().solve(prepared, states, start=start, tangent=tangent, fields=fields)
+        response, theta = found.response, _parameters(states)
         K, volume = np.full((len(states), 3, 3), np.nan), np.full(len(states), np.nan)
-        for i in np.flatnonzero(found.response.valid):
-            K[i], volume[i] = self.conductivity_at(prepared, _parameters(states)[i]), 1.0
-        return CellSolution(replace(found.response, conductivity=K, min_fluid_jacobian=volume), found.fields)
+        slopes = response.slopes
+        hessian = None if slopes is None else np.full((len(states), 10, 10, theta.shape[1]), np.nan)
+        for i in np.flatnonzero(response.valid):
+            K[i], volume[i] = self.conductivity_at(prepared, theta[i]), 1.0
+            if hessian is not None:
+                own = self._solver.hessian_slopes_at_rest(self.member(prepared, theta[i]))
+                hessian = None if own is None else hessian
+                if hessian is not None and own is not None:
+                    hessian[i] = own
+        if slopes is not None:
+            slopes = replace(slopes, hessian=hessian)
+        whole = replace(response, conductivity=K, min_fluid_jacobian=volume, slopes=slopes)
+        return CellSolution(whole, found.fields)
 
 
 def _parameters(states: MacroState) -> Array:

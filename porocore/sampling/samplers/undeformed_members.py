@@ -11,16 +11,6 @@ from porocore.sampling.samplers.options import check_waiting
 from porocore.sampling.samplers.rounds import from_unit
 from porocore.states import CellResponse
 
-#: No family is described by more undeformed members.
-MOST_MEMBERS = 150
-
-
-def undeformed_count(parameters: int) -> int:
-    """Return how many undeformed members describe a family of m parameters: 10, 20, 40, 75, at most 150."""
-    m = parameters
-    # Coefficients of a polynomial of degree 4, and five more: with slopes two and more equations for each.
-    return min(5 + (m + 1) * (m + 2) * (m + 3) * (m + 4) // 24, MOST_MEMBERS)
-
 
 class UndeformedMembers(Sampler):
     """Members of a family spread over the ranges of its parameters, denser towards their ends.
@@ -32,14 +22,16 @@ class UndeformedMembers(Sampler):
     ----------
     inputs
         The parameters and their ranges, and nothing else.
+    count
+        Number of members.
     """
 
     choosing = "choosing members"
 
-    def __init__(self, inputs: InputSpace) -> None:
+    def __init__(self, inputs: InputSpace, count: int) -> None:
         self.inputs = inputs
         m = len(inputs.parameters)
-        unit = (1 - np.cos(np.pi * halton_points(m, undeformed_count(m), seed=0))) / 2
+        unit = (1 - np.cos(np.pi * halton_points(m, count, seed=0))) / 2
         self._requests = [
             Request(f"member-{i:03d}", tuple(map(float, x))) for i, x in enumerate(from_unit(inputs, unit))
         ]

@@ -6,6 +6,7 @@ from porocore.cell.cell import Cell
 from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.macro import MacroSolver
+from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.composition.body_fields import require_composition
 from porocore.macro.problem import MacroSetup
@@ -94,17 +95,26 @@ def require_without_swelling(cell: Cell) -> None:
             )
 
 
-def require_learnable(cell: Cell) -> None:
-    """Refuse to learn from a cell with parameters, which no surrogate does yet.
+def require_learner(surrogate: type[Surrogate], name: str, cell: Cell) -> None:
+    """Refuse a surrogate that cannot learn a cell with parameters.
+
+    Parameters
+    ----------
+    surrogate, name
+        Class and name of the surrogate.
+    cell
+        The cell.
 
     Raises
     ------
     ConfigurationError
-        A number of the cell is a range.
+        A number of the cell is a range, and the surrogate learns no parameters.
     """
-    cell.require_member(
-        "no surrogate learns the parameters of a cell yet: give one number, or solve the samples alone with "
-        "porocore sample"
+    if surrogate.learns_parameters or not cell.is_family:
+        return
+    raise ConfigurationError(
+        f"surrogate.backend: '{name}' learns no cells with parameters, but {cell.parameters[0].key} is a range; choose "
+        "one that does, such as --surrogate polynomial, or give one number"
     )
 
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from porocore.cell.cell import Cell
 from porocore.interfaces.sampler import Sampler
 from porocore.sampling.samplers.designs import Design
-from porocore.sampling.samplers.undeformed_members import undeformed_count
+from porocore.cell.family.undeformed import undeformed_count
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight import cost
 from porocore.study.preflight.cost import LIBRARIES, process_memory
@@ -89,7 +89,7 @@ class Workload:
             1 / 8 if config.cell.mirrored else 1.0,
             config.conductivity == "deformed",
             solves_itself(config),
-            undeformed_count(len(config.cell.parameters)) if config.cell.is_family else 0,
+            undeformed_count(config.cell) if config.cell.is_family else 0,
             members,
         )
 
@@ -189,7 +189,7 @@ def family_lines(config: RunConfig, sampler: Sampler) -> Iterator[str]:
     sampled, held_out = members_of(config, sampler)
     ranges = (f"{each.name} in [{each.lower:g}, {each.upper:g}]" for each in config.cell.parameters)
     yield (
-        f"  family of cells over {', '.join(ranges)}: {undeformed_count(len(config.cell.parameters))} undeformed "
+        f"  family of cells over {', '.join(ranges)}: {undeformed_count(config.cell)} undeformed "
         f"members; states of {_members(sampled)}, held-out states of {_members(held_out)}"
     )
 

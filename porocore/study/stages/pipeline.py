@@ -14,7 +14,6 @@ from porocore.core.files.store import ResultStore
 from porocore.core.parallel.calls import Call, CallProcesses
 from porocore.plugins.registry import registry
 from porocore.study.config.config import RunConfig
-from porocore.study.preflight.abilities import require_learnable
 from porocore.study.preflight.guess import processes_here, starts_early, trains_beside
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.run_folder.stage_times import cut_short_timed
@@ -40,7 +39,6 @@ def run(
 
     What is finished and has not changed since stays, and what ``store`` holds is not computed again.
     """
-    require_learnable(config.cell)
     solutions = folder.solutions(*law_names(config, laws, config.closure))
     if all(path.exists() for path in solutions) and kept_report(folder, config, console=console):
         console.note(f"the run is finished; to write its report again: porocore report {folder.path}")

@@ -18,7 +18,6 @@ from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.execution.interrupts import listening
 from porocore.sampling.forecast import Guess
-from porocore.sampling.samplers.undeformed_members import UndeformedMembers
 from porocore.sampling.warm_starts import WarmStarts
 from porocore.states import Array, Status
 from porocore.study.backends import make_backend
@@ -35,9 +34,9 @@ from porocore.study.stages.stage_files import (
     held_out_states,
     load_reference,
     prepare_undeformed,
-    undeformed_inputs,
+    undeformed_members,
 )
-from porocore.study.store import solved_states, told, undeformed_members
+from porocore.study.store import solved_members, solved_states, told
 
 
 def sample(
@@ -118,21 +117,20 @@ def solve_undeformed(
     DataError
         No member could be solved, or the file is damaged or belongs to another family.
     """
-    title, inputs = "undeformed members", undeformed_inputs(config)
+    title, members = "undeformed members", undeformed_members(config)
     backend = (config.fem.backend, config.fem.options, config.cell)
     dataset = Dataset.create_or_open(
-        folder.undeformed, inputs=inputs, identity=config.stages.cell, provenance=provenance
+        folder.undeformed, inputs=members.inputs, identity=config.stages.cell, provenance=provenance
     )
     if retry_lost:
         dataset.drop(dataset.ended(Status.lost))
-    members = UndeformedMembers(inputs)
     with CellPool(
         prepare_undeformed,
         backend,
         **config.sampling.pool_options(),
         fields=False,
         on_warning=console.warn,
-        known=undeformed_members(store, *backend),
+        known=solved_members(store, *backend),
     ) as workers:
         summary = _campaign(title, members, workers, dataset, folder, console, guessed_times(config, members))
     _tell(title, summary, folder, console, "members")

@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 
 from porocore.cell.cell import Cell
+from porocore.cell.family.undeformed import rest_data, undeformed_count
 from porocore.core.inputs.input_space import InputSpace
 from porocore.core.inputs.sampled_range import SampledRange
 from porocore.errors import DataError
 from porocore.interfaces.cell import CellSolver
+from porocore.interfaces.rest_data import RestData
 from porocore.interfaces.sampler import Sampler
 from porocore.interfaces.solution import MacroSolution
 from porocore.interfaces.surrogate import MORE_STATES, Surrogate, TrainingSet, least_states
@@ -27,7 +29,7 @@ from porocore.sampling.samplers.random_states import RandomStates
 from porocore.sampling.samplers.undeformed_members import UndeformedMembers
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
-from porocore.study.preflight.abilities import require_conductivity, require_learnable
+from porocore.study.preflight.abilities import require_conductivity
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.run_folder.provenance import versions
 from porocore.study.stages.exploration import inform
@@ -106,17 +108,17 @@ def load_undeformed(folder: RunFolder, config: RunConfig) -> Dataset:
     DataError
         The file is damaged, belongs to another family, or lacks members.
     """
-    path, inputs = folder.require(folder.undeformed, "sample"), undeformed_inputs(config)
-    dataset = Dataset.open(path, inputs=inputs, identity=config.stages.cell)
-    if not is_complete(UndeformedMembers(inputs), dataset):
+    path, members = folder.require(folder.undeformed, "sample"), undeformed_members(config)
+    dataset = Dataset.open(path, inputs=members.inputs, identity=config.stages.cell)
+    if not is_complete(members, dataset):
         raise DataError(f"{path}: members are missing; run porocore sample {folder.path}")
     return dataset
 
 
-def undeformed_inputs(config: RunConfig) -> InputSpace:
-    """Return the parameters of the run's family as the only inputs."""
+def undeformed_members(config: RunConfig) -> UndeformedMembers:
+    """Return the sampler of the undeformed members of the run's family."""
     ranges = {each.name: (each.lower, each.upper) for each in config.cell.parameters}
-    return InputSpace.from_ranges({}, ranges)
+    return UndeformedMembers(InputSpace.from_ranges({}, ranges), undeformed_count(config.cell))
 
 
 def linear_coefficients(reference: CellReference, config: RunConfig) -> LinearCoefficients:
@@ -199,10 +201,7 @@ def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
     ------
     DataError
         Sampling is not finished, or there are too few of them.
-    ConfigurationError
-        The cell is a family.
     """
-    require_learnable(config.cell)
     sampler: Sampler = make_backend("sampler", config)
     reference = load_reference(folder, config)
     inform(sampler, folder.written, reference, folder.remembered())
@@ -223,7 +222,13 @@ def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
         versions(),
         config.cell.point_group,
         config.surrogate.tolerance,
+        _rests(folder, config) if config.cell.is_family else None,
     )
+
+
+def _rests(folder: RunFolder, config: RunConfig) -> RestData:
+    dataset = load_undeformed(folder, config)
+    return rest_data(config.cell, dataset.states(), dataset.responses())
 
 
 def finished(folder: RunFolder, path: Path, identity: str, sampler: Sampler) -> Dataset:

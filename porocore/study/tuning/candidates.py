@@ -11,7 +11,6 @@ from porocore.core.echo import cut, echo
 from porocore.errors import ConfigurationError
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
-from porocore.study.preflight.abilities import require_learnable
 from porocore.surrogates.network.options import MOST_LAYERS, MOST_WIDTH
 
 #: More networks than this are not tried.
@@ -61,7 +60,7 @@ def candidates(
     PluginError
         The surrogate is unknown or missing.
     """
-    require_learnable(config.cell)
+    config.cell.require_member("the architecture is chosen for one cell: give one number")
     make_backend("surrogate", config)  # reports any other fault first
     known = [name for name in ACTIVATIONS if _takes(config, Candidate(1, 4, name))]
     if not known:

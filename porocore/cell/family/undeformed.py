@@ -1,0 +1,92 @@
+"""Undeformed members of a family as data to learn from (rest_data): kinds of its parameters, moduli of its solid."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from annotated_types import Ge, Gt
+
+from porocore.cell.materials.energy import SWELLING
+from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.core.models.walk import Place, walk
+from porocore.core.units.dimensions import Unit
+from porocore.interfaces.rest_data import ParameterKind, RestData, rest_count
+from porocore.states import CellResponse, MacroState
+
+if TYPE_CHECKING:
+    from porocore.cell.cell import Cell
+    from porocore.cell.family.parameters import CellParameter
+
+#: Name of Poisson's ratio in a material.
+POISSON = "poisson_ratio"
+
+
+def parameter_kinds(cell: Cell) -> tuple[ParameterKind, ...]:
+    """Return the kind of each parameter of a cell, as :class:`~porocore.interfaces.rest_data.RestData` has them."""
+    places = {place.path: place for place in walk(type(cell), cell)}
+    return tuple(_kind(parameter, places[parameter.path]) for parameter in cell.parameters)
+
+
+def _kind(parameter: CellParameter, place: Place) -> ParameterKind:
+    if parameter.shape:
+        unit = place.metadata if place.above is None else place.metadata + place.above.metadata
+        length = any(isinstance(each, Unit) for each in unit)
+        not_negative = any(isinstance(each, Gt | Ge) for each in place.metadata)
+        return "length" if length and not_negative and parameter.lower > 0 else "other"
+    if parameter.path == ("viscosity",):
+        return "viscosity"
+    if parameter.path[-1] == POISSON:
+        return "poisson_ratio"
+    return "swelling" if parameter.path[-1] == SWELLING and parameter.region is None else "other"
+
+
+def isotropic_solid(cell: Cell) -> tuple[float | None, float | str | None]:
+    """Return Young's modulus [E] and Poisson's ratio of small strains, or the parameter that this is; None, None.
+
+    They are known where the solid is isotropic and the same everywhere, and varies in Poisson's ratio alone.
+    """
+    material = cell.material
+    if cell.materials is not None or material is None or not material.isotropic:
+        return None, None
+    varied = [each for each in cell.parameters if each.solid_key and each.solid_key != (SWELLING,)]
+    if not varied:
+        young, shear = material.mean_moduli()
+        return young, young / (2 * shear) - 1
+    only = varied[0]
+    if len(varied) == 1 and isinstance(material, NeoHookean) and only.solid_key == (POISSON,):
+        return material.mean_moduli()[0], only.name
+    return None, None
+
+
+def undeformed_count(cell: Cell) -> int:
+    """Return how many undeformed members describe a family; a swelling and the viscosity need none of their own."""
+    learned = [kind for kind in parameter_kinds(cell) if kind not in ("swelling", "viscosity")]
+    return rest_count(len(learned), isotropic=isotropic_solid(cell)[1] is not None)
+
+
+def rest_data(cell: Cell, states: MacroState, responses: CellResponse) -> RestData:
+    """Return the solved undeformed members of a family, and what the cell tells of its parameters.
+
+    Parameters
+    ----------
+    cell
+        The family.
+    states, responses
+        Its undeformed members with their conductivity and the slopes of the Hessian; those without a stable response
+        are left out.
+    """
+    good = np.flatnonzero(responses.stable)
+    states, responses = states[good], responses[good]
+    slopes = responses.slopes
+    young, poisson = isotropic_solid(cell)
+    assert responses.fluid_volume is not None
+    return RestData(
+        states,
+        responses,
+        responses.fluid_volume,
+        parameter_kinds(cell),
+        young,
+        poisson,
+        None if slopes is None else slopes.hessian,
+    )
