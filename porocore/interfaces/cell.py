@@ -76,7 +76,8 @@ class CellSolver(ABC, Generic[Prepared]):
     contact: ClassVar[bool] = False
     #: Whether :meth:`solve` returns the micro displacement where ``fields`` are asked for.
     returns_fields: ClassVar[bool] = False
-    #: Whether responses of a cell with parameters hold :class:`~porocore.CellSlopes`, the derivatives by them.
+    #: Whether responses of a cell with parameters hold :class:`~porocore.CellSlopes`, the derivatives by them, and
+    #: :meth:`hessian_slopes_at_rest` gives those of the undeformed cell.
     slopes: ClassVar[bool] = False
     #: ``core``: it solves on ``cell.make_mesh``, so that it agrees with others on that mesh to round-off; ``own``: on
     #: another mesh, or without any.
@@ -131,16 +132,12 @@ class CellSolver(ABC, Generic[Prepared]):
         """
         raise NotImplementedError(f"{type(self).__name__} computes no conductivity")
 
-    def hessian_slopes_at_rest(self, prepared: Prepared) -> Array | None:
-        """Return the slopes of the Hessian of W of the undeformed cell by its m parameters.
+    def hessian_slopes_at_rest(self, prepared: Prepared) -> Array:
+        """Return the slopes (10, 10, m) of the Hessian of W of the undeformed cell by its m parameters.
 
-        Returns
-        -------
-        slopes : (10, 10, m) or None
-            As of :attr:`~porocore.CellSlopes.hessian`; None: the solver does not compute them, and a surrogate learns
-            the stiffness of undeformed members from its values alone.
+        They are those of :attr:`~porocore.CellTangent.hessian`. A solver whose :attr:`slopes` are false leaves it out.
         """
-        return None
+        raise NotImplementedError(f"{type(self).__name__} computes no slopes by parameters")
 
     def remark(self, prepared: Prepared) -> str:
         """Return a line for the log on how the linear systems were solved so far; empty where there is none."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
 from annotated_types import Ge, Gt
+from pydantic.fields import FieldInfo
 
 from porocore.cell.materials.energy import SWELLING
 from porocore.cell.materials.neo_hookean import NeoHookean
@@ -32,7 +34,8 @@ def _kind(parameter: CellParameter, place: Place) -> ParameterKind:
     if parameter.shape:
         unit = place.metadata if place.above is None else place.metadata + place.above.metadata
         length = any(isinstance(each, Unit) for each in unit)
-        not_negative = any(isinstance(each, Gt | Ge) for each in place.metadata)
+        declared = [each.metadata if isinstance(each, FieldInfo) else [each] for each in place.metadata]
+        not_negative = any(isinstance(each, Gt | Ge) for each in chain.from_iterable(declared))
         return "length" if length and not_negative and parameter.lower > 0 else "other"
     if parameter.path == ("viscosity",):
         return "viscosity"

@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from porocore.core.fields.batch import Batch
 from porocore.core.fields.declaration import documented, row
 
@@ -40,6 +42,19 @@ class CellTangent(Batch):
     conductivity_p: Array | None = field(
         default=None, metadata=row("d²/(μ E)", "∂K_ref,ij / ∂p", 3, 3, flag="surrogate")
     )
+
+    @property
+    def hessian(self) -> Array | None:
+        """(n, 10, 10) second derivatives of W by H, row by row, and p [E]; None without those of P_E and φ."""
+        C, b, storage = self.stress_grad_u, self.stress_p, self.fluid_volume_p
+        if C is None or b is None or storage is None:
+            return None
+        n = len(storage)
+        found = np.empty((n, 10, 10))
+        found[:, :9, :9] = C.reshape(n, 9, 9)
+        found[:, :9, 9] = found[:, 9, :9] = b.reshape(n, 9)
+        found[:, 9, 9] = -storage
+        return found
 
 
 @documented

@@ -191,10 +191,7 @@ class UndeformedMemberSolver(MemberSolver):
         for i in np.flatnonzero(response.valid):
             K[i], volume[i] = self.conductivity_at(prepared, theta[i]), 1.0
             if hessian is not None:
-                own = self._solver.hessian_slopes_at_rest(self.member(prepared, theta[i]))
-                hessian = None if own is None else hessian
-                if hessian is not None and own is not None:
-                    hessian[i] = own
+                hessian[i] = self._solver.hessian_slopes_at_rest(self.member(prepared, theta[i]))
         if slopes is not None:
             slopes = replace(slopes, hessian=hessian)
         whole = replace(response, conductivity=K, min_fluid_jacobian=volume, slopes=slopes)

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from porocore.cell.cell import Cell
+from porocore.cell.family.undeformed import undeformed_count
 from porocore.interfaces.sampler import Sampler
 from porocore.sampling.samplers.designs import Design
-from porocore.cell.family.undeformed import undeformed_count
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight import cost
 from porocore.study.preflight.cost import LIBRARIES, process_memory

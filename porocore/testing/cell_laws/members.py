@@ -108,6 +108,24 @@ class Members(CellSuite):
                     difference: Any = sum(w * x for w, x in zip(WEIGHTS, of_members, strict=True)) / h
                     matches_difference(f"slope of {name}", difference, found[0, ..., k], state)
 
+    def test_slopes_of_the_hessian_at_rest(self, solver: CellSolver, family: Cell) -> None:
+        """Central differences of the second derivatives of W between undeformed members, by each parameter."""
+        self.needs(type(solver).slopes, "slopes = False: it solves members without slopes by the parameters")
+        found = solver.hessian_slopes_at_rest(solver.prepare(family.at(middle(family))))
+        m = len(family.parameters)
+        holds(found.shape == (10, 10, m), "at rest", f"slopes of the Hessian (10, 10, {m})", found.shape)
+        for k, parameter in enumerate(family.parameters):
+            h = STEP * (parameter.upper - parameter.lower)
+            members = [family.at(middle(family) + s * h * np.eye(m)[k]) for s in STEPS]
+            tangents = [
+                solver.solve_one(solver.prepare(member), np.zeros((3, 3))).tangent for member in members
+            ]
+            hessians = [require("tangent", tangent, "at rest").hessian[0] for tangent in tangents]
+            difference: Any = sum(w * x for w, x in zip(WEIGHTS, hessians, strict=True)) / h
+            matches_difference(
+                "slope of the Hessian", difference, found[..., k], f"at rest, by {parameter.name}"
+            )
+
     def test_slopes_of_a_state_without_values(self, solver: CellSolver, family: Cell) -> None:
         """They are NaN in a row that has a status only, so that rows stay of one kind."""
         self.needs(type(solver).slopes, "slopes = False: it solves members without slopes by the parameters")

@@ -24,6 +24,7 @@ from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.records import failed_response
 from porocore.states import Array, CellResponse, CellSlopes, MacroState, Status
+from porocore.testing.synthetic.porous_family import hessian_slopes
 from porocore.testing.synthetic.potential_cell import SOLID_FRACTION
 from porocore.testing.synthetic.potential_cell import respond as respond_at_base
 
@@ -101,6 +102,11 @@ class SyntheticFamilySolver(CellSolver[SyntheticFamily]):
         """Return K (3, 3)."""
         K: Array = _conductivity(np.array(prepared.values[:1]))[0][0]
         return K
+
+    def hessian_slopes_at_rest(self, prepared: SyntheticFamily) -> Array:
+        """Return the slopes (10, 10, 2) of the Hessian of W, by differences."""
+        slopes = hessian_slopes(respond, MacroState.zeros(1).with_parameters(prepared.values))
+        return np.asarray(slopes[0])
 
     def solve(
         self,

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -112,7 +113,7 @@ def rest_data(k: int = 20, inputs: InputSpace = INPUTS, *, slopes: bool = True) 
         tuple(KINDS[name] for name in names),
         "modulus" if "modulus" in names else 1.0,
         "poisson_ratio" if "poisson_ratio" in names else DEFAULTS["poisson_ratio"],
-        _stiffness_slopes(states, names) if slopes else None,
+        hessian_slopes(partial(respond, names=names), states) if slopes else None,
     )
 
 
@@ -216,31 +217,20 @@ def _potential(F: Numbers, p: Numbers, phi: Numbers, nu: Numbers) -> tuple[Numbe
     return W, by_X * t2 - pb * cof, volume
 
 
-def _stiffness_slopes(states: MacroState, names: tuple[str, ...]) -> Array:
-    """Return the slopes (k, 10, 10, m) of ∂²W/∂(H, p)², by central differences of fourth order."""
+def hessian_slopes(respond: Callable[[MacroState], CellResponse], states: MacroState) -> Array:
+    """Return the slopes (n, 10, 10, m) of ∂²W/∂(H, p)² of a made-up family, by central differences of fourth order."""
     assert states.parameters is not None
     found = []
-    for k in range(len(names)):
+    for k in range(states.parameter_count):
         h = 1e-4 * states.parameters[:, k]
         hessians = []
         for step in (-2, -1, 1, 2):
             theta = states.parameters.copy()
             theta[:, k] += step * h
-            hessians.append(_hessian(respond(states.with_parameters(theta), names)))
+            tangent = respond(states.with_parameters(theta)).tangent
+            assert tangent is not None
+            assert tangent.hessian is not None
+            hessians.append(tangent.hessian)
         a, b, c, d = hessians
         found.append((a - 8 * b + 8 * c - d) / (12 * h[:, None, None]))
     return np.stack(found, axis=-1)
-
-
-def _hessian(at: CellResponse) -> Array:
-    """Return ∂²W/∂(H, p)² (n, 10, 10)."""
-    t, n = at.tangent, len(at)
-    assert t is not None
-    assert t.stress_grad_u is not None
-    assert t.stress_p is not None
-    assert t.fluid_volume_p is not None
-    whole = np.zeros((n, 10, 10))
-    whole[:, :9, :9] = t.stress_grad_u.reshape(n, 9, 9)
-    whole[:, :9, 9] = whole[:, 9, :9] = t.stress_p.reshape(n, 9)
-    whole[:, 9, 9] = -t.fluid_volume_p
-    return whole
