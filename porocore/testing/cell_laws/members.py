@@ -120,7 +120,7 @@ class Members(CellSuite):
             tangents = [
                 solver.solve_one(solver.prepare(member), np.zeros((3, 3))).tangent for member in members
             ]
-            hessians = [require("tangent", tangent, "at rest").hessian[0] for tangent in tangents]
+            hessians = [require("Hessian", tangent and tangent.hessian, "at rest")[0] for tangent in tangents]
             difference: Any = sum(w * x for w, x in zip(WEIGHTS, hessians, strict=True)) / h
             matches_difference(
                 "slope of the Hessian", difference, found[..., k], f"at rest, by {parameter.name}"
