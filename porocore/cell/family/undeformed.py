@@ -1,4 +1,4 @@
-"""Undeformed members of a family as data to learn from (rest_data): kinds of its parameters, moduli of its solid."""
+"""Undeformed members as data to learn from (rest_data): kinds of parameters, moduli of the solid."""
 
 from __future__ import annotations
 
