@@ -95,8 +95,8 @@ def read_config(
     With ``cell_only`` the file need not say more than a cell.
     """
     from porocore.study.backends import with_closure
+    from porocore.study.config.examples import benchmark_path
     from porocore.study.config.loading import load_config
-    from porocore.study.examples import benchmark_path
     from porocore.study.run_folder.folder import CONFIG, RECORD
 
     path = benchmark_path() if path is None else path

@@ -12,8 +12,8 @@ from porocore.core.units.scales import Scales
 from porocore.core.units.texts import resolved
 from porocore.errors import ConfigurationError
 from porocore.study.config.config import RunConfig
+from porocore.study.config.examples import benchmark_path
 from porocore.study.config.loading import cell_from, validated
-from porocore.study.examples import benchmark_path
 
 RADIUS, RATIO = {"range": [0.15, 0.3]}, {"range": [0.2, 0.45]}
 FAMILY = {"geometry": {"radius": RADIUS}, "material": {"poisson_ratio": RATIO}}

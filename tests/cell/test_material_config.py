@@ -19,8 +19,8 @@ from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.errors import ConfigurationError
 from porocore.macro.laws import MeanGradientClosure, PotentialClosure
+from porocore.study.config.examples import benchmark_path
 from porocore.study.config.loading import load_config
-from porocore.study.examples import benchmark_path
 
 OTHER = "{kind: mooney-rivlin, c10: 0.1, c01: 0.05, bulk_modulus: 1}"
 SOFT = "c*(I1*J**(-2/3) - 3) + k*(J - 1)**2/2"

@@ -11,7 +11,7 @@ from porocore.cli.states import parse_grad_u, read_state
 from porocore.errors import ConfigurationError
 from porocore.states import Status
 from porocore.study import stages
-from porocore.study.examples import benchmark_path
+from porocore.study.config.examples import benchmark_path
 
 
 @pytest.fixture

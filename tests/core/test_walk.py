@@ -7,7 +7,7 @@ from nested_settings import config_from
 from porocore.core.formulas.time_function import TimeFunction
 from porocore.core.models.walk import walk
 from porocore.study.config.config import RunConfig
-from porocore.study.examples import benchmark_path
+from porocore.study.config.examples import benchmark_path
 
 
 @pytest.fixture

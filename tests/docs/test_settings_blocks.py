@@ -18,8 +18,8 @@ from pages import ROOT, all_blocks
 from porocore.plugins.registry import registry
 from porocore.study.backends import surrogate_model
 from porocore.study.config.config import RunConfig
+from porocore.study.config.examples import MODELINE
 from porocore.study.config.loading import load_config
-from porocore.study.examples import MODELINE
 from porocore.study.preflight.checks import outline
 from porocore.study.preflight.checks import place as place_body
 

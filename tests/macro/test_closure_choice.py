@@ -19,8 +19,8 @@ from porocore.plugins.hookspecs import Offer
 from porocore.states import Status
 from porocore.study.backends import with_closure
 from porocore.study.config.config import RunConfig
+from porocore.study.config.examples import benchmark_path
 from porocore.study.config.loading import load_config
-from porocore.study.examples import benchmark_path
 from porocore.study.run_folder.files import direct_law
 from porocore.study.run_folder.folder import RunFolder
 

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import LawMemory, MacroResponse, MacroTangent
+from porocore.macro.composition.bound_law import BoundLaw
 from porocore.macro.composition.linearised_law import LinearisedLaw
 from porocore.macro.composition.region_law import RegionLaw
 from porocore.macro.composition.turned_law import TurnedLaw
@@ -32,20 +33,23 @@ def points(seed, law=None, axes=False, region=False):
 
 
 def laws():
-    """Name to law, and whether its points have axes."""
+    """Name to law, and whether its points have axes, or the parameter that is open."""
     return {
         "potential": (parametric_law(), False),
         "mean-gradient": (parametric_law(closure="mean-gradient"), False),
         "turned": (TurnedLaw(parametric_law()), True),
         "regions": (TurnedLaw(RegionLaw([parametric_law(), linear_law()])), True),
         "linearised": (LinearisedLaw(parametric_law()), False),
+        "bound": (BoundLaw(RegionLaw([parametric_law(), linear_law()]), {"radius": 0.2}), "stiffness"),
     }
 
 
 @pytest.mark.parametrize("name", laws())
 def test_the_tangent_is_the_slope_from_a_memory_with_other_parameters(name):
     law, axes = laws()[name]
-    (states, grad_p), (along, along_grad), (old, _) = (points(k, axes=axes) for k in (1, 2, 3))
+    (states, grad_p), (along, along_grad), (old, _) = (points(k, axes=bool(axes)) for k in (1, 2, 3))
+    if axes == "stiffness":  # alone is open
+        states, old = (replace(each, parameters=each.parameters[:, 1:]) for each in (states, old))
     memory = law.respond(old, grad_p, law.initial_at(old), tangent=False).memory
     h = 1e-5
 
@@ -73,6 +77,70 @@ def test_parameters_that_are_constant_give_the_law_with_them_bound(closure):
         memory = law.respond(old, grad_p, law.initial_at(old)).memory
         found.append(law.respond(states, grad_p, memory))
     assert_same(found[0], found[1], rtol=1e-12)
+
+
+@pytest.mark.parametrize("closure", ["potential", "mean-gradient"])
+def test_a_bound_parameter_is_one_that_is_given_with_each_state(closure):
+    """Bit for bit, from a memory with other parameters; the states outside have those alone that are open."""
+    (states, grad_p), (old, _) = points(1), points(2)
+    for bound, open_ in (({"radius": 0.21}, ["stiffness"]), ({"stiffness": 1.3}, ["radius"])):
+        law, whole = BoundLaw(parametric_law(closure=closure), bound), parametric_law(closure=closure)
+        assert law.parameters == tuple(open_) == law.parameters_of(0)
+        (column,) = (whole.parameters.index(name) for name in open_)
+        given, full = [], []
+        for each in (old, states):
+            theta = np.array(each.parameters)
+            theta[:, 1 - column] = next(iter(bound.values()))
+            full.append(replace(each, parameters=theta))
+            given.append(replace(each, parameters=theta[:, [column]]))
+        begun = law.respond(given[0], grad_p, law.initial_at(given[0])).memory
+        found = law.respond(given[1], grad_p, begun)
+        memory = whole.respond(full[0], grad_p, whole.initial_at(full[0])).memory
+        expected = whole.respond(full[1], grad_p, memory)
+        for name in INTEGRATED:
+            np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
+        np.testing.assert_array_equal(found.tangent.stress_grad_u, expected.tangent.stress_grad_u)
+        assert begun.states is given[0]
+        assert found.memory.states is given[1]
+    assert BoundLaw(whole, bound).identity != BoundLaw(whole, {"stiffness": 1.4}).identity != whole.identity
+
+
+def test_a_law_that_learns_is_asked_with_all_parameters():
+    """It sees the bound ones, and what it gives back begins from the states outside."""
+    seen = []
+
+    class Learning(type(parametric_law())):
+        def before_accept(self, response, memory):
+            seen.extend([response.memory.states.parameters, memory.states.parameters])
+            return self.initial_at(memory.states)
+
+        def reasons(self, states):
+            return [f"{row}" for row in states.parameters[:, 0]]
+
+    plain = parametric_law()
+    law = BoundLaw(Learning(plain.cell_law, plain.closure), {"radius": 0.21, "stiffness": 2.0})
+    states = MacroState(points(1)[0].grad_u, points(1)[0].p)
+    memory = law.initial(N)
+    changed = law.before_accept(law.respond(states, np.zeros((N, 3)), memory), memory)
+    np.testing.assert_array_equal(np.unique(np.concatenate(seen), axis=0), [[0.21, 2.0]])
+    assert changed.states is memory.states
+    assert law.reasons(states) == ["0.21"] * N
+
+
+def test_what_cannot_be_bound_is_refused():
+    with pytest.raises(
+        ConfigurationError, match="raduis: no parameter of the cell has this name; did you mean 'radi"
+    ):
+        BoundLaw(parametric_law(), {"raduis": 0.2})
+    with pytest.raises(ConfigurationError, match=r"radius: expected a finite number, got .nan"):
+        BoundLaw(parametric_law(), {"radius": np.nan})
+    with pytest.raises(ConfigurationError, match="the cell has no parameters"):
+        BoundLaw(linear_law(), {"radius": 0.2})
+    law, rest = BoundLaw(parametric_law(), {"radius": 0.2}), MacroState.zeros(1)
+    with pytest.raises(
+        ConfigurationError, match="has the parameters radius, stiffness, but no values were given"
+    ):
+        law.respond(rest, np.zeros((1, 3)), LawMemory(rest, np.zeros((1, 3, 3))))
 
 
 def test_pores_that_shrink_at_rest_give_off_their_fluid():

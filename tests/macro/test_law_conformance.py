@@ -5,9 +5,11 @@ from __future__ import annotations
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.interfaces.law import CellLaw
 from porocore.macro.analytic.xie_leo import XieLeo
+from porocore.macro.composition.bound_law import BoundLaw
 from porocore.macro.laws import ClosedLaw, PotentialClosure
 from porocore.testing import MacroLawSuite
 from porocore.testing.synthetic import potential_cell
+from porocore.testing.synthetic.parametric_cell import parametric_law
 from porocore.testing.synthetic.response import CONDUCTIVITY, SOLID_FRACTION, linear_law, mean_gradient_law
 from porocore.verification.ladder.clay_law import ClayLaw
 
@@ -51,3 +53,11 @@ class TestClay(MacroLawSuite):
     @classmethod
     def make_law(cls):
         return ClayLaw(XieLeo())
+
+
+class TestBound(MacroLawSuite):
+    kit_version = "3"
+
+    @classmethod
+    def make_law(cls):
+        return BoundLaw(parametric_law(closure="mean-gradient"), {"radius": 0.22, "stiffness": 1.3})

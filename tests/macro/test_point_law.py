@@ -10,13 +10,16 @@ import pytest
 from made_up_conductivity import conductivity
 
 import porocore
+from porocore.cell.family.parameters import CellParameter
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import CellLaw, MacroLaw
+from porocore.macro.composition.linearised_law import LinearisedLaw
 from porocore.macro.laws import ClosedLaw, MeanGradientClosure, PotentialClosure
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.states import CellResponse, MacroState
 from porocore.testing.synthetic.cell import SOLID_FRACTION, respond
+from porocore.testing.synthetic.parametric_cell import BoundCell, parametric_law, porosity
 from porocore.testing.synthetic.response import cubic_reference
 
 MATERIAL = NeoHookean()
@@ -177,3 +180,129 @@ def test_what_is_no_state_is_refused(grad_u: object, p: object, said: str) -> No
         ConfigurationError, match="before: expected the response at the same 1 states, got one at 4"
     ):
         law.response(np.zeros((3, 3)), before=before)
+
+
+THETA = np.stack([MOVING.uniform(0.15, 0.3, N), MOVING.uniform(0.5, 2.0, N)], axis=1)
+RANGES = [
+    CellParameter("radius", ("geometry", "radius"), 0.15, 0.3, 0.225),
+    CellParameter("stiffness", ("material", "modulus"), 0.5, 2.0, 1.25),
+]
+FAMILIES: dict[str, Callable[[], MacroLaw]] = {
+    "potential": parametric_law,
+    "mean-gradient": lambda: parametric_law(closure="mean-gradient"),
+    "linear": lambda: LinearisedLaw(parametric_law()),
+}
+
+
+@pytest.fixture(params=FAMILIES)
+def family(request: pytest.FixtureRequest) -> porocore.Law:
+    return porocore.Law(FAMILIES[request.param](), lambda values: porosity(values[:, 0]), ranges=RANGES)
+
+
+def test_parameters_are_given_with_the_states_or_bound(family: porocore.Law) -> None:
+    """By name, in their order, in two steps of binding: the same bits; and the law of a cell that has the constants."""
+    assert family.parameters == ("radius", "stiffness")
+    given = {"stiffness": THETA[:, 1], "radius": THETA[:, 0]}
+    before = family.response(OLD_H, OLD_P, parameters=THETA)
+    found = family.response(H, P, parameters=given, before=before)
+    for k in range(N):
+        one = family.at(radius=THETA[k, 0]).at({"stiffness": THETA[k, 1]})
+        assert one.parameters == ()
+        begun = one.response(OLD_H[k], OLD_P[k])
+        bound = one.response(H[k], P[k], before=begun)
+        half = family.at(stiffness=THETA[k, 1])
+        partly = half.response(
+            H[k],
+            P[k],
+            parameters=[THETA[k, 0]],
+            before=half.response(OLD_H[k], OLD_P[k], parameters=[THETA[k, 0]]),
+        )
+        for name in ("stress", "fluid_volume", "conductivity"):
+            np.testing.assert_array_equal(getattr(bound, name), getattr(partly, name))
+            np.testing.assert_allclose(
+                getattr(bound, name)[0], getattr(found, name)[k], rtol=1e-12, atol=1e-15
+            )
+        if family.name == "linear":
+            continue
+        alone = parametric_law(BoundCell(THETA[k]), float(THETA[k, 0]), family.name)
+        plain = porocore.Law(alone, float(porosity(THETA[k, 0])))
+        known = plain.response(H[k], P[k], before=plain.response(OLD_H[k], OLD_P[k]))
+        for name in ("stress", "fluid_volume", "conductivity"):
+            np.testing.assert_allclose(getattr(bound, name), getattr(known, name), rtol=1e-12, atol=1e-15)
+
+
+def test_the_fluid_of_a_family_at_rest_is_its_porosity(family: porocore.Law) -> None:
+    found = family.response(np.zeros((N, 3, 3)), parameters=THETA)
+    np.testing.assert_allclose(found.fluid_volume, porosity(THETA[:, 0]), rtol=1e-12)
+    assert family.at(radius=0.2).at(stiffness=1.0).porosity == pytest.approx(float(porosity(np.array(0.2))))
+    with pytest.raises(ConfigurationError, match="the porosity depends on radius; bind them by at"):
+        _ = family.at(stiffness=1.0).porosity
+
+
+def test_derivatives_of_a_member_are_the_slopes() -> None:
+    """Of the linear law too, whose fluid is counted from the last states."""
+    for make in FAMILIES.values():
+        law = porocore.Law(make(), lambda values: porosity(values[:, 0])).at(radius=0.2, stiffness=1.4)
+        before = law.response(OLD_H, OLD_P)
+        d = law.response(H, P, before=before).tangent
+        assert d is not None
+        ends = [law.response(H, P + s * STEP, before=before, tangent=False).fluid_volume for s in (1, -1)]
+        np.testing.assert_allclose(d.fluid_volume_p, (ends[0] - ends[1]) / (2 * STEP), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "said"),
+    [
+        (
+            None,
+            "parameters: missing; the law needs radius, stiffness: give them with the states, or bind them by at",
+        ),
+        (
+            {"radius": 0.2},
+            "stiffness: no value is given for this parameter of the cell; the parameters are radius, s",
+        ),
+        (
+            {"radius": 0.2, "stifness": 1},
+            "stifness: no parameter of the cell has this name; did you mean 'stiffness'",
+        ),
+        (
+            {"radius": 0.31, "stiffness": 1},
+            "radius: expected a number from 0.15 to 0.3, the range of cell.geometry.r",
+        ),
+        ({"radius": [0.2, 0.1, 0.2, 0.2, 0.2], "stiffness": 1}, "radius: expected a number from 0.15 to 0.3"),
+        (
+            {"radius": [0.2, 0.2], "stiffness": 1},
+            "radius: expected a finite number, or one for each of the n = 5",
+        ),
+        (
+            {"radius": "wide", "stiffness": 1},
+            "radius: expected a finite number, or one for each .* got 'wide'",
+        ),
+        ({"radius": np.nan, "stiffness": 1}, "radius: expected a finite number"),
+        (
+            [0.2],
+            r"parameters: expected values of radius, stiffness, shape \(2,\) or \(5, 2\), got shape \(1,\)",
+        ),
+        (0.2, r"parameters: expected values of radius, stiffness, .* got shape \(\)"),
+    ],
+)
+def test_parameters_that_do_not_suit_are_refused(parameters: object, said: str) -> None:
+    law = porocore.Law(parametric_law(), lambda values: porosity(values[:, 0]), ranges=RANGES)
+    with pytest.raises(ConfigurationError, match=said):
+        law.response(H, P, parameters=parameters)  # type: ignore[arg-type]
+
+
+def test_what_cannot_be_bound_is_refused() -> None:
+    law = porocore.Law(parametric_law(), lambda values: porosity(values[:, 0]), ranges=RANGES)
+    for values, said in (
+        ({"raduis": 0.2}, "raduis: no parameter of the cell has this name; did you mean 'radius'"),
+        ({"radius": 0.4}, "radius: expected a number from 0.15 to 0.3"),
+        ({"radius": "0.2"}, "radius: expected a number, got '0.2'"),
+        (0.2, "expected values by name, such as radius=0.22, got 0.2"),
+    ):
+        with pytest.raises(ConfigurationError, match=said):
+            law.at(values)  # type: ignore[arg-type]
+    with pytest.raises(ConfigurationError, match=r"radius: no parameter .* the parameters are stiffness"):
+        law.at(radius=0.2).at(radius=0.2)
+    with pytest.raises(ConfigurationError, match=r"radius: no parameter .* the cell has no parameters"):
+        porocore.Law(linear(), POROSITY).response(H, P, parameters={"radius": 0.2})

@@ -5,8 +5,8 @@ import pytest
 from porocore.errors import PluginError
 from porocore.plugins.kinds import KINDS
 from porocore.plugins.registry import Registry
+from porocore.study.config.examples import benchmark_path
 from porocore.study.config.loading import load_config
-from porocore.study.examples import benchmark_path
 from porocore.study.preflight import checks as preflight
 from porocore.testing.installed import check as plugin_check
 from porocore.verification import backends

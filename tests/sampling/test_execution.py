@@ -143,8 +143,8 @@ def test_one_worker_with_a_time_limit_is_a_process(tmp_path: Path) -> None:
 
 
 def test_who_solves_belongs_to_no_identity() -> None:
+    from porocore.study.config.examples import benchmark_path
     from porocore.study.config.loading import load_config
-    from porocore.study.examples import benchmark_path
 
     config = load_config(benchmark_path())
     for change in (("processes", None), ("dask", None), (None, "tcp://a:1")):
@@ -173,7 +173,7 @@ def test_the_options_of_the_command_line(tmp_path: Path, monkeypatch: pytest.Mon
 
     from porocore.cli.common import Interrupted
     from porocore.cli.entry import app
-    from porocore.study.examples import benchmark_path
+    from porocore.study.config.examples import benchmark_path
     from porocore.study.preflight import checks as preflight
     from porocore.study.stages import pipeline
 

@@ -10,11 +10,11 @@ import yaml
 from porocore.core.files.yaml_document import YamlDocument
 from porocore.core.inputs.input_space import NAMES
 from porocore.errors import ConfigurationError
-from porocore.study import examples
+from porocore.study.config import examples
 from porocore.study.config.config import RunConfig, differences
+from porocore.study.config.examples import as_stated_path, benchmark_path, crosscheck_path
 from porocore.study.config.loading import SWITCHES, load_config
 from porocore.study.config.sections import InputName
-from porocore.study.examples import as_stated_path, benchmark_path, crosscheck_path
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 BENCHMARK = EXAMPLES / "dehghani2022.yaml"
@@ -85,7 +85,7 @@ def test_the_packaged_benchmark_is_the_example():
 
 
 def test_an_installed_package_uses_its_own_copy(tmp_path, monkeypatch):
-    monkeypatch.setattr(examples, "__file__", str(tmp_path / "porocore" / "study" / "examples.py"))
+    monkeypatch.setattr(examples, "__file__", str(tmp_path / "porocore" / "study" / "config" / "examples.py"))
     copy = tmp_path / "porocore" / "data" / examples.BENCHMARK
     copy.parent.mkdir(parents=True)
     copy.write_bytes(BENCHMARK.read_bytes())

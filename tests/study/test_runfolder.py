@@ -12,8 +12,8 @@ import pytest
 import yaml
 
 from porocore.errors import ConfigurationError, RunFolderError
+from porocore.study.config.examples import benchmark_path
 from porocore.study.config.loading import load_config
-from porocore.study.examples import benchmark_path
 from porocore.study.run_folder import folder as runfolder
 from porocore.study.run_folder.folder import RunFolder
 

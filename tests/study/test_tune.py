@@ -30,8 +30,8 @@ from porocore.sampling.samplers.density import DensitySweep
 from porocore.sampling.samplers.random_states import RandomStates
 from porocore.states import MacroState
 from porocore.study.api.study import Study
+from porocore.study.config.examples import crosscheck_path
 from porocore.study.config.loading import load_config
-from porocore.study.examples import crosscheck_path
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.tuning import tune
 from porocore.study.tuning.candidates import Candidate, candidates

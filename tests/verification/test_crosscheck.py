@@ -17,8 +17,8 @@ from porocore.cli import main
 from porocore.plugins import registry
 from porocore.plugins.discovery import Offered, Source
 from porocore.plugins.hookspecs import Offer
+from porocore.study.config.examples import crosscheck_path
 from porocore.study.config.loading import load_config
-from porocore.study.examples import crosscheck_path
 from porocore.verification.crosscheck import compared_states, select_backends
 from porocore.verification.crosscheck.cells import AVERAGES, DERIVATIVES
 from porocore.verification.crosscheck.compared_states import STATES, solve_samples
@@ -370,7 +370,7 @@ def test_a_folder_that_cannot_be_made_is_refused_before_the_work(crosscheck, tmp
 
 
 def test_the_packaged_case_is_the_benchmarks_cell():
-    from porocore.study.examples import benchmark_path
+    from porocore.study.config.examples import benchmark_path
 
     small, benchmark = load_config(crosscheck_path()), load_config(benchmark_path())
     assert small.cell.geometry == benchmark.cell.geometry

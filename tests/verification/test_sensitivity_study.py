@@ -112,7 +112,7 @@ def command(monkeypatch, capsys, *words):
 @pytest.fixture
 def config(tmp_path):
     path = tmp_path / "my.yaml"
-    from porocore.study.examples import benchmark_path
+    from porocore.study.config.examples import benchmark_path
 
     text = benchmark_path().read_text(encoding="utf-8")
     text = text.replace("    size: 0.2 ", "    size: 0.25 ").replace("quadratic-curved", "linear")

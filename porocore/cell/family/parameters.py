@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, get_args, get_origin
+from typing import TYPE_CHECKING, Any, TypeAlias, get_args, get_origin
 
 import numpy as np
 
@@ -27,6 +27,10 @@ if TYPE_CHECKING:
 SECTIONS = ("geometry", "material", "materials", "viscosity")
 #: Slack of a range for round-off, relative to its width.
 SLACK = 1e-9
+
+
+#: Values of parameters for states: by name, or in the order of the parameters.
+ParameterValues: TypeAlias = "Mapping[str, npt.ArrayLike] | npt.ArrayLike"
 
 
 @dataclass(frozen=True)
@@ -161,6 +165,53 @@ def values_in_order(
     for parameter, value in zip(parameters, found, strict=True):
         parameter.require_inside(value)
     return found
+
+
+def values_of_states(names: Sequence[str], values: ParameterValues, n: int) -> Array:
+    """Return the values of parameters for n states, (n, m), given by name or in their order.
+
+    Parameters
+    ----------
+    names
+        Of the m parameters.
+    values
+        By name a number or (n,); or all of them in their order, (m,) or (n, m).
+    n
+        Number of states.
+
+    Raises
+    ------
+    ConfigurationError
+        A name is unknown, or a value is missing, no finite number or of another shape.
+    """
+    if not isinstance(values, Mapping):
+        found = np.asarray(values, dtype=object)
+        if found.shape not in ((len(names),), (1, len(names)), (n, len(names))):
+            raise ConfigurationError(
+                f"parameters: expected values of {', '.join(names) or 'no parameter'}, shape ({len(names)},) or "
+                f"({n}, {len(names)}), got shape {found.shape}"
+            )
+        values = dict(zip(names, np.atleast_2d(found).T, strict=True))
+    require_known(values, names)
+    if lacking := [name for name in names if name not in values]:
+        raise ConfigurationError(
+            f"{lacking[0]}: no value is given for this parameter of the cell; the parameters are {', '.join(names)}"
+        )
+    columns = [_of_states(name, values[name], n) for name in names]
+    return np.stack(columns, axis=1) if columns else np.zeros((n, 0))
+
+
+def _of_states(name: str, values: npt.ArrayLike, n: int) -> Array:
+    """Return the values (n,) of one parameter for n states, given as one number or as n."""
+    try:
+        found = np.array(values, dtype=float)
+    except (TypeError, ValueError):
+        found = np.array([np.nan])
+    if found.shape not in ((), (1,), (n,)) or not np.isfinite(found).all():
+        raise ConfigurationError(
+            f"{name}: expected a finite number, or one for each of the n = {n} states, got {echo(_plain(values))}"
+        )
+    return np.broadcast_to(found, n)
 
 
 def require_known(given: Iterable[str], names: Sequence[str]) -> None:

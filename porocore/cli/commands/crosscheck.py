@@ -38,7 +38,7 @@ def crosscheck(
     Compares averages, derivatives and conductivity of the cell, predictions of the surrogates, and histories of the
     body under its first load. Exit status 1 when a difference exceeds its tolerance or a backend fails.
     """
-    from porocore.study.examples import crosscheck_path
+    from porocore.study.config.examples import crosscheck_path
 
     _, settings = read_config(crosscheck_path() if config is None else config, None)
     with interruptible():

@@ -27,7 +27,7 @@ def init(
 
     Prints the path of the file. An existing file is never overwritten.
     """
-    from porocore.study.examples import example, examples
+    from porocore.study.config.examples import example, examples
 
     if kind is None:
         if to is not None:

@@ -65,7 +65,7 @@ class LinearisedLaw(MacroLaw):
 
     def initial(self, n: int) -> LawMemory:
         """Return the memory at rest."""
-        return LawMemory(MacroState.zeros(n), np.zeros((n, 3, 3)), np.zeros(n))
+        return LawMemory(MacroState.zeros(n), np.zeros((n, 3, 3)))
 
     def initial_at(self, points: MacroState) -> LawMemory:
         """Return the memory at rest, with the parameters and places of the points."""
@@ -77,10 +77,8 @@ class LinearisedLaw(MacroLaw):
         """Return the linear response; see :class:`MacroLaw`."""
         n, c = len(states), self.coefficients(states)
         H, p = states.grad_u.reshape(n, 9), states.p
-        fluid = np.einsum("ni,ni->n", c.biot, H) + c.storage * p
-        assert memory.fluid_volume is not None
-        taken_up = fluid - memory.fluid_volume
         before = self.coefficients(memory.states)
+        taken_up = _fluid(c, states) - _fluid(before, memory.states)
         if before is not c:
             still = self.law.initial_at(before.points)
             grown = self.law.respond(c.points, np.zeros((n, 3)), still, tangent=False)
@@ -90,7 +88,7 @@ class LinearisedLaw(MacroLaw):
             stress=c.stress + stress.reshape(n, 3, 3),
             storage=taken_up,
             flux=-(c.conductivity @ grad_p[:, :, None])[..., 0],
-            memory=LawMemory(states, np.zeros((n, 3, 3)), fluid),
+            memory=LawMemory(states, np.zeros((n, 3, 3))),
             deformation=np.eye(3) + states.grad_u,
             volume_ratio=np.ones(n),
             transformed_conductivity=c.conductivity,
@@ -132,6 +130,12 @@ class LinearisedLaw(MacroLaw):
         )
         self._known = [coefficients, *self._known[:1]]
         return coefficients
+
+
+def _fluid(c: RestCoefficients, states: MacroState) -> Array:
+    """Return α:H + p/M_B (n,), the fluid taken up since rest."""
+    H = states.grad_u.reshape(len(states), 9)
+    return np.asarray(np.einsum("ni,ni->n", c.biot, H) + c.storage * states.p)
 
 
 def _at_rest(states: MacroState) -> MacroState:

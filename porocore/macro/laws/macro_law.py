@@ -95,6 +95,12 @@ class ClosedLaw(MacroLaw):
         found = prediction_of(self.cell_law, rest, tangent=False)
         return self.closure.memory(rest, replace(found, extrema=None))
 
+    def porosity(self, parameters: Array) -> Array:
+        """Return φ_f (n,) of the undeformed cells with ``parameters`` (n, m), of a cell law that has some."""
+        cells = self._cells(parameters)
+        assert cells is not None
+        return cells.porosity
+
     def _cells(self, parameters: Array | None) -> UndeformedCells | None:
         """Return the undeformed cells with ``parameters`` (n, m); None where all are that of the closure's constants.
 

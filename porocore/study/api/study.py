@@ -11,9 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from porocore.core.console import Console
-from porocore.core.echo import did_you_mean, echo
-from porocore.core.files.plain_data import merged
-from porocore.core.files.yaml_document import YamlDocument
+from porocore.core.echo import echo
 from porocore.core.parallel.threads import one_blas_thread
 from porocore.core.units.results import ResultUnits
 from porocore.errors import ConfigurationError
@@ -21,16 +19,15 @@ from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.laws.point_law import Law
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Array, CellResponse, MacroState
+from porocore.study.api.settings import configured
 from porocore.study.api.solved import LawsSolved, Solutions, Solved
 from porocore.study.config.config import RunConfig
 from porocore.study.config.errors import located
-from porocore.study.config.loading import validated
-from porocore.study.examples import examples
 from porocore.study.preflight.at_rest import at_rest
 from porocore.study.preflight.checks import check_backends, outline
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.stages import pipeline
-from porocore.study.stages.laws import USUAL_LAWS, LawKind, macro_laws, require_laws
+from porocore.study.stages.laws import USUAL_LAWS, LawKind, macro_laws, porosity_of, require_laws
 from porocore.study.stages.stage_files import load_reference, load_solution, load_surrogate
 from porocore.study.store import chosen_store
 from porocore.study.tuning.candidates import DEPTHS, WIDTHS, candidates
@@ -108,7 +105,7 @@ class Study:
     ) -> None:
         if out is not None and not isinstance(out, str | Path):
             raise ConfigurationError(f"out: expected the path of a folder, got {echo(out)}")
-        name, self.config, self._document = _configured(source, settings)
+        name, self.config, self._document = configured(source, settings)
         self.path = Path("runs") / name if out is None else Path(out)
         self._console = Console(None if progress else io.StringIO())
         self._store = chosen_store(store)
@@ -236,19 +233,23 @@ class Study:
         Examples
         --------
         ``study.law().response(grad_u, p)`` has stress, fluid volume, conductivity, flag, and exact derivatives by
-        (H, p) of n states; see :class:`porocore.Law`.
+        (H, p) of n states; see :class:`porocore.Law`. That of a family of cells takes its ``parameters`` with the
+        states, or they are bound: ``study.law().at(radius=0.22)``.
         """
         if kind not in ("surrogate", "linear"):
             raise ConfigurationError(
                 f"kind: expected 'surrogate' or 'linear', got {echo(kind)}; porocore.CellProblem solves the cell itself"
             )
-        if kind == "surrogate" and not self.folder.surrogate_of(self.config).exists():
+        # Linear poroelasticity of a family is its surrogate's, at rest.
+        learned = kind == "surrogate" or self.config.cell.is_family
+        if learned and not self.folder.surrogate_of(self.config).exists():
             self.train()
         with self._at_work() as folder, ExitStack() as stack:
             if not folder.reference.exists():
                 pipeline.solve_reference(folder, self.config, console=self._console, store=self._store)
             (run,) = macro_laws(folder, self.config, stack, (kind,)).values()
-            return Law(run.law, load_reference(folder, self.config).porosity, self.units)
+            porosity = porosity_of(run.law, load_reference(folder, self.config))
+            return Law(run.law, porosity, self.units, self.config.cell.parameters)
 
     def report(self, laws: Sequence[LawKind] = USUAL_LAWS) -> Path:
         """Write the report, and return the path of the page.
@@ -266,32 +267,3 @@ class Study:
         self.solve(laws)
         with self._at_work() as folder:
             return pipeline.report(folder, self.config, console=self._console)
-
-
-def _configured(
-    source: str | Path | Mapping[str, Any] | RunConfig | None, settings: dict[str, Any]
-) -> tuple[str, RunConfig, YamlDocument]:
-    """Return a name for the folder, the configuration, and the document that it was read from."""
-    if not isinstance(source, str | Path | Mapping | RunConfig | None):
-        raise ConfigurationError(
-            "source: expected the path of a configuration, the name of an example or nested settings, got "
-            + echo(source)
-        )
-    if not isinstance(source, str | Path):
-        base = source.model_dump() if isinstance(source, RunConfig) else source or {}
-        document = YamlDocument.of(merged(base, settings), Path.cwd())
-        return (
-            "study",
-            source if isinstance(source, RunConfig) and not settings else validated(document),
-            document,
-        )
-    path = Path(source)
-    known = examples()
-    if not path.exists() and path.name.removesuffix(".yaml") in known and path.parent == Path("."):
-        path = known[path.name.removesuffix(".yaml")].path
-    elif not path.suffix and not path.exists() and (question := did_you_mean(path.name, known)):
-        raise ConfigurationError(f"{path}: no such file, and no example of this name; {question}")
-    document = YamlDocument.read(path)
-    if settings:
-        document = YamlDocument.of(merged(document.data, settings), document.folder)
-    return path.stem, validated(document), document

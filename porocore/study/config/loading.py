@@ -22,7 +22,7 @@ from porocore.errors import ConfigurationError
 from porocore.macro.body.kinds import Box, Cylinder, QuarterCylinder, Wedge
 from porocore.study.config.config import RunConfig
 from porocore.study.config.errors import faults, unexpected
-from porocore.study.examples import benchmark_path
+from porocore.study.config.examples import benchmark_path
 
 #: Keys that are true or false.
 SWITCHES = ("drop_grains",)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from copy import copy
 from pathlib import Path
+from typing import Self
 
 from porocore.macro.laws import CLOSURES
 from porocore.study.config.config import RunConfig
@@ -36,10 +38,12 @@ class RunFiles:
         Folders of the files for ParaView and of the report's figures, figures of merit, and page of the report.
     timings
         Record of the seconds that each stage took.
+    body
+        Folder of the macro solutions, their histories and checkpoints: that of the run, or one below it.
     """
 
     def __init__(self, path: Path, config: RunConfig) -> None:
-        self.path = path
+        self.path = self.body = path
         self.config = self.written = config
         self.reference, self.undeformed = path / "cell.json", path / "undeformed.h5"
         self.dataset, self.test_dataset = path / "samples.h5", path / "test.h5"
@@ -50,6 +54,12 @@ class RunFiles:
         self.metrics, self.report = path / "metrics.json", path / "report.html"
         self.timings = path / "timings.json"
         self._lock: int | None = None
+
+    def of_body(self, name: str, config: RunConfig) -> Self:
+        """Return the same files with the solutions of another body, in a folder ``name`` below that of the run."""
+        other = copy(self)
+        other.config, other.body = config, self.path / name
+        return other
 
     def surrogate_of(self, config: RunConfig) -> Path:
         """Return the file of the surrogate that ``config`` needs.
@@ -73,11 +83,11 @@ class RunFiles:
 
     def macro_checkpoint(self, law: str, load: float) -> Path:
         """Return the checkpoint of an interrupted macro solve."""
-        return self.path / "checkpoints" / f"{_file_name(law, load)}.h5"
+        return self.body / "checkpoints" / f"{_file_name(law, load)}.h5"
 
     def solution(self, law: str, load: float) -> Path:
         """Return the file of the macro solution with one law under one load."""
-        return self.path / "solutions" / f"{_file_name(law, load)}.h5"
+        return self.body / "solutions" / f"{_file_name(law, load)}.h5"
 
     def solutions(self, *laws: str) -> list[Path]:
         """Return the files of the solutions for each load with each of ``laws``; by default the closure and linear."""
@@ -100,7 +110,7 @@ class RunFiles:
 
     def history(self, law: str, load: float) -> Path:
         """Return the table of everything against time of one macro solution."""
-        return self.path / "histories" / f"{_file_name(law, load)}.csv"
+        return self.body / "histories" / f"{_file_name(law, load)}.csv"
 
 
 def direct_law(closure: str) -> str:

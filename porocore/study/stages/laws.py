@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, ExitStack, nullcontext
 from dataclasses import dataclass
 from functools import partial
@@ -24,6 +24,7 @@ from porocore.macro.reference import CellReference
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.execution.solved_store import SolvedStore
+from porocore.states import Array
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
 from porocore.study.run_folder.files import LINEAR, direct_law, fallback_law
@@ -125,6 +126,12 @@ def macro_laws(
             closure = reference.closure(direct_closure, config.cell.solid, config.conductivity)
             laws[name] = RunLaw(ClosedLaw(cells, closure, name=name), cells, folder.direct_work, pool)
     return laws
+
+
+def porosity_of(law: MacroLaw, reference: CellReference) -> float | Callable[[Array], Array]:
+    """Return φ_f of the undeformed cell of a law of a run; with parameters a function of them, (n, m) to (n,)."""
+    closed = law.law if isinstance(law, LinearisedLaw) else law
+    return closed.porosity if isinstance(closed, ClosedLaw) and closed.parameters else reference.porosity
 
 
 def _of_the_surrogate(folder: RunFolder, config: RunConfig, reference: CellReference) -> ClosedLaw:

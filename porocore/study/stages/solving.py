@@ -123,7 +123,7 @@ def _solve_load(
         if stays:
             continue
         if prepared is None:
-            prepared = _prepared(solver, config, problem, backend)
+            prepared = prepared_body(solver, config, problem, backend)
             _say_once(_remark(solver, prepared), said, console)
         clock = StageClock()
         with (
@@ -134,14 +134,23 @@ def _solve_load(
         ):
             if run.cells is not None:
                 run.cells.on_work = say
-            words = _solve_body(folder, config, run, problem, solver, prepared, backend, name, show)
+            words = solve_body(folder, config, run, problem, solver, prepared, backend, name, show)
         if words:
             console.note(f"{path.stem}: {words}")
         if run.cells is not None:
             console.note(f"{path.stem}: {run.cells.work.in_words()}")
 
 
-def _prepared(solver: MacroSolver, config: RunConfig, problem: MacroProblem, backend: str | None) -> Any:
+def prepared_body(
+    solver: MacroSolver, config: RunConfig, problem: MacroProblem, backend: str | None = None
+) -> Any:
+    """Return what a macro solver makes of a problem; ``backend`` is its name if it is not the configured one.
+
+    Raises
+    ------
+    ConfigurationError
+        The solver does not offer a part of the problem.
+    """
     require_parts(type(solver), backend or config.macro_backend, problem)
     return solver.prepare(problem)
 
@@ -155,7 +164,7 @@ def _stage(law: str, load: float) -> str:
     return f"macro, {law}, load {load:g}"
 
 
-def _solve_body(
+def solve_body(
     folder: RunFolder,
     config: RunConfig,
     run: RunLaw,
@@ -179,7 +188,7 @@ def _solve_body(
 def solve_elsewhere(
     tell: Tell, folder: RunFolder, config: RunConfig, laws: Sequence[LawKind], case: Case, backend: str | None
 ) -> str:
-    """Solve one load with one of ``laws`` in this process; see :func:`_solve_body`.
+    """Solve one load with one of ``laws`` in this process; see :func:`solve_body`.
 
     ``tell`` receives how the linear systems are solved, and then every step.
     """
@@ -190,9 +199,9 @@ def solve_elsewhere(
         run = macro_laws(folder, config, stack, laws)[name]
         solver = make_backend("macro solver", config.with_backends(macro=backend))
         problem = config.macro.problem(load)
-        prepared = _prepared(solver, config, problem, backend)
+        prepared = prepared_body(solver, config, problem, backend)
         tell(_remark(solver, prepared))
-        return _solve_body(folder, config, run, problem, solver, prepared, backend, name, tell)
+        return solve_body(folder, config, run, problem, solver, prepared, backend, name, tell)
 
 
 def _solve_beside(

@@ -47,7 +47,7 @@ class Example:
 
 def packaged(name: str) -> Path:
     """Return the path of a configuration in the installed package, or in the repository."""
-    package = Path(__file__).parents[1]
+    package = Path(__file__).parents[2]
     installed = package / "data" / name
     return installed if installed.is_file() else package.parent / "examples" / name
 
