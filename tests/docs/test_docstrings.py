@@ -55,8 +55,8 @@ def test_a_bad_docstring_is_found(tmp_path, monkeypatch):
 
 #: Main classes; each has an example.
 MAIN = (
-    "CellProblem", "CellResponse", "InputSpace", "Law", "MacroLaw", "MacroState", "NeoHookean", "SampledRange", "Status",
-    "Study", "TrainingSet",
+    "CellProblem", "CellResponse", "InputSpace", "Law", "MacroLaw", "MacroState", "NeoHookean", "SampledRange",
+    "Status", "Study", "TrainingSet",
 )  # fmt: skip
 
 
