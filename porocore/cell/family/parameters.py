@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias, get_args, get_origin
+from typing import TYPE_CHECKING, Any, get_args, get_origin
 
 import numpy as np
 
@@ -27,10 +27,6 @@ if TYPE_CHECKING:
 SECTIONS = ("geometry", "material", "materials", "viscosity")
 #: Slack of a range for round-off, relative to its width.
 SLACK = 1e-9
-
-
-#: Values of parameters for states: by name, or in the order of the parameters.
-ParameterValues: TypeAlias = "Mapping[str, npt.ArrayLike] | npt.ArrayLike"
 
 
 @dataclass(frozen=True)
@@ -167,7 +163,9 @@ def values_in_order(
     return found
 
 
-def values_of_states(names: Sequence[str], values: ParameterValues, n: int) -> Array:
+def values_of_states(
+    names: Sequence[str], values: Mapping[str, npt.ArrayLike] | npt.ArrayLike, n: int
+) -> Array:
     """Return the values of parameters for n states, (n, m), given by name or in their order.
 
     Parameters

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from porocore.cell.family.parameters import CellParameter, ParameterValues, number, values_of_states
+from porocore.cell.family.parameters import CellParameter, number, values_of_states
 from porocore.core.echo import echo
 from porocore.core.fields.batch import Batch
 from porocore.core.inputs.given_states import given_states
@@ -194,7 +194,7 @@ class Law:
         grad_u: npt.ArrayLike,
         p: npt.ArrayLike = 0.0,
         *,
-        parameters: ParameterValues | None = None,
+        parameters: Mapping[str, npt.ArrayLike] | npt.ArrayLike | None = None,
         before: LawResponse | None = None,
         tangent: bool = True,
     ) -> LawResponse:
@@ -245,7 +245,11 @@ class Law:
         )
 
     def reasons(
-        self, grad_u: npt.ArrayLike, p: npt.ArrayLike = 0.0, *, parameters: ParameterValues | None = None
+        self,
+        grad_u: npt.ArrayLike,
+        p: npt.ArrayLike = 0.0,
+        *,
+        parameters: Mapping[str, npt.ArrayLike] | npt.ArrayLike | None = None,
     ) -> list[str]:
         """Return for each of n flagged states which component drives it out; empty where it is not known."""
         return self._law.reasons(self._states(grad_u, p, parameters))
@@ -258,7 +262,10 @@ class Law:
         return self._porosity(given)
 
     def _states(
-        self, grad_u: npt.ArrayLike, p: npt.ArrayLike, parameters: ParameterValues | None
+        self,
+        grad_u: npt.ArrayLike,
+        p: npt.ArrayLike,
+        parameters: Mapping[str, npt.ArrayLike] | npt.ArrayLike | None,
     ) -> MacroState:
         states, names = given_states(grad_u, p), self.parameters
         if not names and parameters is None:
