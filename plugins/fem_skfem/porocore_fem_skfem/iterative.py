@@ -8,6 +8,7 @@ fall below the share of its mode, which is about 1/√n of a random vector.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,6 +29,8 @@ LIMIT = 400
 #: A cycle of an earlier tangent serves for so many iterations, and so many times those a digit that one took for its
 #: own tangent: 2.8, but 10 where the solid is nearly incompressible. To set one up costs as much as four iterations.
 AT_LEAST, TIMES = 4, 1.5
+#: A solve to this accuracy tells how many iterations a digit takes.
+A_DIGIT = 0.1
 #: Unknowns of a factor that was measured, its GiB, and the exponent of its growth.
 FACTOR_MEMORY = (314_000, 4.3, 1.2)
 #: Relative residual of a random right-hand side that no indefinite tangent reaches: 1/√n is above it by 1e-5.
@@ -99,7 +102,9 @@ class IterativeConstraints(Constraints):
             return found.x[self._padded.places] if found is not None and found.converged else None
 
         try:
-            solved = self._worn(entries, right, accuracy) or self._fresh(entries, right, accuracy)
+            solved = self._worn(entries, right, accuracy)
+            if solved is None or not solved.converged:
+                solved = self._fresh(entries, right, accuracy, solved)
             if solved is not None and solved.converged:
                 return solved.x[self._padded.places]
             if (direct := self._by_factor()) is not None:
@@ -159,21 +164,32 @@ class IterativeConstraints(Constraints):
             self._of, self._product = entries, Product(matrix)
 
     def _worn(self, entries: Array, right: Array, accuracy: float) -> Iteration | None:
-        """Return the solution with the cycle of an earlier tangent; None where there is none or it takes too long."""
+        """Return the solution with the cycle of an earlier tangent, as far as it serves; None where there is none."""
         if self._of is None or self._of is entries:
             return None
         limit = AT_LEAST + round(TIMES * self._per_digit * -np.log10(accuracy))
-        solved = self._iterate(Product(self._padded.matrix(entries)), right, accuracy, limit)
-        return solved if solved.converged else None
+        return self._iterate(Product(self._padded.matrix(entries)), right, accuracy, limit)
 
-    def _fresh(self, entries: Array, right: Array, accuracy: float) -> Iteration | None:
-        """Return the solution with a cycle of these entries; None where that proves them indefinite."""
+    def _fresh(
+        self, entries: Array, right: Array, accuracy: float, begun: Iteration | None = None
+    ) -> Iteration | None:
+        """Return the solution with a cycle of these entries; None where that proves them indefinite.
+
+        What an earlier cycle has begun is gone on with, unless it met a direction of negative curvature.
+        """
         if self.factorise(entries) > 0:
             return None
         assert self._product is not None
-        solved = self._iterate(self._product, right, accuracy)
-        self._per_digit = solved.iterations / -np.log10(accuracy)
-        return solved
+        x, left, missing = np.zeros_like(right), right, accuracy
+        if begun is not None and not begun.indefinite:
+            rest = right - self._product @ begun.x
+            reached = float(np.linalg.norm(rest) / np.linalg.norm(right))
+            if reached < 1:
+                x, left, missing = begun.x, rest, accuracy / reached
+        solved = self._iterate(self._product, left, missing)
+        if missing < A_DIGIT:
+            self._per_digit = solved.iterations / -np.log10(missing)
+        return replace(solved, x=x + solved.x)
 
     def _iterate(
         self, product: Product, right: Array, tolerance: float | Array, limit: int | None = None

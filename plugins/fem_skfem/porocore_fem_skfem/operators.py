@@ -196,6 +196,11 @@ class Scatter:
         return self._slot.transpose(1, 2, 0).ravel()
 
 
+def empty_blocks(elements: int, nodes: int) -> Array:
+    """Return blocks (elements, 3, nodes, 3, nodes) without values, in which those of two components lie together."""
+    return np.empty((3, 3, elements, nodes, nodes)).transpose(2, 0, 3, 1, 4)
+
+
 def _rank(row: IntArray, width: IntArray) -> IntArray:
     """Return the number of each entry within its row."""
     return np.asarray(np.arange(len(row)) - (np.cumsum(width) - width)[row])

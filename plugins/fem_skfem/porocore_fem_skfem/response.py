@@ -15,7 +15,7 @@ from porocore.cell.materials.energy import StrainEnergy
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.core.tensors.cofactors import add_cofactor_tangent
 from porocore.states import Array
-from porocore_fem_skfem.operators import Operators, Scatter
+from porocore_fem_skfem.operators import Operators, Scatter, empty_blocks
 
 #: Numbers in a batch of element blocks that fits into the processor's cache.
 CACHED = 60_000
@@ -93,7 +93,7 @@ class GeneralResponse(SolidResponse):
     def stiffness(self, at: PointKinematics) -> Array:
         e, q, a, _ = self.grad_N.shape
         weighted = (self.moduli(at) * self.w).reshape(3, 3, 3, 3, e, q)
-        blocks = np.empty((e, 3, a, 3, a))
+        blocks = empty_blocks(e, a)
         chunk = max(1, CACHED // (3 * a) ** 2)
         for start in range(0, e, chunk):
             part = slice(start, start + chunk)
@@ -151,7 +151,7 @@ class NeoHookeanResponse(SolidResponse):
         F_inverse = np.ascontiguousarray(np.moveaxis(at.cof / at.J, -1, 0)).transpose(0, 2, 1)
         g = np.matmul(self.grad_N.reshape(e * q, a, 3), F_inverse).transpose(0, 2, 1).reshape(e, q, 3 * a)
         d, c = d.reshape(e, q, 1), c.reshape(e, q, 1)
-        blocks = np.empty((e, 3, a, 3, a))
+        blocks = empty_blocks(e, a)
         chunk = max(1, CACHED // (3 * a) ** 2)
         for k in range(0, e, chunk):
             part = slice(k, k + chunk)
