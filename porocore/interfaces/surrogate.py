@@ -137,8 +137,8 @@ class Surrogate(CellLaw):
     #: Whether it gives the undeformed cell's responses and derivatives exactly.
     exact_at_rest: ClassVar[bool] = True
     #: Whether it learns cells with parameters, whose states hold them, and gives ``slopes`` by them; else its
-    #: :meth:`fit` refuses them.
-    learns_parameters: ClassVar[bool] = False
+    #: :meth:`fit` refuses them. Of a class with several models each instance may say so for its own.
+    learns_parameters: bool = False
     #: Models to choose from, if there are several kinds; then the constructor takes ``model=``.
     models: ClassVar[tuple[str, ...]] = ()
     #: Model of this instance, one of :attr:`models`; empty where there is one kind only.

@@ -21,6 +21,7 @@ from porocore.surrogates.network.network import ACTIVATIONS, Network
 from porocore.surrogates.portable import NumpySurrogate
 from porocore.testing.compare import RESPONSES, with_derivatives
 from porocore.testing.synthetic.cell import respond, synthetic_training_set
+from porocore.testing.synthetic.porous_family import porous_training_set
 
 LIBRARIES = ("torch", "jax")
 TOLERANCE = 1e-10
@@ -41,6 +42,18 @@ TRAININGS = {
         "all",
         {"iterations": 30, "activation": "sigmoid", "anchor": "polynomial"},
     ),
+    "family": ("potential", "family", {"iterations": 30}),
+    "family without a polynomial": (
+        "potential",
+        "family",
+        {"iterations": 30, "anchor": "none", "activation": "tanh", "hidden": [9, 7]},
+    ),
+}
+#: States of each set of inputs to predict.
+STATES = {
+    "two": lambda: data("two").states[:20],
+    "all": lambda: general_states(20, seed=5),
+    "family": lambda: porous_training_set(20, seed=5).states,
 }
 
 
@@ -59,6 +72,8 @@ def general_states(n, seed):
 def data(inputs):
     if inputs == "two":
         return synthetic_training_set(40, seed=1)
+    if inputs == "family":
+        return porous_training_set(20, seed=1)
     states = general_states(40, seed=2)
     return TrainingSet(states, respond(states), GENERAL, respond(MacroState.zeros(1)), "made-up", {}, CUBIC)
 
@@ -103,6 +118,10 @@ def test_a_network_of_given_weights(library, name, activation, d, hidden):
     compare([evaluator.evaluate(x)], [plain.evaluate(x)], 1.0)
     compare(evaluator.value_and_gradient(x), plain.value_and_gradient(x), 1.0)
     compare(evaluator.value_gradient_hessian(x), plain.value_gradient_hessian(x), 1.0)
+    factors = random.normal(size=(len(x), 1))
+    weighed = plain.value_gradient_hessian(x, factors)
+    compare(evaluator.value_gradient_hessian(x, factors), weighed, 1.0)
+    compare([derivative * factors[:, 0] for derivative in plain.value_gradient_hessian(x)], weighed, 1.0)
 
 
 @pytest.mark.parametrize("training", TRAININGS)
@@ -112,7 +131,7 @@ def test_a_file_written_by_one_is_read_by_all(library, trained, writer, training
     surrogate = trained(writer, training)
     path = tmp_path / "surrogate.h5"
     surrogate.save(path)
-    states = data("two").states[:20] if TRAININGS[training][1] == "two" else general_states(20, seed=5)
+    states = STATES[TRAININGS[training][1]]()
     expected = surrogate.predict(states)
     for reader in (*map(library, LIBRARIES), NumpySurrogate):
         loaded = reader.load(path)
@@ -129,9 +148,15 @@ def test_a_file_written_by_one_is_read_by_all(library, trained, writer, training
         for response, pair in with_derivatives(found):
             compare(pair, slopes[response], np.abs(slopes[response][0]).max())
         np.testing.assert_array_equal(found.outside_training_range, expected.outside_training_range)
+        if loaded.parameters:
+            by, known = loaded.slopes(states), surrogate.slopes(states)
+            for response in RESPONSES:
+                compare([getattr(by, response)], [getattr(known, response)], 0.0)
+            cells, same = loaded.undeformed(states.parameters), surrogate.undeformed(states.parameters)
+            compare([cells.porosity, cells.conductivity], [same.porosity, same.conductivity], 0.0)
 
 
-@pytest.mark.parametrize("inputs", ["two", "all"])
+@pytest.mark.parametrize("inputs", ["two", "all", "family"])
 def test_the_same_training_of_a_potential(library, inputs):
     """Same first weights, same loss, same L-BFGS: after a few iterations still the same weights, but for round-off."""
     weights = []

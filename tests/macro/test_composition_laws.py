@@ -235,6 +235,26 @@ def test_each_region_answers_by_its_own_law():
         RegionLaw.by_name(["clay"], {"sand": two}, rest=one)
 
 
+def test_regions_that_share_a_law_ask_it_once():
+    class Counted(ParametricCell):
+        asked = 0
+
+        def predict(self, states, *, tangent=True):
+            Counted.asked += tangent
+            return super().predict(states, tangent=tangent)
+
+    one, two = parametric_law(Counted()), linear_law()
+    states, grad_p = points(1, region=True)
+    states = replace(states, place=replace(states.place, region=np.arange(N) % 5))
+    law = RegionLaw([one, two, one, one, two])
+    memory, Counted.asked = law.initial_at(states), 0
+    response = law.respond(states, grad_p, memory)
+    assert Counted.asked == 1
+    apart = RegionLaw([parametric_law(), two, parametric_law(), parametric_law(), linear_law()])
+    assert_same(response, apart.respond(states, grad_p, apart.initial_at(states)))
+    assert response.memory.states is states
+
+
 def test_the_linearised_law_is_linear_poroelasticity_of_the_rest():
     """Its response to a small state is that of the law, to first order."""
     law, linear = parametric_law(), LinearisedLaw(parametric_law())

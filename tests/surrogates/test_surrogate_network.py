@@ -58,6 +58,19 @@ def test_derivatives_are_the_slopes(activation, widths):
             np.testing.assert_allclose(found, (m2 - 8 * m1 + 8 * p1 - p2) / (12 * h), atol=1e-8)
 
 
+def test_a_sum_of_outputs_with_factors_is_the_network_with_such_a_last_layer():
+    net, x = network("softplus", (3, 5, 4, 2)), np.random.default_rng(1).normal(size=(6, 3))
+    factors = np.array([0.3, -2.0])
+    one = Network(
+        net.activation,
+        (*net.weights[:2], factors[None] @ net.weights[2]),
+        (*net.biases[:2], net.biases[2] @ factors[:, None]),
+    )
+    found = net.value_gradient_hessian(x, np.tile(factors, (6, 1)))
+    for a, b in zip(found, one.value_gradient_hessian(x), strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-13)
+
+
 @pytest.mark.parametrize("activation", ACTIVATIONS)
 def test_far_away_nothing_overflows(activation):
     net = Network(activation, (np.eye(1), np.eye(1)), (np.zeros(1), np.zeros(1)))

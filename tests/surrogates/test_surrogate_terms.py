@@ -11,6 +11,7 @@ from porocore.surrogates.polynomial.composition import TermDerivatives, TermSum,
 from porocore.surrogates.polynomial.least_squares import RegressionData, fit
 from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to
 from porocore.surrogates.polynomial.terms import invariant, plain
+from porocore.surrogates.polynomial.varying import VaryingPolynomial
 
 RANDOM = np.random.default_rng(0)
 
@@ -179,3 +180,36 @@ def test_slopes_alone_decide_where_values_are_the_same():
     terms = plain((1, 6))
     samples = samples_of(terms, random_polynomial(terms, 3, 3), 10)
     assert samples.fitted.tolist() == [a in (1, 6) for a in range(7)]
+
+
+@pytest.mark.parametrize("sets", ["one", "ten", "each its own", "none"])
+def test_polynomials_bound_to_coordinates_are_those_of_all_variables(sets):
+    """Whether all points have the same coordinates, few have different ones, or all have their own."""
+    random, inner, n = np.random.default_rng(5), 3, 700
+    whole = random_polynomial(plain((0, 1, 2, 3, 4)), 0, 5, outputs=3)
+    kept = random.random(whole.coefficients.shape) < 0.5
+    whole = Polynomial(whole.exponents, whole.coefficients * kept * [[1], [0], [1]])
+    t, x = random.uniform(-1, 1, (inner, n)), random.uniform(-1, 1, (2, n))
+    if sets == "none":
+        t, x, n = t[:, :0], x[:, :0], 0
+    elif sets != "each its own":
+        x = x[:, random.integers(0, 1 if sets == "one" else 10, n)]
+    found = VaryingPolynomial(whole, inner).at(x).entries(t)
+    value, gradient, hessian = whole.derivatives(np.concatenate([t, x]))
+    np.testing.assert_allclose(found[0], value, atol=1e-12)
+    places = {(o, a) for o in (0, 2) for a in range(inner)}
+    assert {place for place, _ in found[1]} == places
+    for place, row in found[1]:
+        np.testing.assert_allclose(row, gradient[place], atol=1e-12)
+    assert {place[1:] for place, _ in found[2]} == {(a, b) for a in range(inner) for b in range(a, inner)}
+    for place, row in found[2]:
+        np.testing.assert_allclose(row, hessian[place], atol=1e-11)
+    assert not VaryingPolynomial(whole, inner).at(x).entries(t, second=False)[2]
+
+
+def test_a_polynomial_is_bound_once_to_the_same_coordinates():
+    whole = VaryingPolynomial(random_polynomial(plain((0, 1, 2))), 2)
+    x, other = np.ones((1, 4)), np.ones((1, 4))
+    first = whole.at(x)
+    assert whole.at(other) is not first
+    assert whole.at(x) is first

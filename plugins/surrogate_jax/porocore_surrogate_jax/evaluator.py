@@ -21,8 +21,8 @@ LARGEST, SMALLEST = 1024, 8
 
 Layers = list[tuple[jax.Array, jax.Array]]
 Arrays = tuple[jax.Array, ...]
-#: Activation, layers and x → the outputs.
-Function = Callable[[str, Layers, jax.Array], Arrays]
+#: Activation, layers, x and, for some, factors of the outputs → the results.
+Function = Callable[..., Arrays]
 
 
 class JaxNetwork(Evaluator):
@@ -63,13 +63,13 @@ class JaxNetwork(Evaluator):
         values, gradient = self._start(GRADIENT, x)()
         return values, gradient
 
-    def value_gradient_hessian(self, x: Array) -> Derivatives:
-        """Return value (n,), gradient (d, n) and Hessian (d, d, n) of a network with one output."""
-        return self.start(x)()
+    def value_gradient_hessian(self, x: Array, factors: Array | None = None) -> Derivatives:
+        """Return value (n,), gradient (d, n) and Hessian (d, d, n) of one output, or of a sum with ``factors``."""
+        return self.start(x, factors)()
 
-    def start(self, x: Array) -> Callable[[], Derivatives]:
+    def start(self, x: Array, factors: Array | None = None) -> Callable[[], Derivatives]:
         """Start the same in the background; return a function that waits for the result."""
-        finish = self._start(HESSIAN, x)
+        finish = self._start(HESSIAN, *(x,) if factors is None else (x, factors))
 
         def derivatives() -> Derivatives:
             value, gradient, hessian = finish()
@@ -77,15 +77,15 @@ class JaxNetwork(Evaluator):
 
         return derivatives
 
-    def _start(self, kind: Kind, x: Array) -> Callable[[], list[Array]]:
+    def _start(self, kind: Kind, *given: Array) -> Callable[[], list[Array]]:
         function = _compiled(kind.function, self.network.activation, self.device)
         pieces = []
-        for start, rows, filled in _pieces(len(x)):
-            piece = x[start : start + rows]
+        for start, rows, filled in _pieces(len(given[0])):
+            piece = [array[start : start + rows] for array in given]
             if filled > rows:
-                piece = np.concatenate([piece, np.zeros((filled - rows, x.shape[1]))])
+                piece = [np.concatenate([part, np.zeros((filled - rows, part.shape[1]))]) for part in piece]
             # Calls return before they are done; the next piece is prepared meanwhile.
-            pieces.append((rows, function(self._layers, piece)))
+            pieces.append((rows, function(self._layers, *piece)))
 
         def finish() -> list[Array]:
             found = []
@@ -111,7 +111,7 @@ def _pieces(n: int) -> Iterator[tuple[int, int, int]]:
 
 
 @cache
-def _compiled(function: Function, activation: str, device: jax.Device) -> Callable[[Layers, Array], Arrays]:
+def _compiled(function: Function, activation: str, device: jax.Device) -> Callable[..., Arrays]:
     """Compile once for all networks of one activation."""
     return compiled(partial(function, activation), device)
 
@@ -149,15 +149,15 @@ def _gradient(activation: str, layers: Layers, x: jax.Array) -> Arrays:
     return _forward(activation, layers, x)[:2]
 
 
-def _hessian(activation: str, layers: Layers, x: jax.Array) -> Arrays:
-    """Return value, gradient and Hessian Σ_l J_lᵀ diag(δ_l σ″) J_l with δ_l = ∂N/∂a_l.
+def _hessian(activation: str, layers: Layers, x: jax.Array, factors: jax.Array | None = None) -> Arrays:
+    """Return value, gradient and Hessian Σ_l J_lᵀ diag(δ_l σ″) J_l with δ_l = ∂N/∂a_l, which factors begin.
 
     This is half the work of a derivative of a derivative.
     """
     z, J, hidden = _forward(activation, layers, x)
     d, n = J.shape[:2]
     last = layers[-1][0]
-    delta = jnp.broadcast_to(last, (n, last.shape[1]))
+    delta = jnp.broadcast_to(last, (n, last.shape[1])) if factors is None else factors @ last
     hessian = jnp.zeros((d, d, n))
     for index in range(len(hidden) - 1, -1, -1):
         J_l, slope, curvature = hidden[index]
@@ -169,7 +169,7 @@ def _hessian(activation: str, layers: Layers, x: jax.Array) -> Arrays:
             squares = (W[:, :, None] * W[:, None, :]).reshape(len(W), d * d)
             hessian = hessian + (squares.T @ weight.T).reshape(d, d, n)
         delta = (delta * slope) @ layers[index][0]
-    return z[:, 0], delta.T, hessian
+    return z[:, 0] if factors is None else (z * factors).sum(axis=1), delta.T, hessian
 
 
 class Kind(NamedTuple):

@@ -94,9 +94,11 @@ def test_several_outputs():
 @pytest.mark.parametrize("n", [0, 1, 8, 9, LARGEST, LARGEST + 1, 2 * LARGEST + 3])
 def test_any_number_of_rows(n):
     plain, x = network(), points(n)
-    for a, b in zip(
-        JaxNetwork(plain).value_gradient_hessian(x), plain.value_gradient_hessian(x), strict=True
-    ):
+    several, factors = network(outputs=2), np.random.default_rng(2).normal(size=(n, 2))
+    found = [*JaxNetwork(plain).value_gradient_hessian(x)]
+    found += JaxNetwork(several).value_gradient_hessian(x, factors)
+    expected = [*plain.value_gradient_hessian(x), *several.value_gradient_hessian(x, factors)]
+    for a, b in zip(found, expected, strict=True):
         assert a.shape == b.shape
         assert a.dtype == np.float64
         assert a.flags.writeable

@@ -59,13 +59,14 @@ class TorchNetwork(Evaluator):
             J = ((J * slope[:, None, :]).reshape(n * d, W.shape[1]) @ W.T).reshape(n, d, len(W))
             return _numpy(z), _numpy(J.permute(1, 0, 2))
 
-    def value_gradient_hessian(self, x: Array) -> Derivatives:
-        """Return value (n,), gradient (d, n) and Hessian (d, d, n) of a network with one output."""
+    def value_gradient_hessian(self, x: Array, factors: Array | None = None) -> Derivatives:
+        """Return value (n,), gradient (d, n) and Hessian (d, d, n) of one output, or of a sum with ``factors``."""
         with one_thread(), torch.no_grad():
             z, layers = self._hidden(self._tensor(x), 2)
             n, d = x.shape
             hessian = torch.zeros((n, d, d), dtype=torch.float64, device=self.device)
-            delta = self._weights[-1].expand(n, -1)  # ∂N/∂a of the last hidden layer
+            last, c = self._weights[-1], None if factors is None else self._tensor(factors)
+            delta = last.expand(n, -1) if c is None else c @ last  # ∂N/∂a of the last hidden layer
             for layer in range(len(layers) - 1, -1, -1):
                 J, slope, curvature = layers[layer]
                 weight = delta * curvature
@@ -76,7 +77,8 @@ class TorchNetwork(Evaluator):
                     squares = (W[:, :, None] * W[:, None, :]).reshape(len(W), d * d)
                     hessian += (weight @ squares).reshape(n, d, d)
                 delta = (delta * slope) @ self._weights[layer]
-            return _numpy(z[:, 0]), _numpy(delta.T), _numpy(hessian.permute(1, 2, 0))
+            value = z[:, 0] if c is None else (z * c).sum(1)
+            return _numpy(value), _numpy(delta.T), _numpy(hessian.permute(1, 2, 0))
 
     def _hidden(self, x: torch.Tensor, order: int) -> tuple[torch.Tensor, list[Three]]:
         """Return values (n, o), and ∂z/∂x (n, d, width), σ′ and σ″ of each hidden layer."""

@@ -124,7 +124,7 @@ class RegionLaw(MacroLaw):
         return found
 
     def _regions(self, states: MacroState) -> list[tuple[int, MacroLaw, IntArray]]:
-        """Return number, law and points of each region that has points.
+        """Return each law that is asked, with the number of its first region and its points; regions may share one.
 
         Raises
         ------
@@ -139,7 +139,12 @@ class RegionLaw(MacroLaw):
                 f"expected regions from 0 to {len(self.laws) - 1}, for which there are laws, got {region.max()}"
             )
         numbers = np.unique(region) if len(region) else np.zeros(1, dtype=np.int64)
-        return [(int(k), self.laws[k], np.flatnonzero(region == k)) for k in numbers]
+        first = {id(law): k for k, law in reversed(list(enumerate(self.laws)))}
+        first_of_region = np.array([first[id(law)] for law in self.laws])
+        asked = first_of_region[region]
+        return [
+            (int(k), self.laws[k], np.flatnonzero(asked == k)) for k in np.unique(first_of_region[numbers])
+        ]
 
     def _seen(self, states: MacroState, k: int) -> MacroState:
         """Return the states with the parameters of law ``k`` alone, in its order."""
@@ -162,6 +167,8 @@ def _with_states(memory: LawMemory, states: MacroState) -> LawMemory:
 
 def _joined(kind: type[T], parts: Sequence[tuple[IntArray, T]], n: int) -> T:
     """Return a batch of n rows from parts, each with its rows; NaN where a part leaves out what another has."""
+    if len(parts) == 1:
+        return parts[0][1]
     values: dict[str, Any] = {}
     for f in fields(kind):  # type: ignore[arg-type]
         found = [(rows, getattr(part, f.name)) for rows, part in parts]

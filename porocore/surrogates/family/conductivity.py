@@ -7,6 +7,7 @@ in the first two. So K_ref is that of the undeformed member at rest for every θ
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +24,7 @@ from porocore.surrogates.family.regression import JointData, Weights, fit_joint
 from porocore.surrogates.family.rest import RestModel, RestValues
 from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import plain
+from porocore.surrogates.polynomial.varying import VaryingPolynomial
 from porocore.surrogates.potential.data import STILL, variables
 from porocore.surrogates.potential.training_box import TrainingBox
 from porocore.surrogates.stretch.log_stretch import LogStretch
@@ -90,7 +92,7 @@ class FamilyConductivity:
         assert states.parameters is not None
         assert at.slopes is not None
         parameters, theta = self.rest.parameters, states.parameters
-        S, by_t, by_x, steepness = self._beyond(t, at)
+        S, by_t, by_x, steepness = self._beyond(t, at, by_coordinates=True)
         m, r = len(parameters.kinds), S.shape[-1]
         ways = np.zeros((len(S), m, r, r))
         ways[:, parameters.learned] = np.moveaxis(at.slopes.log_conductivity, 0, 1)
@@ -140,17 +142,31 @@ class FamilyConductivity:
         t[:, missing] = 0.0
         return stretch, t, self.rest.at(theta, slopes=slopes), scaling, missing
 
-    def _beyond(self, t: Array, at: RestValues) -> tuple[Array, Array, Array, Array]:
-        """Return S (n, r, r), its derivatives by the saturated t (n, d, r, r) and θ̂ (n, l, r, r), and dt/dt (d, n)."""
+    def _beyond(
+        self, t: Array, at: RestValues, by_coordinates: bool = False
+    ) -> tuple[Array, Array, Array, Array]:
+        """Return S (n, r, r), its derivatives by the saturated t (n, d, r, r), by θ̂ (n, l, r, r), and dt/dt (d, n)."""
         steepness = np.ones_like(t)
         beyond = self.training_box.beyond_active(t)
         if len(beyond):
             t = t.copy()
             t[:, beyond], steepness[:, beyond], _ = self.training_box.saturated_active(t[:, beyond])
-        value, first, _ = self.polynomial.derivatives(np.concatenate([t, at.x]), second=False)
-        gradients = np.stack([self._matrices(first[:, a]) for a in range(first.shape[1])], axis=1)
-        d = len(t)
+        if by_coordinates:
+            value, first, _ = self.polynomial.entries(np.concatenate([t, at.x]), second=False)
+        else:
+            value, first, _ = self._by_y.at(at.x).entries(t, second=False)
+        d, (n, r) = len(t), at.log_conductivity.shape[:2]
+        gradients = np.zeros((n, d + (len(at.x) if by_coordinates else 0), r, r))
+        triangles: dict[int, Array] = {}
+        for (o, a), row in first:
+            triangles.setdefault(a, np.zeros((6, n)))[o] = row
+        for a, components in triangles.items():
+            gradients[:, a] = self._matrices(components)
         return at.log_conductivity + self._matrices(value), gradients[:, :d], gradients[:, d:], steepness
+
+    @cached_property
+    def _by_y(self) -> VaryingPolynomial:
+        return VaryingPolynomial(self.polynomial, len(self.active))
 
     def _matrices(self, components: Array) -> Array:
         """Return the symmetric (n, r, r) on the directions of B from the upper triangle (6, n) of matrices in space."""

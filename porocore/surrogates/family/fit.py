@@ -17,7 +17,9 @@ from porocore.surrogates.family.model import FamilyModel
 from porocore.surrogates.family.regression import LARGEST_DEGREE, JointData, JointFit, Weights, fit_joint
 from porocore.surrogates.family.rest import RestModel
 from porocore.surrogates.family.rest_fit import fit_rest
+from porocore.surrogates.network.separable import SeparableNetwork
 from porocore.surrogates.polynomial.fit import ANCHOR_DEGREE, MOST_PLAIN, SMALLEST_SLOPE
+from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import Terms, invariant, plain
 from porocore.surrogates.potential.data import STILL
 from porocore.surrogates.potential.training_box import TrainingBox
@@ -186,13 +188,26 @@ def family_model(
         # Together they are what was found, but only the first part is continued beyond the sampled states.
         coarse = fitted(ANCHOR_DEGREE)
         fine = JointPolynomial(terms, summed(found.polynomial, coarse.polynomial, -1.0))
-    model = FamilyModel(
+    return assembled(training, data, terms, coarse.polynomial, fine=fine), found, data
+
+
+def assembled(
+    training: TrainingSet,
+    data: FamilyData,
+    terms: Terms,
+    coarse: Polynomial,
+    *,
+    fine: JointPolynomial | None = None,
+    network: SeparableNetwork | None = None,
+) -> FamilyModel:
+    """Return the model of these parts of R, with ⟨∇u¹⟩ fitted and the range of the stable states."""
+    return FamilyModel(
         data.rest,
-        JointPolynomial(terms, coarse.polynomial) if len(coarse.polynomial.exponents) else None,
+        JointPolynomial(terms, coarse) if len(coarse.exponents) else None,
         fine,
         fit_mean(data).polynomial,
         data.active,
         SampledRange.around(training.inputs, training.inputs.gather(training.states[data.rows])),
         TrainingBox.from_states(data.potential.y, data.active, data.rest.symmetry),
+        network=network,
     )
-    return model, found, data

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from porocore.states import Array, IntArray
-from porocore.surrogates.polynomial.composition import TermDerivatives, TermSum
 from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to
 from porocore.surrogates.polynomial.terms import VARIABLES, Terms
-
-#: Value (n,), gradient (7, n) and Hessian (7, 7, n), to which is added in place.
-AddTo = Callable[[Array, Array, Array], None]
+from porocore.surrogates.polynomial.varying import VaryingPolynomial
 
 
 def joint_exponents(terms: Terms, l: int, lowest: int, degree: int, more: int) -> IntArray:
@@ -95,32 +91,22 @@ def _monomials(exponents: IntArray, t: Array, second: bool) -> tuple[Array, Arra
     return value, first, twice
 
 
-class PartialDerivatives(Polynomial):
-    """Polynomials of which only some derivatives are wanted: by some variables, and by some pairs of them."""
+class MixedDerivatives(Polynomial):
+    """Polynomials with first derivatives, and second ones by one of the first k variables and one of the others."""
 
-    first: tuple[tuple[int], ...]
     pairs: tuple[tuple[int, int], ...]
 
     @classmethod
-    def of_terms(cls, polynomial: Polynomial, k: int) -> PartialDerivatives:
-        """Return those by the first k variables, first and second."""
+    def across(cls, polynomial: Polynomial, k: int) -> MixedDerivatives:
+        """Return those by one of the first k variables and one of the others."""
         found = cls(polynomial.exponents, polynomial.coefficients)
-        pairs = tuple((a, b) for a in range(k) for b in range(a, k))
-        found.__dict__.update(first=tuple((a,) for a in range(k)), pairs=pairs)
-        return found
-
-    @classmethod
-    def across(cls, polynomial: Polynomial, k: int) -> PartialDerivatives:
-        """Return the first ones by all variables and the second ones by one of the first k and one of the others."""
-        found = cls(polynomial.exponents, polynomial.coefficients)
-        v = polynomial.variables
-        pairs = tuple((a, b) for a in range(k) for b in range(k, v))
-        found.__dict__.update(first=tuple((a,) for a in range(v)), pairs=pairs)
+        found.__dict__["pairs"] = tuple((a, b) for a in range(k) for b in range(k, polynomial.variables))
         return found
 
     @cached_property
     def _rows(self):  # type: ignore[no-untyped-def]
-        return self._derivative(()), self._derivatives(self.first), self._derivatives(self.pairs)
+        first = [(a,) for a in range(self.variables)]
+        return self._derivative(()), self._derivatives(first), self._derivatives(self.pairs)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,49 +129,13 @@ class JointPolynomial:
         return len(self.terms.weights)
 
     @cached_property
-    def _by_terms(self) -> PartialDerivatives:
-        return PartialDerivatives.of_terms(self.polynomial, self._k)
+    def by_terms(self) -> VaryingPolynomial:
+        """The polynomial of the terms, whose coefficients depend on θ̂."""
+        return VaryingPolynomial(self.polynomial, self._k)
 
     @cached_property
-    def _across(self) -> PartialDerivatives:
-        return PartialDerivatives.across(self.polynomial, self._k)
-
-    @cached_property
-    def _inner(self) -> tuple[IntArray, IntArray]:
-        """Exponents of the terms that occur, each once, and the number of each monomial among them."""
-        found, number = np.unique(self.polynomial.exponents[:, : self._k], axis=0, return_inverse=True)
-        return found, number.reshape(-1)
-
-    def bound(self, x: Array) -> TermSum:
-        """Return the polynomial of the terms at one θ̂ (l,)."""
-        inner, number = self._inner
-        outer = np.prod(x ** self.polynomial.exponents[:, self._k :], axis=1)
-        coefficients: Array = np.bincount(number, self.polynomial.coefficients[0] * outer, len(inner)).astype(
-            np.float64
-        )
-        return TermSum(self.terms, Polynomial(inner, coefficients[None]))
-
-    def add(self, y: Array, x: Array, value: Array, gradient: Array, hessian: Array) -> None:
-        """Add the values at y (7, n) and θ̂ (l, n) to (n,), (7, n) and (7, 7, n), in place."""
-        derivatives, t = self._terms(y)
-        found, first, second = self._by_terms.entries(np.concatenate([t, x]))
-        value += found[0]
-        if derivatives is None:
-            places = self.terms.variables
-            for (_, i), row in first:
-                gradient[places[i]] += row
-            for (_, i, j), row in second:
-                a, b = places[i], places[j]
-                hessian[a, b] += row
-                if a != b:
-                    hessian[b, a] += row
-            return
-        by_t, by_tt = np.zeros_like(t), np.zeros((len(t), *t.shape))
-        for (_, i), row in first:
-            by_t[i] = row
-        for (_, i, j), row in second:
-            by_tt[i, j] = by_tt[j, i] = row
-        derivatives.push(by_t, by_tt, gradient, hessian)
+    def _across(self) -> MixedDerivatives:
+        return MixedDerivatives.across(self.polynomial, self._k)
 
     def by_coordinates(self, y: Array, x: Array) -> tuple[Array, Array, Array, Array]:
         """Return R (n,), ∂R/∂y (7, n), ∂R/∂θ̂ (l, n) and ∂²R/∂y∂θ̂ (7, l, n) at y (7, n) and θ̂ (l, n)."""
@@ -201,12 +151,6 @@ class JointPolynomial:
         for (_, i, j), row in second:
             by_yx[:, j - k] += J[i] * row
         return value[0], by_y, by_x, by_yx
-
-    def _terms(self, y: Array) -> tuple[TermDerivatives | None, Array]:
-        if self.terms.name == "plain":
-            return None, y[list(self.terms.variables)]
-        found = TermDerivatives(self.terms, y)
-        return found, found.t
 
 
 def summed(one: Polynomial, other: Polynomial, factor: float = 1.0) -> Polynomial:

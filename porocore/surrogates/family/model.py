@@ -1,8 +1,8 @@
 """Model of the potential W(ln U, p; θ) of a family: responses, tangents, slopes by θ, flags, estimated error.
 
 W = E λ³ [W₂(y; θ) + M(θ) R(y, θ̂)] with y = (ln U − ln λ I, p/E), W₂ the expansion at rest
-(:class:`porocore.surrogates.family.rest.RestModel`), which is exact for every θ, and R a polynomial that begins at
-third order in y.
+(:class:`porocore.surrogates.family.rest.RestModel`), which is exact for every θ, and R a polynomial, or one and a
+network, that begins at third order in y.
 """
 
 from __future__ import annotations
@@ -14,23 +14,20 @@ import numpy as np
 import numpy.typing as npt
 
 from porocore.core.inputs.sampled_range import SampledRange
-from porocore.states import Array, CellResponse, CellTangent, IntArray, MacroState, Status
+from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
 from porocore.surrogates.error_estimate.estimate import ErrorEstimate
 from porocore.surrogates.family.derivatives import Scaling
 from porocore.surrogates.family.joint import JointPolynomial, summed
 from porocore.surrogates.family.rest import RestModel, RestValues
 from porocore.surrogates.network.network import Derivatives
+from porocore.surrogates.network.separable import FactoredNetwork, SeparableNetwork
 from porocore.surrogates.polynomial.composition import TermSum
 from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import VARIABLES
+from porocore.surrogates.polynomial.varying import BoundPolynomial, VaryingPolynomial
 from porocore.surrogates.potential.data import variables
 from porocore.surrogates.potential.training_box import TrainingBox
 from porocore.surrogates.stretch.log_stretch import LogStretch
-
-#: As many sets of parameters are evaluated one after the other, each as a polynomial in y alone.
-MOST_BOUND = 32
-#: Of fewer terms several sets of parameters are faster evaluated together.
-MANY = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +52,8 @@ class FamilyModel:
         Their box in the variables y.
     estimate
         Estimate of its errors, which flags states; None: those beyond the hull are flagged.
+    network
+        Another part that comes to rest where they end; None where there is none.
     """
 
     rest: RestModel
@@ -65,6 +64,7 @@ class FamilyModel:
     sampled: SampledRange
     training_box: TrainingBox
     estimate: ErrorEstimate | None = None
+    network: SeparableNetwork | None = None
 
     # ---- the potential ---------------------------------------------------------------------------
 
@@ -83,77 +83,34 @@ class FamilyModel:
     def beyond_rest(self, y: Array, x: Array) -> Derivatives:
         """Return R and its derivatives by y, as :meth:`potential`, at θ̂ (l, n)."""
         found = _zeros(y.shape[1])
-        if self.coarse is None:
-            return found
-        self._add(self._whole, y, x, found)
-        beyond = self.training_box.beyond(y) if self.fine is not None else ()
-        if self.fine is not None and len(beyond):
-            (value, gradient, hessian), (v, g, h) = found, _zeros(len(beyond))
+        part = None if self.network is None else self.network.at(x)
+        whole = self._whole
+        _add(whole, None if whole is None else whole.by_terms.at(x), part, y, found)
+        beyond = self.training_box.beyond(y) if self.fine is not None or part is not None else ()
+        if len(beyond):
+            (value, gradient, hessian), there = found, _zeros(len(beyond))
             z, first, second = self.training_box.saturated(y[:, beyond])
-            self.fine.add(z, x[:, beyond], v, g, h)
+            _add(
+                self.fine,
+                _bound(self.fine, x[:, beyond]),
+                None if part is None else part.take(beyond),
+                z,
+                there,
+            )
+            _, g, h = there
             h *= first[:, None] * first[None]
             h[range(VARIABLES), range(VARIABLES)] += second * g
             g *= first
-            self.coarse.add(y[:, beyond], x[:, beyond], v, g, h)
-            value[beyond], gradient[:, beyond], hessian[:, :, beyond] = v, g, h
+            _add(self.coarse, _bound(self.coarse, x[:, beyond]), None, y[:, beyond], there)
+            value[beyond], gradient[:, beyond], hessian[:, :, beyond] = there
         return found
 
     @cached_property
-    def _whole(self) -> JointPolynomial:
-        """Both parts of R as one polynomial, which holds within the sampled box."""
-        assert self.coarse is not None
-        if self.fine is None:
-            return self.coarse
+    def _whole(self) -> JointPolynomial | None:
+        """Both polynomials of R as one, which holds within the sampled box."""
+        if self.coarse is None or self.fine is None:
+            return self.coarse or self.fine
         return JointPolynomial(self.coarse.terms, summed(self.coarse.polynomial, self.fine.polynomial))
-
-    def _add(self, part: JointPolynomial, y: Array, x: Array, found: Derivatives) -> None:
-        """Add a polynomial and its derivatives by y to ``found``, in place."""
-        groups = self._groups(x)
-        if groups is None:
-            part.add(y, x, *found)
-        elif len(groups) == 1:
-            self._bound(part, x[:, 0]).start(y)(*found)
-        else:
-            for rows in groups:
-                v, g, h = _zeros(len(rows))
-                self._bound(part, x[:, rows[0]]).start(y[:, rows])(v, g, h)
-                found[0][rows], found[1][:, rows], found[2][:, :, rows] = v, g, h
-
-    def _bound(self, part: JointPolynomial, x: Array) -> TermSum:
-        key = x.tobytes()
-        if key not in self._known_bound:
-            if len(self._known_bound) >= 2 * MOST_BOUND:
-                self._known_bound.clear()
-            self._known_bound[key] = part.bound(x)
-        return self._known_bound[key]
-
-    @cached_property
-    def _known_bound(self) -> dict[bytes, TermSum]:
-        return {}
-
-    @cached_property
-    def _last_groups(self) -> list[tuple[Array, list[IntArray] | None]]:
-        return []
-
-    def _groups(self, x: Array) -> list[IntArray] | None:
-        """Return the points of each θ̂ where there are few; None where there are many."""
-        for known, groups in self._last_groups:
-            if known is x:
-                return groups
-        n = x.shape[1]
-        if not len(x):
-            return [np.arange(n)] if n else None
-        # The first points tell most fields without a sort of all.
-        few = n > 0 and len(np.unique(x[:, : 4 * MOST_BOUND], axis=1).T) <= MOST_BOUND
-        groups = None
-        if few:
-            unique, number = np.unique(x, axis=1, return_inverse=True)
-            most = MOST_BOUND if self.coarse is not None and len(self.coarse.terms.weights) >= MANY else 1
-            if unique.shape[1] <= max(min(most, n // 16), 1):
-                groups = [np.flatnonzero(number.reshape(-1) == i) for i in range(unique.shape[1])]
-        self._last_groups.insert(0, (x, groups))
-        del self._last_groups[2:]
-        return groups
 
     # ---- responses -------------------------------------------------------------------------------
 
@@ -200,29 +157,43 @@ class FamilyModel:
         y = scaling.inner(variables(stretch, states.p))
         return theta, stretch, y, self.rest.at(theta, slopes=slopes), scaling
 
-    def mean_part(self, y: Array, x: Array, at: RestValues) -> tuple[Array, Array]:
-        """Return Rᵀ⟨∇u¹⟩ (9, n) and its derivatives (9, 7 + l, n) by y and θ̂ at a stretch λ of 1, rest left alone."""
-        active = list(self.active)
-        t, steepness, _ = y[active], np.ones((len(active), y.shape[1])), None
+    def mean_part(self, y: Array, at: RestValues, by_coordinates: bool = False) -> tuple[Array, Array]:
+        """Return Rᵀ⟨∇u¹⟩ (9, n) and its derivatives by y (9, 7, n) at a stretch λ of 1, rest left alone.
+
+        With ``by_coordinates`` the derivatives by θ̂ follow those by y, (9, 7 + l, n).
+        """
+        active, more = list(self.active), len(at.x) if by_coordinates else 0
+        t, steepness = y[active], None
         beyond = self.training_box.beyond_active(t)
         if len(beyond):
-            t[:, beyond], steepness[:, beyond], _ = self.training_box.saturated_active(t[:, beyond])
-        value, first, _ = self.mean_grad.entries(np.concatenate([t, x]), second=False)
-        found = at.mean_value + np.einsum("oan,an->on", at.mean, y) + value
-        slopes = np.zeros((9, VARIABLES + len(x), y.shape[1]))
+            t[:, beyond], steepness, _ = self.training_box.saturated_active(t[:, beyond])
+        if by_coordinates:
+            found, first, _ = self.mean_grad.entries(np.concatenate([t, at.x]), second=False)
+        else:
+            found, first, _ = self._mean_by_y.at(at.x).entries(t, second=False)
+        found += at.mean_value
+        slopes = np.zeros((9, VARIABLES + more, y.shape[1]))
         slopes[:, :VARIABLES] = at.mean
+        for o, a in at.mean_places:
+            found[o] += at.mean[o, a] * y[a]
         for (o, i), row in first:
-            if i < len(active):
-                slopes[o, active[i]] += row * steepness[i]
-            else:
+            if i >= len(active):
                 slopes[o, VARIABLES + i - len(active)] += row
+                continue
+            if steepness is not None:
+                row[beyond] *= steepness[i]
+            slopes[o, active[i]] += row
         return found, slopes
+
+    @cached_property
+    def _mean_by_y(self) -> VaryingPolynomial:
+        return VaryingPolynomial(self.mean_grad, len(self.active))
 
     def _mean_grad(
         self, stretch: LogStretch, y: Array, at: RestValues, scaling: Scaling, tangent: bool
     ) -> tuple[Array, tuple[Array, Array]]:
         n, R = y.shape[1], stretch.rotations
-        unrotated, slopes = self.mean_part(y, at.x, at)
+        unrotated, slopes = self.mean_part(y, at)
         unrotated *= scaling.stretch
         turned = np.ascontiguousarray(unrotated.T).reshape(n, 3, 3)
         turned = turned if R is None else R @ turned
@@ -259,3 +230,30 @@ class FamilyModel:
 def _zeros(n: int) -> Derivatives:
     """Return a value (n,), a gradient (7, n) and a Hessian (7, 7, n) of zeros."""
     return np.zeros(n), np.zeros((VARIABLES, n)), np.zeros((VARIABLES, VARIABLES, n))
+
+
+def _bound(polynomial: JointPolynomial | None, x: Array) -> BoundPolynomial | None:
+    return None if polynomial is None else BoundPolynomial(polynomial.by_terms, x)
+
+
+def _add(
+    polynomial: JointPolynomial | None,
+    bound: BoundPolynomial | None,
+    part: FactoredNetwork | None,
+    y: Array,
+    found: Derivatives,
+) -> None:
+    """Add a polynomial that is bound to θ̂, a network, and their derivatives by y (7, n) to ``found``, in place."""
+    sums = []
+    rows = None
+    if part is not None:
+        own = part.whole.terms
+        rows = None if polynomial is None else polynomial.terms.rows_of(own)
+        if rows is None:
+            count = len(own.weights)
+            sums.append(TermSum(own, Polynomial.zero(count, 1), part, tuple(range(count))))
+    if polynomial is not None and bound is not None:
+        # Terms that both have are differentiated once.
+        sums.append(TermSum(polynomial.terms, bound, None if rows is None else part, rows or ()))
+    for add_to in [each.start(y) for each in sums]:
+        add_to(*found)

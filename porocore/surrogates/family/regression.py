@@ -192,7 +192,7 @@ def fit_joint(
         Largest degree.
     """
     l, o = len(data.x), len(data.value)
-    scales = _scales(data, weights, tied)
+    scales = equation_scales(data, weights, tied)
     each = sum(int(np.isfinite(scale).sum()) for scale in scales.values())
     limit = min(each * data.y.shape[1], MOST_COEFFICIENTS)
     exponents = np.zeros((0, len(terms.weights) + l), dtype=np.int64)
@@ -230,7 +230,7 @@ def _chosen(systems: list[SharedEquations]) -> tuple[Prior, float]:
     return best, least
 
 
-def _scales(data: JointData, weights: Weights, tied: Equivariance) -> dict[str, Array]:
+def equation_scales(data: JointData, weights: Weights, tied: Equivariance) -> dict[str, Array]:
     """Return divisors of each kind of equation, (o, …); infinite where one is not known or does not count."""
     size = np.abs(data.value).max(axis=1)
     learned = size > LEAST * size.max(initial=0.0)

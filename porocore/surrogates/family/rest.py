@@ -46,7 +46,7 @@ class RestValues:
     mean_value : (9, n), mean : (9, 7, n)
         ⟨∇u¹⟩_s at y = 0, and its derivatives by y.
     scale : (n,)
-        M, by which the higher orders are multiplied.
+        M.
     log_conductivity : (n, r, r)
         ln(Bᵀ K B) for a viscosity of 1.
     slopes
@@ -63,6 +63,11 @@ class RestValues:
     scale: Array
     log_conductivity: Array
     slopes: RestValues | None = None
+
+    @cached_property
+    def mean_places(self) -> list[tuple[int, int]]:
+        """Places (component of ⟨∇u¹⟩, variable) of ``mean`` that are not zero everywhere."""
+        return [(int(o), int(a)) for o, a in np.argwhere(self.mean.any(axis=2))]
 
     def take(self, rows: IntArray) -> RestValues:
         """Return the values of some points, which may be repeated."""
@@ -125,10 +130,9 @@ class RestModel:
                 kept.insert(0, kept.pop(i))
                 return found
         unique, rows = np.unique(theta, axis=0, return_inverse=True)
-        if len(unique) <= len(theta) // 2:
-            found = self._compute(unique, slopes).take(rows.reshape(-1))
-        else:
-            found = self._compute(theta, slopes)
+        few = len(unique) <= len(theta) // 2
+        found = self._compute(unique if few else theta, slopes)
+        found = found.take(rows.reshape(-1)) if few else found
         kept.insert(0, (theta.copy(), found))
         del kept[KEPT:]
         return found

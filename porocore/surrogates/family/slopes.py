@@ -20,7 +20,7 @@ def family_slopes(model: FamilyModel, states: MacroState) -> CellSlopes:
     value, gradient, hessian = model.potential(y, at)
     by, c = scaling.variables, scaling.factor
     W, T = np.zeros((m, n)), np.zeros((7, m, n))
-    mean, mean_slopes = model.mean_part(y, at.x, at)
+    mean, mean_slopes = model.mean_part(y, at, by_coordinates=True)
     more, porosity = np.zeros((9, m, n)), np.zeros((m, n))
     learned = parameters.learned
     W[learned], T[:, learned], more[:, learned] = _learned(model, y, at, mean_slopes)
@@ -52,7 +52,7 @@ def _learned(model: FamilyModel, y: Array, at: RestValues, mean_slopes: Array) -
     linear = np.einsum("abln,bn->aln", s.matrix, y)
     W = s.value + ((s.gradient + linear / 2) * y[:, None]).sum(axis=0)
     T = s.gradient + linear
-    for part, fine in ((model.coarse, False), (model.fine, True)):
+    for part, fine in ((model.coarse, False), (model.fine, True), (model.network, True)):
         if part is None:
             continue
         first: Array | float = 1.0

@@ -17,6 +17,7 @@ from porocore.surrogates.family.joint import JointPolynomial
 from porocore.surrogates.family.model import FamilyModel
 from porocore.surrogates.family.rest import RestModel
 from porocore.surrogates.file import parts
+from porocore.surrogates.network.separable import SeparableNetwork
 
 #: Polynomials of θ̂ of the undeformed members, and their numbers of outputs.
 REST = {"porosity": 1, "stiffness": 36, "affine": 8, "coupling": 7, "mean": 72}
@@ -46,6 +47,13 @@ def pack_family(model: FamilyModel, header: dict[str, Any], arrays: dict[str, Ar
             header["polynomials"].append(name)
             parts.pack_terms(part.terms, "terms", arrays)
             parts.pack_polynomial(part.polynomial, name, arrays)
+    if model.network is not None:
+        network, factors = model.network.network.as_numpy, model.network.factors
+        header["network"] = {"terms": model.network.terms.name, "outputs": len(network.biases[-1])}
+        header["factors"] = {}
+        parts.pack_terms(model.network.terms, "network/terms", arrays)
+        parts.pack_network(network, header["network"], arrays)
+        parts.pack_network(factors, header["factors"], arrays, "factors")
 
 
 def unpack_family(header: dict[str, Any], arrays: dict[str, Array], sampled: SampledRange) -> FamilyModel:
@@ -61,7 +69,18 @@ def unpack_family(header: dict[str, Any], arrays: dict[str, Array], sampled: Sam
             inner = parts.unpack_polynomial(arrays, name, len(terms.weights) + l, 1)
             found[name] = JointPolynomial(terms, inner)
     mean_grad = parts.unpack_polynomial(arrays, "mean_grad", len(box.active) + l, 9)
-    return FamilyModel(rest, found["coarse"], found["fine"], mean_grad, box.active, sampled, box)
+    network = _unpack_network(header, arrays, l) if "network" in header else None
+    return FamilyModel(
+        rest, found["coarse"], found["fine"], mean_grad, box.active, sampled, box, network=network
+    )
+
+
+def _unpack_network(header: dict[str, Any], arrays: dict[str, Array], l: int) -> SeparableNetwork:
+    said = header["network"]
+    terms, outputs = parts.unpack_terms(said["terms"], "network/terms", arrays), int(said["outputs"])
+    network = parts.unpack_network(said, arrays, len(terms.weights), outputs)
+    factors = parts.unpack_network(header["factors"], arrays, l, outputs, "factors")
+    return SeparableNetwork(network, factors, terms)
 
 
 def _unpack_rest(header: dict[str, Any], arrays: dict[str, Array], inputs: InputSpace) -> RestModel:

@@ -165,30 +165,12 @@ def evaluated(model: Model, make_evaluator: MakeEvaluator) -> Model:
     """Return the model of a file with its network replaced by an evaluator."""
     if isinstance(model, AnchoredModel):
         return replace(model, network=make_evaluator(model.network.as_numpy))
-    if isinstance(model, FamilyModel) or model.network is None:
+    if model.network is None:
         return model
-    part = model.network
-    return replace(model, network=replace(part, network=make_evaluator(part.network.as_numpy)))
-
-
-def _pack_network(network: Network, header: dict[str, Any], arrays: dict[str, Array]) -> None:
-    header["activation"], header["layers"] = network.activation, len(network.weights)
-    for i, (W, b) in enumerate(zip(network.weights, network.biases, strict=True)):
-        arrays |= {f"network/{i}/weights": W, f"network/{i}/biases": b}
-
-
-def _unpack_network(header: dict[str, Any], arrays: dict[str, Array], inputs: int, outputs: int) -> Network:
-    layers = range(int(header["layers"]))
-    network = Network(
-        header["activation"],
-        tuple(arrays[f"network/{i}/weights"] for i in layers),
-        tuple(arrays[f"network/{i}/biases"] for i in layers),
-    )
-    if network.weights and (network.weights[0].shape[1], len(network.weights[-1])) != (inputs, outputs):
-        raise ValueError(f"expected a network of {inputs} inputs and {outputs} outputs")
-    if not network.weights and outputs:
-        raise ValueError("a network without layers")
-    return network
+    network = make_evaluator(model.network.network.as_numpy)
+    if isinstance(model, FamilyModel):
+        return replace(model, network=replace(model.network, network=network))
+    return replace(model, network=replace(model.network, network=network))
 
 
 def _pack_anchored(model: AnchoredModel, header: dict[str, Any], arrays: dict[str, Array]) -> None:
@@ -198,7 +180,7 @@ def _pack_anchored(model: AnchoredModel, header: dict[str, Any], arrays: dict[st
         "reference/Q": model.linear[:, 9].reshape(3, 3),
         "network/output_scale": model.output_scale,
     }
-    _pack_network(model.network.as_numpy, header, arrays)
+    parts.pack_network(model.network.as_numpy, header, arrays)
 
 
 def _unpack_anchored(
@@ -212,7 +194,7 @@ def _unpack_anchored(
         np.concatenate([M, Q], axis=1),
         components,
         arrays["network/output_scale"].reshape(len(components)),
-        _unpack_network(header, arrays, len(sampled.inputs), len(components)),
+        parts.unpack_network(header, arrays, len(sampled.inputs), len(components)),
         sampled,
     )
 
@@ -239,7 +221,7 @@ def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[
         part = model.network
         header["network_terms"] = part.terms.name
         parts.pack_terms(part.terms, "network/terms", arrays)
-        _pack_network(part.network.as_numpy, header, arrays)
+        parts.pack_network(part.network.as_numpy, header, arrays)
 
 
 def _unpack_potential(
@@ -261,7 +243,7 @@ def _unpack_potential(
     part = None
     if header["network"]:
         own = parts.unpack_terms(header["network_terms"], "network/terms", arrays)
-        part = NetworkPart(_unpack_network(header, arrays, len(own.weights), 1), own)
+        part = NetworkPart(parts.unpack_network(header, arrays, len(own.weights), 1), own)
     mean_grad = parts.unpack_polynomial(arrays, "mean_grad", len(box.active), 9)
     coarse, fine = polynomials.get("polynomial"), polynomials.get("refinement")
     return PotentialModel(rest, terms, coarse, part, mean_grad, box.active, sampled, box, fine)

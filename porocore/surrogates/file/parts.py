@@ -1,4 +1,4 @@
-"""Parts of models in a file: polynomials, terms, hulls and boxes of the training states.
+"""Parts of models in a file: polynomials, terms, networks, hulls and boxes of the training states.
 
 Functions of this folder that unpack raise a KeyError, TypeError or ValueError where something is missing or does not
 fit together; :func:`porocore.surrogates.file.file.read` makes one message of it.
@@ -13,6 +13,7 @@ import numpy as np
 from porocore.core.inputs.input_space import InputSpace
 from porocore.core.inputs.sampled_range import SampledRange
 from porocore.states import Array
+from porocore.surrogates.network.network import Network
 from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import VARIABLES, Terms, plain
 from porocore.surrogates.potential.training_box import TrainingBox
@@ -93,3 +94,29 @@ def unpack_box(header: dict[str, Any], arrays: dict[str, Array], folder: str = "
     return TrainingBox(
         active, *(arrays[f"{folder}reach/{end}"].reshape(len(active)) for end in ("low", "high"))
     )
+
+
+def pack_network(
+    network: Network, header: dict[str, Any], arrays: dict[str, Array], name: str = "network"
+) -> None:
+    """Add a network to the arrays of a file, under a name, and to the header or a part of it."""
+    header["activation"], header["layers"] = network.activation, len(network.weights)
+    for i, (W, b) in enumerate(zip(network.weights, network.biases, strict=True)):
+        arrays |= {f"{name}/{i}/weights": W, f"{name}/{i}/biases": b}
+
+
+def unpack_network(
+    header: dict[str, Any], arrays: dict[str, Array], inputs: int, outputs: int, name: str = "network"
+) -> Network:
+    """Return the network of that name, with so many inputs and outputs."""
+    layers = range(int(header["layers"]))
+    network = Network(
+        header["activation"],
+        tuple(arrays[f"{name}/{i}/weights"] for i in layers),
+        tuple(arrays[f"{name}/{i}/biases"] for i in layers),
+    )
+    if network.weights and (network.weights[0].shape[1], len(network.weights[-1])) != (inputs, outputs):
+        raise ValueError(f"expected a network of {inputs} inputs and {outputs} outputs")
+    if not network.weights and outputs:
+        raise ValueError("a network without layers")
+    return network

@@ -37,12 +37,15 @@ class Evaluator(ABC):
         """Return the values (n, o) and ∂N_o/∂x_k (d, n, o)."""
 
     @abstractmethod
-    def value_gradient_hessian(self, x: Array) -> Derivatives:
-        """Return value (n,), gradient (d, n) and Hessian (d, d, n) of a network with one output."""
+    def value_gradient_hessian(self, x: Array, factors: Array | None = None) -> Derivatives:
+        """Return value (n,), gradient (d, n) and Hessian (d, d, n) of a network with one output.
 
-    def start(self, x: Array) -> Callable[[], Derivatives]:
+        With ``factors`` (n, o) of the sum of the o outputs, each multiplied by its factor.
+        """
+
+    def start(self, x: Array, factors: Array | None = None) -> Callable[[], Derivatives]:
         """Start the same, in the background if the library can, and return a function that waits for the result."""
-        return partial(self.value_gradient_hessian, x)
+        return partial(self.value_gradient_hessian, x, factors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,10 +104,11 @@ class Network(Evaluator):
             a = a @ W.T + b
         return a, J
 
-    def value_gradient_hessian(self, x: Array) -> Derivatives:
+    def value_gradient_hessian(self, x: Array, factors: Array | None = None) -> Derivatives:
         """Evaluate value, gradient and Hessian.
 
-        With J_l = ∂z_l/∂x and δ_l = ∂N/∂a_l the Hessian is Σ_l J_lᵀ diag(δ_l σ″(z_l)) J_l.
+        With J_l = ∂z_l/∂x and δ_l = ∂N/∂a_l the Hessian is Σ_l J_lᵀ diag(δ_l σ″(z_l)) J_l. Factors of the outputs
+        begin δ.
         """
         n, d = x.shape
         layers: list[tuple[Array, Array, Array]] = []
@@ -120,9 +124,10 @@ class Network(Evaluator):
             layers.append((J, slope, curvature))
             z = a @ W.T + b
         hessian = np.zeros((n, d, d))
-        delta: Array = np.broadcast_to(
-            self.weights[-1], (n, self.weights[-1].shape[1])
-        )  # ∂N/∂a, layer by layer
+        last = self.weights[-1]
+        delta: Array = (  # ∂N/∂a, layer by layer
+            np.broadcast_to(last, (n, last.shape[1])) if factors is None else factors @ last
+        )
         for layer in range(len(layers) - 1, -1, -1):
             J, slope, curvature = layers[layer]
             weight = delta * curvature
@@ -133,7 +138,7 @@ class Network(Evaluator):
                 hessian += (weight @ (W[:, :, None] * W[:, None, :]).reshape(len(W), d * d)).reshape(n, d, d)
             delta = (delta * slope) @ self.weights[layer]
         return (
-            z[:, 0],
+            z[:, 0] if factors is None else (z * factors).sum(axis=1),
             np.ascontiguousarray(delta.T),
             np.ascontiguousarray(hessian.reshape(n, d * d).T).reshape(d, d, n),
         )

@@ -163,8 +163,18 @@ def train(
 ) -> Network:
     """Return the network after L-BFGS; the first weights depend on ``seed`` only, in every library."""
     shapes = [(b, a) for a, b in itertools.pairwise((problem.x.shape[1], *hidden, 1))]
-    theta = _first_weights(shapes, activation, seed)
     function = autodiff.compile(problem.loss(autodiff.xp, shapes, activation), problem.constants())
+    theta = minimised(function, first_weights(shapes, activation, seed), iterations, on_progress)
+    return layered_network(theta, shapes, activation)
+
+
+def minimised(
+    function: Callable[[Array], tuple[float, Array]],
+    theta: Array,
+    iterations: int,
+    on_progress: OnProgress | None = None,
+) -> Array:
+    """Return the parameters after L-BFGS on a loss and its gradient, from ``theta`` on."""
     done = 0
 
     def report(state: Any) -> None:
@@ -193,7 +203,8 @@ def train(
         loss = unit * float(found.fun)
         ended = _ending(int(found.status), done, iterations)
         on_progress(TrainingProgress(done, iterations, loss, unit="iterations", ended=ended))
-    return layered_network(found.x, shapes, activation)
+    theta = found.x
+    return theta
 
 
 def _ending(status: int, done: int, iterations: int) -> str:
@@ -205,7 +216,7 @@ def _ending(status: int, done: int, iterations: int) -> str:
     return "stopped where no step lowers the loss"
 
 
-def _first_weights(shapes: list[tuple[int, int]], activation: str, seed: int) -> Array:
+def first_weights(shapes: list[tuple[int, int]], activation: str, seed: int) -> Array:
     """Return normal weights that keep the size of the signal (Glorot & Bengio 2010); biases uniform in ± ½."""
     random = np.random.default_rng(seed)
     gain = 4.0 if activation == "sigmoid" else 1.0

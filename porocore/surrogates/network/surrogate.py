@@ -10,10 +10,12 @@ from porocore.core.inputs.sampled_range import SampledRange
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import OnProgress, TrainingSet
 from porocore.surrogates.error_estimate.models import with_mean_gradient_error, with_potential_error
+from porocore.surrogates.family.error import with_family_error
 from porocore.surrogates.file.file import Model
 from porocore.surrogates.mean_gradient.data import ScaledData
 from porocore.surrogates.mean_gradient.model import AnchoredModel
 from porocore.surrogates.network.adam import AutodiffTraining, MlpTraining
+from porocore.surrogates.network.family_training import train_family
 from porocore.surrogates.network.network import Network
 from porocore.surrogates.network.options import MlpOptions, PotentialOptions
 from porocore.surrogates.network.sobolev import Autodiff
@@ -31,7 +33,9 @@ class NetworkSurrogate(ModelSurrogate):
     sampled enters through M only, and a state that moves such a component is flagged as ``outside_training_range``.
 
     ``potential`` is a network for W(ln U, p), trained with L-BFGS on W and its first derivatives; stress, fluid volume
-    and all tangents are its derivatives (:class:`porocore.surrogates.potential.model.PotentialModel`).
+    and all tangents are its derivatives (:class:`porocore.surrogates.potential.model.PotentialModel`). It learns cells
+    with parameters too: W(ln U, p; θ), exact at rest for every θ
+    (:class:`porocore.surrogates.family.model.FamilyModel`).
 
     Parameters
     ----------
@@ -49,6 +53,7 @@ class NetworkSurrogate(ModelSurrogate):
 
     def __init__(self, *, model: str | None = None, **options: Any) -> None:
         super().__init__(model=model, **options)
+        self.learns_parameters = self.model == "potential"
         kind = MlpOptions if self.model == "mlp" else PotentialOptions
         self.options: Any = kind.parse(options, self.backend)
         self.settings = self.options.model_dump(mode="json")
@@ -88,13 +93,18 @@ class NetworkSurrogate(ModelSurrogate):
             Called from time to time. The losses of ``mlp`` are mean squares of the scaled outputs: 1 is the linear
             limit.
         """
-        if data.inputs.parameters:
+        if not self.learns_parameters and data.inputs.parameters:
             raise ConfigurationError(
-                f"surrogate.backend: {self.backend} does not learn cells with parameters "
-                f"({', '.join(data.inputs.parameters)}) yet; choose polynomial, or give one number for each range"
+                f"surrogate.model: {self.model} of the {self.backend} surrogate learns no cells with parameters "
+                f"({', '.join(data.inputs.parameters)}); choose potential, or give one number for each range"
             )
         if self.model == "potential":
             autodiff = self.autodiff()
+            if data.inputs.parameters:
+                family, known, errors = train_family(
+                    data, self.options, seed, autodiff, self.evaluator, on_progress
+                )
+                return with_family_error(family, known, data.tolerance), errors
             model, errors = train_potential(data, self.options, seed, autodiff, self.evaluator, on_progress)
             return with_potential_error(model, data), errors
         scaled = ScaledData.from_training_set(data)

@@ -12,6 +12,7 @@ from porocore.states import Array
 from porocore.surrogates.network.network import Derivatives
 from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import VARIABLES, Terms
+from porocore.surrogates.polynomial.varying import BoundPolynomial
 
 
 class TermDerivatives:
@@ -66,7 +67,7 @@ class TermSum:
     """
 
     terms: Terms
-    polynomial: Polynomial
+    polynomial: Polynomial | BoundPolynomial
     part: FunctionOfTerms | None = None
     rows: tuple[int, ...] = ()
 

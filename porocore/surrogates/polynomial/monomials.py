@@ -64,7 +64,7 @@ class Polynomial:
 
     def evaluate(self, t: Array) -> Array:
         """Return values (o, n) at t (v, n)."""
-        values: Array = self._rows[0] @ self._monomials(t)
+        values: Array = self._rows[0] @ self.basis_at(t)
         return values
 
     def derivatives(self, t: Array, *, second: bool = True) -> tuple[Array, Array, Array | None]:
@@ -96,7 +96,7 @@ class Polynomial:
         buffer = np.empty((value.shape[1], min(block, n)))
         for start in range(0, n, block):
             columns = slice(start, min(start + block, n))
-            monomials = self._monomials(t[:, columns], buffer)
+            monomials = self.basis_at(t[:, columns], buffer)
             np.matmul(value[used], monomials, out=out[:outputs, columns])
             at = outputs
             for rows in (by_one, by_two) if second else (by_one,):
@@ -128,6 +128,11 @@ class Polynomial:
         order = sorted(seen, key=lambda e: (sum(e), e))
         return order, {e: i for i, e in enumerate(order)}
 
+    @property
+    def basis(self) -> dict[tuple[int, ...], int]:
+        """Numbers of the monomials and all their divisors by exponents, ascending in degree."""
+        return self._basis[1]
+
     @cached_property
     def _steps(self) -> list[tuple[slice, slice | IntArray, int]]:
         """Rows of the basis as products of other rows with a variable; slices where no monomial is missing."""
@@ -144,8 +149,8 @@ class Polynomial:
             steps.append((slice(rows[0], rows[-1] + 1), source, a))
         return steps
 
-    def _monomials(self, t: Array, buffer: Array | None = None) -> Array:
-        """Return the basis at t (v, n), (size, n)."""
+    def basis_at(self, t: Array, buffer: Array | None = None) -> Array:
+        """Return the monomials and their divisors at t (v, n), (size, n); see :attr:`basis`."""
         size, n = len(self._basis[0]), t.shape[1]
         out = np.empty((size, n)) if buffer is None else buffer[:, :n]
         out[:1] = 1.0

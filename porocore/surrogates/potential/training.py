@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from porocore.core.tensors.point_group import CUBIC
+from porocore.core.tensors.point_group import CUBIC, PointGroup
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import OnProgress, TrainingSet
 from porocore.surrogates.network.network import Evaluator, Network
@@ -25,13 +25,35 @@ from porocore.surrogates.potential.model import NetworkPart, PotentialModel
 from porocore.surrogates.symmetry import stabiliser
 
 
-def coordinates_for(data: PotentialData) -> Terms:
-    """Return the inputs of a network: combinations of the sampled variables with the symmetry of the cell."""
-    terms = terms_for(data)
+def coordinates_for(
+    terms: Terms, group: PointGroup, active: tuple[int, ...], options: PotentialOptions
+) -> Terms:
+    """Return the inputs of a network: combinations of the sampled variables with the symmetry of the cell.
+
+    Parameters
+    ----------
+    terms
+        Those of polynomials for the same data.
+    group, active
+        Symmetry of the cell, and the variables that states move.
+    options
+        Their ``symmetry`` may ask for the variables as they are.
+
+    Raises
+    ------
+    ConfigurationError
+        Cubic symmetry is asked for and the cell has none.
+    """
+    if options.symmetry == "cubic" and group != CUBIC:
+        raise ConfigurationError(
+            f"surrogate.options.symmetry: this cell is not cubic, its group is {group.name}; choose auto or none"
+        )
+    variables = plain(active)
+    if options.symmetry == "none":
+        return variables
     if terms.name == "plain":
-        terms = invariant(stabiliser(data.rest.symmetry, data.active), data.active)
+        terms = invariant(stabiliser(group, active), active)
     found = terms.subset(tuple(k for k in range(len(terms.weights)) if k not in terms.once))
-    variables = plain(data.active)
     return found if variables.rows_of(found) is None else variables
 
 
@@ -53,13 +75,8 @@ def train_potential(
         Cubic symmetry is asked for and the cell has none.
     """
     data = PotentialData.from_training_set(training)
-    if options.symmetry == "cubic" and data.rest.symmetry != CUBIC:
-        raise ConfigurationError(
-            f"surrogate.options.symmetry: this cell is not cubic, its group is {data.rest.symmetry.name}; choose auto "
-            "or none"
-        )
-    coordinates = plain(data.active) if options.symmetry == "none" else coordinates_for(data)
     terms, polynomial = terms_for(data), None
+    coordinates = coordinates_for(terms, data.rest.symmetry, data.active, options)
     # A network of the sampled variables cannot describe stresses across them.
     anchor = terms if options.anchor == "polynomial" else terms.across()
     if options.anchor == "polynomial" or terms.once:

@@ -41,7 +41,7 @@ class Parameters(Fitting):
     def of_family(cls) -> Surrogate:
         """The surrogate of the family; the law is skipped where it learns none."""
         surrogate = cls.make_surrogate()
-        cls.needs(type(surrogate).learns_parameters, "this surrogate learns no cells with parameters")
+        cls.needs(surrogate.learns_parameters, "this surrogate learns no cells with parameters")
         return surrogate.fit(cls.family_data(), seed=cls.seed)
 
     def test_a_cell_with_parameters_is_learned(self, of_family: Surrogate) -> None:

@@ -1,0 +1,243 @@
+"""Regression of the network of a family's potential: values, first and second derivatives by y and θ̂.
+
+As in :mod:`porocore.surrogates.network.sobolev` the loss is written once, in operations that torch and jax.numpy share.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from porocore.states import Array
+from porocore.surrogates.family.regression import JointData
+from porocore.surrogates.network.network import Network
+from porocore.surrogates.network.sobolev import Loss, activate, first_weights, layered_network, unpack_layers
+from porocore.surrogates.polynomial.terms import Terms
+from porocore.surrogates.potential.model import low_orders
+
+#: Layers of a network: arrays of weights and biases of the library.
+Layers = list[tuple[Any, Any]]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Shapes of both networks: (width, width before) of each layer.
+
+    Attributes
+    ----------
+    network
+        From the terms to o outputs, the widths of ``hidden`` between.
+    factors
+        From θ̂ to as many, with one hidden layer.
+    activation
+        σ of all hidden layers.
+    """
+
+    network: list[tuple[int, int]]
+    factors: list[tuple[int, int]]
+    activation: str
+
+    @classmethod
+    def from_widths(cls, terms: int, coordinates: int, hidden: tuple[int, ...], activation: str) -> Layout:
+        """Return the layout of k terms and l coordinates; there are as many outputs as units in the last layer."""
+        o = hidden[-1]
+        network = [(b, a) for a, b in itertools.pairwise((terms, *hidden, o))]
+        return cls(network, [(o, coordinates), (o, o)], activation)
+
+    def first_weights(self, seed: int) -> Array:
+        """Return random weights and biases of both as one vector."""
+        return np.concatenate(
+            [
+                first_weights(shapes, self.activation, seed + i)
+                for i, shapes in enumerate((self.network, self.factors))
+            ]
+        )
+
+    def parts(self, theta: Any) -> tuple[Any, Any]:
+        """Return the weights of both."""
+        end = sum(rows * (columns + 1) for rows, columns in self.network)
+        return theta[:end], theta[end:]
+
+
+@dataclass(frozen=True, eq=False)
+class FamilyProblem:
+    """Regression of R(y, θ̂) at n states.
+
+    Attributes
+    ----------
+    terms
+        t, those that some state moves.
+    middle, half : (k,)
+        Middle and half width of their ranges.
+    scale
+        Unit of R.
+    x : (n, k), rest : (1, k)
+        Scaled terms (t − middle)/half of the states, and at rest.
+    coordinates : (n, l)
+        θ̂.
+    jacobian : (n, d, k), curvature : (k, d, d, n)
+        Derivatives of x by the d variables y by which some term changes.
+    targets, weights
+        Values and derivatives of R, divided by the scale, by the name of their kind as in :class:`JointData`, and
+        1/variance of each; 0 where one is not known or does not count.
+    """
+
+    terms: Terms
+    middle: Array
+    half: Array
+    scale: float
+    x: Array
+    rest: Array
+    coordinates: Array
+    jacobian: Array
+    curvature: Array
+    targets: dict[str, Array]
+    weights: dict[str, Array]
+
+    @classmethod
+    def from_data(
+        cls, data: JointData, divisors: dict[str, Array], terms: Terms, active: tuple[int, ...]
+    ) -> FamilyProblem:
+        """Return the problem of one function.
+
+        Parameters
+        ----------
+        data
+            R and its derivatives.
+        divisors
+            Spread of each kind of equation, (1, …), as of
+            :func:`porocore.surrogates.family.regression.equation_scales`.
+        terms
+            Of which those that no state moves are left out.
+        active
+            Variables that states move.
+        """
+        y = np.zeros_like(data.y)
+        y[list(active)] = data.y[list(active)]
+        kept = np.flatnonzero(np.ptp(terms.polynomial.evaluate(y), axis=1))
+        terms = terms.subset(tuple(int(k) for k in kept))
+        t, jacobian, curvature = terms.polynomial.derivatives(y)
+        assert curvature is not None
+        low, high = t.min(axis=1), t.max(axis=1)
+        middle, half = (low + high) / 2, (high - low) / 2
+        # Combinations of variables have gradients by those too that no state moves.
+        moving = np.flatnonzero(jacobian.any(axis=(0, 2)))
+        scale = float(np.sqrt((data.value[0] ** 2).mean())) or 1.0
+        places: dict[str, Any] = {
+            "value": (), "by_y": (moving,), "by_x": (slice(None),),
+            "by_yy": np.ix_(moving, moving), "by_yx": (moving,),
+        }  # fmt: skip
+        targets, weights = {}, {}
+        for kind, divisor in divisors.items():
+            targets[kind] = np.nan_to_num(getattr(data, kind)[0][places[kind]]) / scale
+            weights[kind] = (scale / divisor[0][places[kind]]) ** 2
+        return cls(
+            terms,
+            middle,
+            half,
+            scale,
+            ((t - middle[:, None]) / half[:, None]).T,
+            -(middle / half)[None],
+            data.x.T.copy(),
+            np.ascontiguousarray((jacobian[:, moving] / half[:, None, None]).T),
+            curvature[:, moving][:, :, moving] / half[:, None, None, None],
+            targets,
+            weights,
+        )
+
+    def constants(self) -> dict[str, Array]:
+        """Return the arrays of the loss."""
+        first, second = low_orders(self.terms)
+        names = ("x", "rest", "coordinates", "jacobian", "curvature")
+        found = {name: getattr(self, name) for name in names} | {"first": first, "second": second}
+        found |= {f"target_{kind}": target for kind, target in self.targets.items()}
+        return found | {f"weight_{kind}": np.asarray(weight) for kind, weight in self.weights.items()}
+
+    def loss(self, xp: Any, layout: Layout) -> Loss:
+        """Return the loss: the weighted mean squares of the errors of all kinds."""
+        kinds = tuple(self.targets)
+
+        def evaluate(theta: Any, constants: Any) -> Any:
+            total = 0.0
+            for kind, found in _derivatives(xp, layout, theta, constants, kinds).items():
+                squares = (found - constants[f"target_{kind}"]) ** 2
+                total = total + (squares.mean(-1) * constants[f"weight_{kind}"]).sum()
+            return total
+
+        return evaluate
+
+    def networks(self, theta: Array, layout: Layout) -> tuple[Network, Network]:
+        """Return the network as a function of t, in units of R, and that of the factors."""
+        own, factors = layout.parts(theta)
+        network = layered_network(own, layout.network, layout.activation)
+        first, *others = network.weights
+        weights, biases = [first / self.half, *others], list(network.biases)
+        biases[0] = biases[0] - weights[0] @ self.middle
+        scaled = Network(
+            network.activation,
+            (*weights[:-1], weights[-1] * self.scale),
+            (*biases[:-1], biases[-1] * self.scale),
+        )
+        return scaled, layered_network(factors, layout.factors, layout.activation)
+
+
+def _derivatives(xp: Any, layout: Layout, theta: Any, c: Any, kinds: tuple[str, ...]) -> dict[str, Any]:
+    """Return R and its derivatives of some kinds, the states last."""
+    own, other = layout.parts(theta)
+    layers = unpack_layers(own, layout.network)
+    f, J, hidden = _forward(layers, layout.activation, c["x"], xp)
+    factors, by_x, _ = _forward(unpack_layers(other, layout.factors), layout.activation, c["coordinates"], xp)
+    v0, g0, h0 = _at_rest(layers, layout.activation, c, xp)
+    away = c["x"] - c["rest"]
+    h0_away = (away @ h0.reshape(-1, h0.shape[2]).T).reshape(J.shape)
+    f = f - v0 - away @ g0.T - (h0_away @ away[:, :, None])[:, :, 0] / 2
+    J = J - g0 - h0_away
+    slope = (factors[:, None] @ J)[:, 0]
+    found = {"value": (factors * f).sum(1)}
+    if "by_y" in kinds:
+        found["by_y"] = (c["jacobian"] @ slope[:, :, None])[:, :, 0].T
+    if "by_x" in kinds:
+        found["by_x"] = (f[:, None] @ by_x)[:, 0].T
+    if "by_yx" in kinds:
+        found["by_yx"] = xp.einsum("ndk,nkl->dln", c["jacobian"], J.swapaxes(1, 2) @ by_x)
+    if "by_yy" in kinds:
+        H = _hessian(layers, hidden, factors) - (factors @ h0.reshape(h0.shape[0], -1)).reshape(
+            slope.shape + slope.shape[1:]
+        )
+        curved = c["jacobian"] @ H @ c["jacobian"].swapaxes(1, 2)
+        found["by_yy"] = xp.einsum("nde->den", curved) + xp.einsum("nk,kden->den", slope, c["curvature"])
+    return found
+
+
+def _at_rest(layers: Layers, activation: str, c: Any, xp: Any) -> tuple[Any, Any, Any]:
+    """Return values (o,), gradients (o, k) and Hessians (o, k, k) at rest, as far as they count up to order 2 in y."""
+    f, J, hidden = _forward(layers, activation, c["rest"], xp)
+    h0 = _hessian(layers, hidden, None)
+    return f[0], J[0] * c["first"], h0 * c["second"]
+
+
+def _forward(layers: Layers, activation: str, x: Any, xp: Any) -> tuple[Any, Any, list[tuple[Any, Any, Any]]]:
+    """Return values (m, o), gradients (m, o, d), and for each hidden layer ∂z/∂x (m, w, d), σ′ and σ″."""
+    W, b = layers[0]
+    z, J = x @ W.T + b, W[None]
+    hidden = []
+    for W, b in layers[1:]:
+        a, slope, curvature = activate(xp, activation, z)
+        hidden.append((J, slope, curvature))
+        J = W @ (slope[:, :, None] * J)
+        z = a @ W.T + b
+    return z, J, hidden
+
+
+def _hessian(layers: Layers, hidden: list[tuple[Any, Any, Any]], factors: Any) -> Any:
+    """Return the Hessians (m, d, d) of the sums of the outputs with factors (m, o); None: of each output."""
+    delta = layers[-1][0] if factors is None else factors @ layers[-1][0]
+    found: Any = 0.0
+    for (W, _), (J, slope, curvature) in zip(reversed(layers[:-1]), reversed(hidden), strict=True):
+        # At rest the layers have one row, and δ one for each output; J of the first layer has one.
+        found = found + ((delta * curvature)[:, :, None] * J).swapaxes(1, 2) @ J
+        delta = (delta * slope) @ W
+    return found
