@@ -86,7 +86,9 @@ class FamilyModel:
         part = None if self.network is None else self.network.at(x)
         whole = self._whole
         _add(whole, None if whole is None else whole.by_terms.at(x), part, y, found)
-        beyond = self.training_box.beyond(y) if self.fine is not None or part is not None else ()
+        if self.fine is None and part is None:
+            return found
+        beyond = self.training_box.beyond(y)
         if len(beyond):
             (value, gradient, hessian), there = found, _zeros(len(beyond))
             z, first, second = self.training_box.saturated(y[:, beyond])
