@@ -101,7 +101,7 @@ def check(kind: Kind, config: RunConfig) -> None:
     if kind == "sampler":
         require_states(config, backend.expected)
     if kind == "surrogate":
-        require_learner(type(backend), config.surrogate.backend, config.cell)
+        require_learner(backend, config.surrogate.backend, config.cell)
         _check_responses(backend, config)
     if kind == "macro solver":
         problem = config.macro.problem(config.macro.loads[0])

@@ -9,10 +9,19 @@ from kit_runs import Outcomes, run_pytest
 from partial import cells, column, kernel
 from partial.cells import SolidCellSolver
 from partial.column import ColumnMacroSolver
+from partial.kernel import KernelSurrogate
 
+from porocore.cell.cell import Cell
 from porocore.errors import ConfigurationError
 from porocore.macro.problem import MacroProblem
-from porocore.study.preflight.abilities import lacking, require_conductivity, require_parts
+from porocore.states import MacroState
+from porocore.study.preflight.abilities import (
+    lacking,
+    require_conductivity,
+    require_learner,
+    require_parts,
+)
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.testing.suite import laws_of
 from porocore.testing.synthetic.response import confined_column
 
@@ -102,6 +111,18 @@ def test_what_a_study_needs_and_the_solver_does_not_offer_is_refused():
     ):
         with pytest.raises(ConfigurationError, match=words):
             require_parts(ColumnMacroSolver, "fv", problem)
+
+
+def test_a_family_needs_a_surrogate_that_learns_parameters():
+    family = Cell(geometry={"radius": {"range": [0.2, 0.25]}})
+    with pytest.raises(
+        ConfigurationError, match=r"'kernels' learns no cells with parameters, but cell\.geometry\.radius"
+    ):
+        require_learner(KernelSurrogate(), "kernels", family)
+    require_learner(KernelSurrogate(), "kernels", Cell())
+    require_learner(PolynomialSurrogate(), "polynomial", family)
+    with pytest.raises(ConfigurationError, match="gives no derivatives by parameters of the cell"):
+        KernelSurrogate().slopes(MacroState.zeros(1))
 
 
 def test_a_study_needs_the_conductivity_that_it_names():

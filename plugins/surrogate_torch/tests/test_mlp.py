@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 import torch
 
-from porocore import ConfigurationError, DataError, MacroState, RunFolderError
+from porocore import Cell, ConfigurationError, DataError, MacroState, RunFolderError
+from porocore.study.preflight.abilities import require_learner
 from porocore.surrogates.file.archive import read_archive
 from porocore.surrogates.mean_gradient.data import ScaledData
 from porocore.surrogates.mean_gradient.model import AnchoredModel
@@ -23,6 +24,7 @@ from porocore.surrogates.network.training_state import FORMAT as TRAINING_FORMAT
 from porocore.surrogates.network.training_state import TrainingState
 from porocore.testing.surrogate_laws.base import synthetic_training_set
 from porocore.testing.synthetic.cell import INPUTS
+from porocore.testing.synthetic.porous_family import porous_training_set
 from porocore_surrogate_torch import hooks, training
 from porocore_surrogate_torch.surrogate import TorchSurrogate
 
@@ -303,6 +305,20 @@ def test_its_adam_is_that_of_torch_to_the_last_bit(data):
     moments = adam.state[theta]
     assert np.array_equal(state.moment, moments["exp_avg"].numpy())
     assert np.array_equal(state.square, moments["exp_avg_sq"].numpy())
+
+
+def test_a_cell_with_parameters_is_refused_by_name():
+    """The potential of the same library learns it."""
+    with pytest.raises(
+        ConfigurationError, match=r"surrogate\.model: mlp .* \(radius, poisson_ratio\); choose potential"
+    ):
+        TorchSurrogate().fit(porous_training_set(4), seed=0)
+    family = Cell(geometry={"radius": {"range": [0.2, 0.25]}})
+    with pytest.raises(
+        ConfigurationError, match=r"surrogate\.model: mlp of 'torch' learns no .*cell\.geometry\.radius"
+    ):
+        require_learner(TorchSurrogate(), "torch", family)
+    require_learner(TorchSurrogate(model="potential"), "torch", family)
 
 
 def test_a_training_does_not_wait_for_the_compiler_of_torch():

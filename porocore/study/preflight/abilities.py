@@ -95,13 +95,13 @@ def require_without_swelling(cell: Cell) -> None:
             )
 
 
-def require_learner(surrogate: type[Surrogate], name: str, cell: Cell) -> None:
+def require_learner(surrogate: Surrogate, name: str, cell: Cell) -> None:
     """Refuse a surrogate that cannot learn a cell with parameters.
 
     Parameters
     ----------
     surrogate, name
-        Class and name of the surrogate.
+        The surrogate, and its name.
     cell
         The cell.
 
@@ -112,9 +112,15 @@ def require_learner(surrogate: type[Surrogate], name: str, cell: Cell) -> None:
     """
     if surrogate.learns_parameters or not cell.is_family:
         return
+    key, model = cell.parameters[0].key, surrogate.model
+    if len(type(surrogate).models) > 1:
+        raise ConfigurationError(
+            f"surrogate.model: {model} of '{name}' learns no cells with parameters, but {key} is a range; set "
+            "surrogate.model: potential, or give one number"
+        )
     raise ConfigurationError(
-        f"surrogate.backend: '{name}' learns no cells with parameters, but {cell.parameters[0].key} is a range; choose "
-        "one that does, such as --surrogate polynomial, or give one number"
+        f"surrogate.backend: '{name}' learns no cells with parameters, but {key} is a range; choose one that does, "
+        "such as --surrogate polynomial, or give one number"
     )
 
 
