@@ -73,10 +73,8 @@ class RestValues:
         """Return the values of some points, which may be repeated."""
         names = ("x", "porosity", "value", "gradient", "matrix", "mean_value", "mean", "scale")
         found = {name: getattr(self, name)[..., rows] for name in names}
-        K = self.log_conductivity
-        K = K[rows] if K.ndim == 3 else K[:, rows]
-        slopes = None if self.slopes is None else self.slopes.take(rows)
-        return RestValues(**found, log_conductivity=K, slopes=slopes)
+        K, slopes = self.log_conductivity, None if self.slopes is None else self.slopes.take(rows)
+        return RestValues(**found, log_conductivity=K[rows] if K.ndim == 3 else K[:, rows], slopes=slopes)
 
 
 @dataclass(frozen=True, eq=False)
