@@ -12,7 +12,8 @@ import numpy.typing as npt
 from porocore.core.hdf5 import Contents, atomic_hdf5, opened
 from porocore.core.hdf5.contents import numbered
 from porocore.errors import DataError
-from porocore.states import Array
+from porocore.interfaces.element_cells import ElementCells
+from porocore.states import Array, MacroState
 
 #: Fields of a solution that map names to values against time, with the shape of one value.
 SERIES: dict[str, tuple[int, ...]] = {
@@ -158,6 +159,8 @@ class MacroSolution:
         Solver of the linear systems and the reason for it, in one line, where they are known.
     copies
         Parts like the mesh in the whole specimen that forces and volumes are those of.
+    element_cells
+        Regions, parameters and material axes of the elements; None for a body of one cell without parameters.
     """
 
     law: str
@@ -174,11 +177,18 @@ class MacroSolution:
     work: Mapping[str, Array] = field(default_factory=dict)
     linear_solver: str = ""
     copies: float = 1.0
+    element_cells: ElementCells | None = None
 
     @property
     def after_rest(self) -> tuple[Profile, ...]:
         """Profiles without that of the state at rest, t = 0."""
         return tuple(profile for profile in self.profiles if profile.time > 0)
+
+    def cell_states(self, profile: int) -> MacroState:
+        """Return the states of the elements at a profile, as their cells see them; see :class:`ElementCells`."""
+        found = self.profiles[profile]
+        states = MacroState(found.grad_u, found.element_p)
+        return states if self.element_cells is None else self.element_cells.given_to(states, profile)
 
     def save(self, path: Path) -> None:
         """Write one HDF5 file, atomically."""
@@ -196,6 +206,8 @@ class MacroSolution:
             for i, profile in enumerate(self.profiles):
                 for f in fields(Profile):
                     file[f"profiles/{i}/{file_name(f.name)}"] = getattr(profile, f.name)
+            if self.element_cells is not None:
+                self.element_cells.save(file)
 
     @classmethod
     def load_file(cls, path: str | Path) -> MacroSolution:
@@ -235,6 +247,7 @@ class MacroSolution:
                 },
                 linear_solver=_text(file, "linear_solver"),
                 copies=file.attribute("copies", float),
+                element_cells=ElementCells.read(file),
             )
 
 

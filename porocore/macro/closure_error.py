@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from porocore.interfaces.law import UndeformedCells
 from porocore.macro.laws import Closure
 from porocore.states import Array, CellResponse, MacroState
 
@@ -31,7 +32,9 @@ class ClosureError:
         return {f"{name}_percent_of_range": value for name, value in vars(self).items()}
 
 
-def closure_error(closure: Closure, states: MacroState, exact: CellResponse) -> ClosureError:
+def closure_error(
+    closure: Closure, states: MacroState, exact: CellResponse, cells: UndeformedCells | None = None
+) -> ClosureError:
     """Compare the closure, given the cell's own responses, with the cell's own stress and fluid volume.
 
     The closure gives a storage *rate*; it is integrated in one step from the undeformed state by the trapezoidal
@@ -44,6 +47,8 @@ def closure_error(closure: Closure, states: MacroState, exact: CellResponse) -> 
         n states that were solved, two different ones at least.
     exact
         Their responses, with stress and fluid volume.
+    cells
+        Undeformed cell of each state; None: that of the closure.
 
     Raises
     ------
@@ -54,10 +59,14 @@ def closure_error(closure: Closure, states: MacroState, exact: CellResponse) -> 
         raise ValueError("expected responses with stress and fluid volume")
     n, still = len(states), np.zeros((len(states), 3))
     at_rest, rest = MacroState.zeros(n), np.zeros((n, 3, 3))
-    porosity = np.full(n, 1 - closure.solid_fraction)
+    porosity = np.broadcast_to(1 - closure.solid_fraction_of(cells), n)
     at_start = CellResponse(mean_grad=rest, status=exact.status, stress=rest, fluid_volume=porosity)
-    there = closure.respond(states, exact, still, closure.memory(at_rest, at_start), tangent=False)
-    back = closure.respond(at_rest, at_start, still, closure.memory(states, exact), tangent=False)
+    there = closure.respond(
+        states, exact, still, closure.memory(at_rest, at_start), tangent=False, cells=cells
+    )
+    back = closure.respond(
+        at_rest, at_start, still, closure.memory(states, exact), tangent=False, cells=cells
+    )
 
     components = exact.stress.reshape(n, 9)
     spans = np.ptp(components, axis=0)
@@ -65,7 +74,7 @@ def closure_error(closure: Closure, states: MacroState, exact: CellResponse) -> 
         raise ValueError("expected states under different stresses")
     varying = spans > FLAT * spans.max()
     stress_error = (there.stress.reshape(n, 9) - components)[:, varying]
-    taken_up = exact.fluid_volume - (1 - closure.solid_fraction)
+    taken_up = exact.fluid_volume - porosity
     fluid_error = (there.storage - back.storage) / 2 - taken_up
     return ClosureError(
         *_rms_and_largest(stress_error, float(spans.max())),

@@ -14,6 +14,7 @@ from porocore.core.formulas.time_function import TimeFunction
 from porocore.core.units.results import spoken
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.surfaces import Facets
+from porocore.macro.composition.linearised_law import RestCoefficients
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.problem import MacroProblem, MacroSetup, body_mesh
 from porocore.states import Array
@@ -22,12 +23,14 @@ from porocore.states import Array
 SAME = 1e-9
 
 
-def diffusion_time(macro: MacroSetup, coefficients: LinearCoefficients) -> float:
+def diffusion_time(macro: MacroSetup, coefficients: LinearCoefficients | RestCoefficients) -> float:
     """Return the largest h²/(6 c_v) of the elements at surfaces with a prescribed pressure; 0 where there are none.
 
-    h is the height of an element above its facet and c_v that of confined compression along the normal, at rest.
+    h is the height of an element above its facet and c_v that of confined compression along the normal, at rest. The
+    coefficients are those of one cell, or of the elements of the body.
     """
     mesh, largest = body_mesh(macro), 0.0
+    by_element = RestCoefficients.of_elements(coefficients, len(mesh.cells))
     share = 1.0 if mesh.element.shape == "hexahedron" else 3.0
     for name, boundary in macro.boundary.items():
         if boundary.pressure is None:
@@ -38,18 +41,18 @@ def diffusion_time(macro: MacroSetup, coefficients: LinearCoefficients) -> float
         normals = (facets.normals * mesh.element.facet.weights[:, None]).sum(axis=1)
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         height = share * mesh.weights[facets.elements].sum(axis=1) / facets.areas.sum(axis=1)
-        speed = _consolidation(coefficients, normals)
+        speed = _consolidation(by_element[facets.elements], normals)
         open_ones = speed > 0
         largest = max(largest, float((height[open_ones] ** 2 / (6 * speed[open_ones])).max(initial=0.0)))
     return largest
 
 
-def _consolidation(c: LinearCoefficients, normals: Array) -> Array:
+def _consolidation(c: RestCoefficients, normals: Array) -> Array:
     """c_v (n,) = n·Kn/(1/M_B + αn·A⁻¹αn) along normals (n, 3), with the acoustic tensor A_ik = C_ijkl n_j n_l."""
-    acoustic = np.einsum("ijkl,nj,nl->nik", c.stiffness, normals, normals)
-    push = normals @ c.biot
+    acoustic = np.einsum("nijkl,nj,nl->nik", c.stiffness.reshape(-1, 3, 3, 3, 3), normals, normals)
+    push = np.einsum("ni,nij->nj", normals, c.biot.reshape(-1, 3, 3))
     yielding = np.einsum("ni,ni->n", push, np.linalg.solve(acoustic, push[..., None])[..., 0])
-    return np.asarray(np.einsum("ni,ij,nj->n", normals, c.conductivity, normals) / (c.storage + yielding))
+    return np.asarray(np.einsum("ni,nij,nj->n", normals, c.conductivity, normals) / (c.storage + yielding))
 
 
 def unresolved(problem: MacroProblem, limit: float, solution: MacroSolution) -> str | None:

@@ -16,7 +16,9 @@ from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.laws.pull_back import ConductivityLaw
 from porocore.report.loading_mode import LoadingMode
 from porocore.report.metrics import LoadCase
+from porocore.report.words.body_cells import BodyCells
 from porocore.report.words.held_out import OutputCheck
+from porocore.report.words.parameters import FamilySummary
 from porocore.states import Array, IntArray
 
 
@@ -81,6 +83,8 @@ class CellSummary:
         Sentences on the pores, such as how an image was made periodic, and the edges of the cell.
     image_porosity
         Porosity of the image; None where there is none.
+    which
+        Member of a family that it is, such as ``in the middle of the ranges``; empty for a cell without parameters.
     """
 
     description: str
@@ -93,6 +97,7 @@ class CellSummary:
     law: ConductivityLaw = "piola"
     remarks: tuple[str, ...] = ()
     image_porosity: float | None = None
+    which: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,6 +251,8 @@ class ReportContext:
         Scales for which the main results are given in SI units, and units of the study's results.
     loading_mode
         What moves the body.
+    family, body
+        The cell over its parameters, and the cells of a body of many; None: there are none.
     """
 
     title: str
@@ -264,6 +271,8 @@ class ReportContext:
     fallbacks: tuple[AdaptiveSurrogateCost, ...] = ()
     units: ResultUnits = field(default_factory=ResultUnits)
     loading_mode: LoadingMode = field(default_factory=LoadingMode)
+    family: FamilySummary | None = None
+    body: BodyCells | None = None
 
     @property
     def result_units(self) -> dict[str, ResultUnits]:

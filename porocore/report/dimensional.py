@@ -11,6 +11,7 @@ import numpy as np
 from porocore.core.units.results import ResultUnits
 from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.macro.series import all_series
+from porocore.report.context import CellSummary
 from porocore.report.format import measured, number
 from porocore.report.loading_mode import LoadingMode, force_name, reactions
 from porocore.report.metrics import goes_back
@@ -45,7 +46,7 @@ def darcy_flux(profile: Profile) -> Array:
 def dimensional_rows(
     metrics: dict[str, Any],
     solution: MacroSolution,
-    conductivity: Array,
+    cell: CellSummary,
     units: Mapping[str, ResultUnits],
     loading_mode: LoadingMode,
 ) -> list[DimensionalRow]:
@@ -55,8 +56,8 @@ def dimensional_rows(
     ----------
     solution
         The nonlinear one; its profiles give the largest Darcy flux.
-    conductivity
-        K (3, 3) of the undeformed cell.
+    cell
+        Gives K of the undeformed cell.
     loading_mode
         The load times E is listed only where a stress is prescribed as a share of it; forces are listed where a
         surface is moved, settlements where they are a result.
@@ -73,8 +74,12 @@ def dimensional_rows(
         rows += _settlement_rows(found, linear)
     rows += _fluid_rows(found)
     rows += [
-        (f"conductivity {name} of the undeformed cell", "conductivity", value)
-        for name, value in symmetric("K", conductivity, said)
+        (
+            f"conductivity {name} of the undeformed cell{f' {cell.which}' if cell.which else ''}",
+            "conductivity",
+            value,
+        )
+        for name, value in symmetric("K", cell.linear.conductivity, said)
     ]
     for name, force in (reactions(solution) if loading_mode.displaced else {}).items():
         for which in ("peak", "final"):

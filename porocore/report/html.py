@@ -6,15 +6,14 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from matplotlib.figure import Figure
-
 from porocore.core.files.atomic import atomic_path
 from porocore.core.parallel.calls import CallProcesses
 from porocore.core.units.results import ResultUnits, speaking
 from porocore.report import figures
 from porocore.report.context import ReportContext, SamplingSummary, SurrogateSummary
 from porocore.report.dimensional import dimensional_rows
+from porocore.report.figures.fields import body_fields
+from porocore.report.figures.parameters import over_parameters
 from porocore.report.figures.profiles import chosen_times, is_column, profile_at
 from porocore.report.figures.series import Panel, end_of_rise, panels
 from porocore.report.format import plain
@@ -31,6 +30,7 @@ from porocore.report.text import (
     force_sentences,
     whole_words,
 )
+from porocore.report.words.body_cells import region_rows
 from porocore.report.words.cell import cell_rows, conductivity_sentence, linear_rows, mesh_rows
 from porocore.report.words.held_out import (
     few_in_body,
@@ -39,9 +39,10 @@ from porocore.report.words.held_out import (
     worst_percent,
     worst_percent_in_body,
 )
+from porocore.report.words.parameters import parameter_rows
 from porocore.report.words.settlement import case_sentences
 from porocore.report.words.statuses import solved_sentence, solved_shares, visited_sentence, visited_shares
-from porocore.states import Array, MacroState, Status
+from porocore.states import Status
 
 #: Pictures that stand in the page alone.
 EMBEDDED = Pictures()
@@ -84,8 +85,7 @@ def render(context: ReportContext, pictures: Pictures = EMBEDDED) -> str:
 def _rendered(context: ReportContext, pictures: Pictures) -> str:
     template = environment().get_template("template.html.j2")
     metrics = [case_metrics(case) for case in context.cases]
-    published, conductivity = context.published, context.cell.linear.conductivity
-    units, moved = context.result_units, context.loading_mode.displaced
+    published, units, moved = context.published, context.result_units, context.loading_mode.displaced
     benchmark = next((m for m in metrics if published is not None and m["load"] == published.load), None)
     return template.render(
         context=context,
@@ -109,21 +109,17 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
         ],
         benchmark=[] if published is None or benchmark is None else benchmark_rows(published, benchmark),
         dimensional=[
-            dimensional_rows(m, case.nonlinear, conductivity, units, context.loading_mode)
+            dimensional_rows(m, case.nonlinear, context.cell, units, context.loading_mode)
             for m, case in zip(metrics, context.cases, strict=True)
             if units
         ],
         forces=[_forces(case, moved) for case in context.cases if moved],
-        conductivity=[conductivity_sentence(case, context.cell) for case in context.cases],
-        cell_rows=cell_rows(context.cell, published),
-        linear_rows=linear_rows(context.cell),
-        mesh_rows=mesh_rows(context.cell.mesh),
-        cell_picture=_cell_picture(context, pictures),
+        **_cell_parts(context, pictures),
         statuses=_statuses(context.sampling),
         solved=solved_sentence(solved_shares(context.sampling)),
         training_states=int(context.sampling.training.sum()),
         samples=pictures.svg(
-            "samples", _samples_figure(context), "Sampled states by how their solution ended"
+            "samples", figures.samples_of(context), "Sampled states by how their solution ended"
         ),
         surrogates=[
             _surrogate_parts(surrogate, pictures)
@@ -141,6 +137,23 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
         total_seconds=sum(stage.seconds for stage in context.stages),
         saved_seconds=sum(stage.saved for stage in context.stages),
     )
+
+
+def _cell_parts(context: ReportContext, pictures: Pictures) -> dict[str, Any]:
+    """Return what the page shows of the cell, of the cell over its parameters, and of the cells of the body."""
+    cell, family, body = context.cell, context.family, context.body
+    used = {} if body is None else body.used()
+    return {
+        "conductivity": [conductivity_sentence(case, cell, body) for case in context.cases],
+        "cell_rows": cell_rows(cell, context.published),
+        "linear_rows": linear_rows(cell),
+        "mesh_rows": mesh_rows(cell.mesh),
+        "cell_picture": _cell_picture(context, pictures),
+        "parameter_rows": [] if family is None else parameter_rows(family, used, context.units),
+        "over_parameters": [] if family is None else over_parameters(context, family, pictures),
+        "region_table": None if body is None else region_rows(body, context.units),
+        "body_fields": [] if body is None else body_fields(context.cases[0].nonlinear, body, pictures),
+    }
 
 
 def _forces(case: LoadCase, moved: Sequence[str]) -> list[tuple[str, str, dict[str, Any]]]:
@@ -203,30 +216,6 @@ def _statuses(sampling: SamplingSummary) -> list[tuple[str, int, str]]:
         (status.name.replace("_", " "), count, MEANINGS[status])
         for status, count in counts.items()
         if count or status is Status.converged
-    ]
-
-
-def _samples_figure(context: ReportContext) -> Figure:
-    sampling = context.sampling
-    return figures.samples_figure(
-        sampling.inputs,
-        sampling.x,
-        sampling.status,
-        training=sampling.training,
-        visited=[path for case in context.cases for path in _visited(case, sampling)],
-        crease=context.cell.crease,
-        column=is_column(context.cases[0].nonlinear),
-    )
-
-
-def _visited(case: LoadCase, sampling: SamplingSummary) -> list[Array]:
-    """Return the inputs at the elements of each kept profile, upwards."""
-    inputs = sampling.inputs
-    height = case.nonlinear.points[case.nonlinear.cells, 1].mean(axis=1)
-    order = np.argsort(height, kind="stable")
-    return [
-        inputs.gather(inputs.without_rotation(MacroState(profile.grad_u[order], profile.element_p[order])))
-        for profile in case.nonlinear.profiles
     ]
 
 

@@ -10,15 +10,31 @@ from xml.sax.saxutils import quoteattr
 from porocore.core.files.atomic import atomic_path
 from porocore.core.units.results import ResultUnits
 from porocore.errors import RunFolderError
+from porocore.interfaces.element_cells import ElementCells
 from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.states import Array, IntArray
 
 #: Elements by their number of nodes.
 VTK_CELLS = {4: "tetra", 10: "tetra10", 27: "hexahedron27"}
+#: Fields of the elements: name in the file, name in a profile, quantity.
+FIELDS = {
+    "H": ("grad_u", ""),
+    "mean_grad": ("mean_grad", ""),
+    "deformation": ("deformation", ""),
+    "K_t": ("conductivity", "conductivity"),
+    "P_E": ("stress", "stress"),
+    "flux": ("flux", "velocity"),
+    "element_p": ("element_p", "pressure"),
+    "outside": ("outside_training_range", ""),
+}
 
 
 def write_vtu_series(
-    folder: Path, name: str, solution: MacroSolution, units: ResultUnits | None = None
+    folder: Path,
+    name: str,
+    solution: MacroSolution,
+    units: ResultUnits | None = None,
+    quantities: Mapping[str, str] | None = None,
 ) -> Path:
     """Write ``name-000.vtu``, … and ``name.pvd`` into ``folder``, each atomically, the series last.
 
@@ -26,7 +42,8 @@ def write_vtu_series(
     At the nodes: ``u`` and ``p``. In the elements, as means:
     ``H``, ``mean_grad`` (<∇u¹>_s), ``deformation`` (F̄), ``K_t``, ``P_E`` (tensors of 9 components, row
     by row), ``flux`` (Ḡw), ``element_p`` and ``outside``, the share of the element's points at which the
-    cell law was asked beyond its sampled range.
+    cell law was asked beyond its sampled range. Of a body of many cells also the number of the ``region``, each
+    parameter of the cell by its name, and the material axes ``axis_1``, ``axis_2`` and ``axis_3``.
 
     Parameters
     ----------
@@ -38,6 +55,8 @@ def write_vtu_series(
         With at least one profile.
     units
         Of places, times and fields; the name of a field with a unit ends with it, ``u [mm]``. None: dimensionless.
+    quantities
+        Quantity of each parameter that has a unit.
 
     Returns
     -------
@@ -60,7 +79,8 @@ def write_vtu_series(
     entries = []
     for i, profile in enumerate(solution.profiles):
         file = f"{name}-{i:0{digits}d}.vtu"
-        _write_profile(folder / file, solution, profile, units)
+        cells = element_fields(solution.element_cells, i, quantities or {})
+        _write_profile(folder / file, solution, profile, units, cells)
         time = units.value(profile.time, "time")
         entries.append(f'    <DataSet timestep="{time!r}" part="0" file={quoteattr(file)}/>\n')
     series = folder / f"{name}.pvd"
@@ -73,26 +93,37 @@ def write_vtu_series(
     return series
 
 
-def _write_profile(path: Path, solution: MacroSolution, profile: Profile, units: ResultUnits) -> None:
+def element_fields(
+    cells: ElementCells | None, profile: int, quantities: Mapping[str, str]
+) -> dict[str, tuple[Array, str]]:
+    """Return regions, parameters and material axes of the elements at a profile, with their quantities."""
+    if cells is None:
+        return {}
+    found: dict[str, tuple[Array, str]] = {"region": (cells.region, "")} if cells.regions else {}
+    for name in cells.parameters:
+        key = f"parameter {name}" if name in (*FIELDS, *found) else name
+        found[key] = cells.field(name, profile), quantities.get(name, "")
+    axes = cells.axes_at(profile)
+    return found | {f"axis_{k + 1}": (axes[:, :, k], "") for k in range(3) if axes is not None}
+
+
+def _write_profile(
+    path: Path,
+    solution: MacroSolution,
+    profile: Profile,
+    units: ResultUnits,
+    cells: Mapping[str, tuple[Array, str]],
+) -> None:
     def named(fields: Mapping[str, tuple[Array, str]]) -> dict[str, Array]:
         return {
-            units.titled(name, quantity): values * units.factor(quantity)
+            units.titled(name, quantity): values * units.factor(quantity) if quantity else values
             for name, (values, quantity) in fields.items()
         }
 
-    in_elements = {
-        "H": (profile.grad_u, ""),
-        "mean_grad": (profile.mean_grad, ""),
-        "deformation": (profile.deformation, ""),
-        "K_t": (profile.conductivity, "conductivity"),
-        "P_E": (profile.stress, "stress"),
-        "flux": (profile.flux, "velocity"),
-        "element_p": (profile.element_p, "pressure"),
-        "outside": (profile.outside_training_range, ""),
-    }
+    in_elements = {name: (getattr(profile, field), quantity) for name, (field, quantity) in FIELDS.items()}
     at_nodes = {"u": (profile.u, "displacement"), "p": (profile.p, "pressure")}
     points = solution.points * units.factor("displacement")
-    write_vtu(path, points, solution.cells, named(at_nodes), named(in_elements))
+    write_vtu(path, points, solution.cells, named(at_nodes), named(in_elements | dict(cells)))
 
 
 def write_vtu(

@@ -22,7 +22,7 @@ from porocore.report.html import render
 from porocore.report.metrics import LoadCase
 from porocore.report.words.held_out import OutputCheck
 from porocore.states import CellResponse, CellTangent, Status
-from porocore.study.publication import DEHGHANI_ZILIAN
+from porocore.study.findings.publication import DEHGHANI_ZILIAN
 
 
 def reference() -> CellResponse:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from porocore.core.inputs.input_space import InputSpace
-from porocore.study.stages.summary import output_checks
+from porocore.study.findings.held_out import output_checks
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.testing.synthetic.potential_cell import potential_training_set
 

@@ -12,7 +12,7 @@ from porocore.core.inputs.sampled_range import SampledRange
 from porocore.core.tensors.point_group import TRIVIAL
 from porocore.macro.body.kinds import Box
 from porocore.states import MacroState
-from porocore.study.reach import flagged_place
+from porocore.study.findings.reach import flagged_place
 from porocore.surrogates.error_estimate.models import with_mean_gradient_error
 from porocore.surrogates.mean_gradient.data import ScaledData
 from porocore.surrogates.mean_gradient.model import AnchoredModel

@@ -17,7 +17,7 @@ from porocore.cell.meshing.quadrature import tetrahedron_rule
 from porocore.errors import ConfigurationError
 from porocore.macro.reference import CellReference
 from porocore.study.config.loading import load_config
-from porocore.study.publication import published_values
+from porocore.study.findings.publication import published_values
 from porocore.study.stages.reference import solve_cell
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "dehghani2022.yaml"

@@ -97,6 +97,22 @@ def possible_parameters(cell: Family) -> dict[Location, str]:
     return {path: name if counts[name] == 1 else ".".join(path) for path, name in short.items()}
 
 
+def parameter_quantities(cell: Family) -> dict[str, str]:
+    """Return the quantity of each parameter of a cell, by its name, such as stress; '' is a plain number."""
+    places = {place.path: place for place in walk(type(cell), cell)}
+    return {each.name: _quantity(places[each.path]) for each in cell.parameters}
+
+
+def _quantity(place: Place | None) -> str:
+    """Return the declared quantity of a number, or of the mapping or list that holds it."""
+    while place is not None:
+        found = next((extra.quantity for extra in place.metadata if isinstance(extra, Dimension)), None)
+        if found is not None:
+            return found
+        place = place.above
+    return ""
+
+
 def may_vary(place: Place) -> bool:
     """Return whether a number of a cell may be a parameter: of pores, materials or fluid, and no length in metres.
 

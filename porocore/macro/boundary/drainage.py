@@ -12,6 +12,7 @@ from scipy.sparse.linalg import splu
 from porocore.macro.analytic.relaxation import relaxed
 from porocore.macro.body.kinds import Box
 from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.composition.linearised_law import RestCoefficients
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.problem import Boundary, MacroSetup, body_mesh
 from porocore.states import Array
@@ -123,27 +124,34 @@ def relaxation_time(macro: MacroSetup, coefficients: LinearCoefficients, left: f
     return None if time is None else time * length**2 / coefficients.consolidation_coefficient(axis)
 
 
-def drainage_time(macro: MacroSetup, coefficients: LinearCoefficients, share: float = 0.95) -> float | None:
+def drainage_time(
+    macro: MacroSetup, coefficients: LinearCoefficients | RestCoefficients, share: float = 0.95
+) -> float | None:
     """Return the time in which so large a share of what a sudden load drives out has left; None: nothing can leave.
 
-    It is that of a pore pressure ∂p/∂t = ∇·(c ∇p) which is 1 everywhere at first and zero at surfaces with a prescribed
-    pressure, on the body as it is. c_ij is K_ij/√(S_i S_j), where K_ii/S_i is the consolidation coefficient of confined
-    compression along an axis. So it is exact for a column (Terzaghi), and a scale for bodies that give way sideways.
+    It is that of a pore pressure S ∂p/∂t = ∇·(S c ∇p) which is 1 everywhere at first and zero at surfaces with a
+    prescribed pressure, on the body as it is. c_ij is K_ij/√(S_i S_j), where K_ii/S_i is the consolidation coefficient
+    of confined compression along an axis, and S the geometric mean of the S_i. So it is exact for a column (Terzaghi),
+    and a scale for bodies that give way sideways. The coefficients are those of one cell, or of the elements.
     """
     mesh = body_mesh(macro)
     drained = [mesh.surface(name, name) for name in drained_surfaces(macro)]
     facets = [nodes.ravel() for nodes in drained if len(nodes)]
-    c = coefficients
-    if not facets or np.diag(c.conductivity).max() <= 0:
+    c = RestCoefficients.of_elements(coefficients, len(mesh.cells))
+    if not facets or np.einsum("eii->ei", c.conductivity).max() <= 0:
         return None
-    moduli, alpha = np.einsum("iiii->i", c.stiffness), np.diag(c.biot)
-    root = np.sqrt(c.storage + alpha**2 / moduli)
-    diffusivity = c.conductivity / np.outer(root, root)
-    largest = float(np.diag(diffusivity).max())
-    flow, volume = _diffusion(mesh, diffusivity + CLOSED * largest * np.eye(3))
+    places = [0, 4, 8]  # 11, 22 and 33 among the nine components
+    moduli, alpha = np.diagonal(c.stiffness, axis1=1, axis2=2)[:, places], c.biot[:, places]
+    root = np.sqrt(c.storage[:, None] + alpha**2 / moduli)
+    diffusivity = c.conductivity / (root[:, :, None] * root[:, None, :])
+    largest = float(np.einsum("eii->ei", diffusivity).max())
+    # Where all elements are alike, the storage makes no difference.
+    storage = np.prod(root, axis=1) ** (2 / 3)
+    storage /= storage.max()
+    flow, volume = _diffusion(mesh, diffusivity + CLOSED * largest * np.eye(3), storage)
     free = np.setdiff1d(np.arange(len(mesh.points)), np.concatenate(facets))
     rates, shares = _decay(flow[free][:, free], volume[free][:, free], volume.sum(axis=1)[free])
-    shares /= mesh.weights.sum()
+    shares /= storage @ mesh.weights.sum(axis=1)
     if rates[0] * np.ptp(mesh.points, axis=0).max() ** 2 <= 100 * CLOSED * largest:
         return None
     return _time_to(1 - share, rates, shares)
@@ -186,13 +194,14 @@ def _decay(flow: Any, volume: Any, ones: Array) -> tuple[Array, Array]:
     return rates, (size * parts[0][positive][::-1] * rates) ** 2
 
 
-def _diffusion(mesh: BodyMesh, diffusivity: Array) -> tuple[Any, Any]:
-    """Return the sparse matrices (nodes, nodes) of ∫∇q·c∇p and ∫qp with quadratic functions."""
+def _diffusion(mesh: BodyMesh, diffusivity: Array, storage: Array) -> tuple[Any, Any]:
+    """Return the sparse matrices (nodes, nodes) of ∫S ∇q·c∇p and ∫S qp with quadratic functions."""
     element = mesh.element
     values, reference = element.values(element.points), element.gradients(element.points)
     gradients = np.einsum("qak,eqkj->eqaj", reference, np.linalg.inv(mesh.jacobians), optimize=True)
-    flow = np.einsum("eq,eqai,ij,eqbj->eab", mesh.weights, gradients, diffusivity, gradients, optimize=True)
-    volume = np.einsum("eq,qa,qb->eab", mesh.weights, values, values, optimize=True)
+    weights = storage[:, None] * mesh.weights
+    flow = np.einsum("eq,eqai,eij,eqbj->eab", weights, gradients, diffusivity, gradients, optimize=True)
+    volume = np.einsum("eq,qa,qb->eab", weights, values, values, optimize=True)
     rows = np.repeat(mesh.cells, mesh.cells.shape[1], axis=1).ravel()
     columns = np.tile(mesh.cells, mesh.cells.shape[1]).ravel()
     shape = (len(mesh.points), len(mesh.points))

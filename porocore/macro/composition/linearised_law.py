@@ -6,12 +6,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from porocore.core.fields.batch import Batch
+from porocore.interfaces.element_cells import ElementCells
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse, MacroTangent, fingerprint
-from porocore.states import Array, MacroState
+from porocore.macro.composition.turned_law import TurnedLaw
+from porocore.macro.laws.linear import LinearCoefficients
+from porocore.states import Array, BodyPlace, MacroState
 
 
 @dataclass(frozen=True, eq=False)
-class RestCoefficients:
+class RestCoefficients(Batch):
     """Coefficients of linear poroelasticity at n points; see :class:`~porocore.macro.laws.linear.LinearCoefficients`.
 
     Attributes
@@ -36,6 +40,21 @@ class RestCoefficients:
     biot: Array
     storage: Array
     conductivity: Array
+
+    @classmethod
+    def of_elements(cls, coefficients: LinearCoefficients | RestCoefficients, n: int) -> RestCoefficients:
+        """Return the coefficients of the n elements of a body; those of one cell are the same in all."""
+        if isinstance(coefficients, RestCoefficients):
+            return coefficients
+        c, ones = coefficients, np.ones(n)
+        return cls(
+            MacroState.zeros(n),
+            np.zeros((n, 3, 3)),
+            np.multiply.outer(ones, c.stiffness.reshape(9, 9)),
+            np.multiply.outer(ones, c.biot.reshape(9)),
+            c.storage * ones,
+            np.multiply.outer(ones, c.conductivity),
+        )
 
 
 class LinearisedLaw(MacroLaw):
@@ -136,6 +155,24 @@ def _fluid(c: RestCoefficients, states: MacroState) -> Array:
     """Return α:H + p/M_B (n,), the fluid taken up since rest."""
     H = states.grad_u.reshape(len(states), 9)
     return np.asarray(np.einsum("ni,ni->n", c.biot, H) + c.storage * states.p)
+
+
+def coefficients_of_elements(law: MacroLaw, cells: ElementCells, profile: int = 0) -> RestCoefficients:
+    """Return the coefficients of the elements of a body, in its axes, at the time of a profile.
+
+    Parameters
+    ----------
+    law
+        That of the body.
+    cells
+        Of its elements.
+    profile
+        Number of the profile.
+    """
+    n, values, axes = len(cells.region), cells.values_at(profile), cells.axes_at(profile)
+    zero = MacroState.zeros(n)
+    points = replace(zero, parameters=values, place=BodyPlace(cells.region, axes))
+    return LinearisedLaw(law if axes is None else TurnedLaw(law)).coefficients(points)
 
 
 def _at_rest(states: MacroState) -> MacroState:

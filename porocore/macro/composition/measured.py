@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field, field_validator
-from scipy.spatial import cKDTree
 
 from porocore.cell.level_sets.image import open_values
 from porocore.core.echo import echo, suggestion
@@ -18,19 +19,13 @@ from porocore.core.files.input_file import FromFile
 from porocore.core.models.bounds import MOST_TIMES
 from porocore.core.units.dimensions import Dimension
 from porocore.errors import ConfigurationError
+from porocore.macro.body.tetrahedra import tetrahedra, tetrahedron_at
 from porocore.macro.composition.field import ParameterField, Points
 from porocore.states import Array
 
 Length = Annotated[float, Field(gt=0), Dimension("displacement")]
-#: Corners of the elements whose data are read, and tetrahedra of which each consists.
+#: Corners of the elements whose data are read.
 CORNERS = {"tetra": 4, "tetra10": 4, "hexahedron": 8, "hexahedron27": 8}
-_OF_A_HEXAHEDRON = np.array(
-    [(0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)]
-)
-#: Tetrahedra of a file that are tried for a place, the nearest first; more of them where none of the first holds it.
-NEAREST = (20, 500)
-#: So far outside an element, as a share of its size, a place counts as within.
-SLACK = 1e-6
 
 
 class MeasuredField(FromFile, ParameterField):
@@ -86,7 +81,8 @@ class ImageField(MeasuredField):
 
     def read(self, centres: Array, key: str) -> Array:
         """Return the value of the voxel in which each centre lies."""
-        image = _image(self.checked(key))
+        with _told_with(key):
+            image = _image(self.checked(key))
         edges = np.broadcast_to(np.asarray(self.voxel_size, float), 3)
         index = np.floor((centres - np.array(self.origin)) / edges).astype(np.int64)
         outside = ((index < 0) | (index >= image.shape)).any(axis=1)
@@ -114,7 +110,7 @@ class DataField(MeasuredField):
         """Return the data of the element of the file in which each centre lies."""
         path = self.checked(key)
         corners, element, data = _mesh_data(path, self.data, key)
-        found = _element_at(corners * self.scale, centres)
+        found = tetrahedron_at(corners * self.scale, centres)
         if (outside := found < 0).any():
             nodes = (corners * self.scale).reshape(-1, 3)
             low, high = nodes.min(axis=0), nodes.max(axis=0)
@@ -126,6 +122,16 @@ class DataField(MeasuredField):
         return np.asarray(data[element[found]])
 
 
+@contextmanager
+def _told_with(key: str) -> Iterator[None]:
+    """Let the message of a file that cannot be read begin with the key of its path, unless it has one."""
+    try:
+        yield
+    except ConfigurationError as error:
+        told = str(error)
+        raise ConfigurationError(told if told.startswith(key) else f"{key}.path: {told}") from error
+
+
 @lru_cache(maxsize=4)
 def _image(path: Path) -> Any:
     return open_values(path)
@@ -133,7 +139,8 @@ def _image(path: Path) -> Any:
 
 def _mesh_data(path: Path, name: str, key: str) -> tuple[Array, Any, Array]:
     """Return corners of tetrahedra (k, 4, 3), the element of each (k,), and the data of the elements."""
-    mesh = read_mesh(path)
+    with _told_with(key):
+        mesh = read_mesh(path)
     if name not in mesh.cell_data:
         advice = (
             suggestion(name, list(mesh.cell_data), "its data of elements are")
@@ -153,33 +160,14 @@ def _mesh_data(path: Path, name: str, key: str) -> tuple[Array, Any, Array]:
                 f"{key}.data: expected one number for each element, got {echo(name)} of the shape {values.shape}"
             )
         nodes = np.asarray(block.data)[:, : CORNERS[block.type]]
-        split = _OF_A_HEXAHEDRON if nodes.shape[1] == 8 else np.array([(0, 1, 2, 3)])
-        corners.append(np.asarray(mesh.points, float)[nodes[:, split]].reshape(-1, 4, 3))
-        element.append(np.repeat(np.arange(len(nodes)), len(split)) + count)
+        of_block, number = tetrahedra(mesh.points, nodes)
+        corners.append(of_block)
+        element.append(number + count)
         data.append(values.reshape(-1))
         count += len(nodes)
     if not count:
         raise ConfigurationError(f"{key}.path: {path.name} has no {', '.join(CORNERS)} elements")
     return np.concatenate(corners), np.concatenate(element), np.concatenate(data)
-
-
-def _element_at(corners: Array, places: Array) -> Any:
-    """Return the tetrahedron (n,) in which each place lies, or -1."""
-    tree = cKDTree(corners.mean(axis=1))
-    inverse = np.linalg.pinv((corners[:, 1:] - corners[:, :1]).swapaxes(1, 2))
-    found = np.full(len(places), -1)
-    for count in NEAREST:
-        left = np.flatnonzero(found < 0)
-        if not len(left):
-            break
-        _, near = tree.query(places[left], k=min(count, len(corners)))
-        for column in np.asarray(near).reshape(len(left), -1).T:
-            open_ = found[left] < 0
-            rows, tried = left[open_], column[open_]
-            share = (inverse[tried] @ (places[rows] - corners[tried, 0])[:, :, None])[..., 0]
-            inside = (share.min(axis=1) >= -SLACK) & (share.sum(axis=1) <= 1 + SLACK)
-            found[rows[inside]] = tried[inside]
-    return found
 
 
 def _text(place: Any) -> str:

@@ -9,6 +9,8 @@ import numpy as np
 from porocore.interfaces.law import MacroResponse
 from porocore.interfaces.solution import History, MacroSolution, Profile, StepWork
 from porocore.macro.boundary.probes import interpolation
+from porocore.macro.composition.body_fields import BodyFields
+from porocore.macro.composition.kept_cells import kept_cells
 from porocore.macro.integration.discretisation import Discretisation
 from porocore.macro.integration.newton import Step
 from porocore.states import Array
@@ -117,8 +119,8 @@ class HistoryRecorder:
             )
         )
 
-    def solution(self, law: str) -> MacroSolution:
-        """Return history and profiles with the mesh."""
+    def solution(self, law: str, body: BodyFields) -> MacroSolution:
+        """Return history and profiles with the mesh, and the cells of its elements by the fields of the ``body``."""
         mesh = self.d.mesh
         history = History(**{name: self.column(name) for name in HISTORY})
         series: dict[str, dict[str, Array]] = {"probes": {}, "reactions": {}, "inflow": {}, "work": {}}
@@ -137,6 +139,10 @@ class HistoryRecorder:
             inflow={name: values[:, 0] for name, values in series["inflow"].items()},
             work={name: values[:, 0] for name, values in series["work"].items()},
             linear_solver=self.d.linear.choice,
+            # They follow from the times alone.
+            element_cells=kept_cells(
+                body, tuple(self.d.problem.regions), [each.time for each in self.profiles], self.d.all_means
+            ),
         )
 
 

@@ -116,7 +116,7 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
             saved.save_if_due(stepper, control, predictor, x, memory, record)
             if on_step is not None:
                 on_step(_report(record, step, time, work, notes))
-        return record.solution(law.name)
+        return record.solution(law.name, body)
 
 
 def _composed(d: Discretisation, law: MacroLaw) -> tuple[BodyFields, MacroLaw]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -10,9 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.spatial import ConvexHull, QhullError
 
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs.input_space import NAMES, InputSpace
 from porocore.core.units.results import spoken
+from porocore.interfaces.solution import MacroSolution
+from porocore.report.context import ReportContext
 from porocore.report.figures import style
+from porocore.report.figures.profiles import is_column
 from porocore.report.figures.style import (
     BLACK,
     BLUE,
@@ -55,6 +58,7 @@ def samples_figure(
     visited: Sequence[Array] = (),
     crease: tuple[float, float] | None = None,
     column: bool = True,
+    quantities: Mapping[str, str] | None = None,
 ) -> Figure:
     """Draw the sampled states in the plane of two inputs, by status.
 
@@ -77,6 +81,8 @@ def samples_figure(
         (a, b) of the line H_22 = a + b p beyond which ridges fold; drawn if the axes are H22 and p.
     column
         Whether the body is a column.
+    quantities
+        Quantity of each parameter of the cell that has a unit.
 
     Inputs on no axis are named under it with the range of their values in the sampled states.
     """
@@ -84,7 +90,8 @@ def samples_figure(
     figure = new_figure(6.4, 4.6 if len(columns) == 2 else 2.2)
     axes = figure.add_subplot()
     names = tuple(inputs.names[i] for i in columns)
-    factors = [spoken().factor("pressure") if name == "p" else 1.0 for name in names]
+    known = {"p": "pressure", **(quantities or {})}
+    factors = [spoken().factor(known.get(name, "")) for name in names]
     plane = _project(x, columns, factors)
     if training is not None and training.any():
         _outline(axes, plane[training])
@@ -92,13 +99,39 @@ def samples_figure(
     if crease is not None and names == ("H22", "p"):
         _crease(axes, crease, inputs)
     _visited(axes, [_project(path, columns, factors) for path in visited], column)
-    axes.set_xlabel("\n".join([axis_label(names[0]), *_elsewhere(inputs, x, columns)]))
+    axes.set_xlabel("\n".join([axis_label(names[0], known), *_elsewhere(inputs, x, columns, known)]))
     if len(names) == 2:
-        axes.set_ylabel(axis_label(names[1]))
+        axes.set_ylabel(axis_label(names[1], known))
     else:
         axes.yaxis.set_visible(False)
     legend_above(figure, axes, columns=3)
     return figure
+
+
+def samples_of(context: ReportContext) -> Figure:
+    """Draw the sampled states of a run, and those in its body at the kept times; see :func:`samples_figure`."""
+    sampling = context.sampling
+    parameters = () if context.family is None else context.family.parameters
+    return samples_figure(
+        sampling.inputs,
+        sampling.x,
+        sampling.status,
+        training=sampling.training,
+        visited=[path for case in context.cases for path in _in_body(case.nonlinear, sampling.inputs)],
+        crease=context.cell.crease,
+        column=is_column(context.cases[0].nonlinear),
+        quantities={each.name: each.quantity for each in parameters},
+    )
+
+
+def _in_body(solution: MacroSolution, inputs: InputSpace) -> list[Array]:
+    """Return the inputs at the elements of each kept profile, upwards."""
+    height = solution.points[solution.cells, 1].mean(axis=1)
+    order = np.argsort(height, kind="stable")
+    return [
+        inputs.gather(inputs.without_rotation(solution.cell_states(i)[order]))
+        for i in range(len(solution.profiles))
+    ]
 
 
 def _visited(axes: Axes, paths: Sequence[Array], column: bool) -> None:
@@ -119,7 +152,9 @@ def _visited(axes: Axes, paths: Sequence[Array], column: bool) -> None:
         )
 
 
-def _elsewhere(inputs: InputSpace, x: Array, columns: Sequence[int]) -> list[str]:
+def _elsewhere(
+    inputs: InputSpace, x: Array, columns: Sequence[int], quantities: Mapping[str, str]
+) -> list[str]:
     """Return lines on the inputs that no axis shows."""
     others = [i for i in range(len(inputs)) if i not in columns]
     if not others or not len(x):
@@ -127,20 +162,26 @@ def _elsewhere(inputs: InputSpace, x: Array, columns: Sequence[int]) -> list[str
     told = []
     for i in others:
         name = inputs.names[i]
-        factor, by = (spoken().factor("pressure"), spoken()) if name == "p" else (1.0, None)
-        low, high = (number(float(end(x[:, i])) * factor, 2) for end in (np.min, np.max))
-        sign = "$p$" if name == "p" else rf"$\partial u_{name[1]} / \partial X_{name[2]}$"
-        unit = f" {by.name('pressure')}" if by is not None and by.given else ""
-        told.append(f"{sign} from {low} to {high}{unit}")
+        quantity, units = quantities.get(name, ""), spoken()
+        low, high = (number(float(end(x[:, i])) * units.factor(quantity), 2) for end in (np.min, np.max))
+        unit = f" {units.name(quantity)}" if quantity and units.given else ""
+        told.append(f"{_sign(name)} from {low} to {high}{unit}")
     lines = [", ".join(told[k : k + IN_A_LINE]) for k in range(0, len(told), IN_A_LINE)]
     return ["on no axis, but projected:", *lines]
 
 
-def axis_label(name: str) -> str:
-    """Return the label of an input with its unit."""
+def axis_label(name: str, quantities: Mapping[str, str] | None = None) -> str:
+    """Return the label of an input with its unit; ``quantities`` are those of parameters of the cell."""
     if name == "p":
         return style.axis_label("pore pressure $p$", "pressure", spoken())
-    return rf"$\partial u_{name[1]} / \partial X_{name[2]}$ [–]"
+    return style.axis_label(_sign(name), (quantities or {}).get(name, ""), spoken())
+
+
+def _sign(name: str) -> str:
+    """Return the sign of an input; a parameter of the cell goes by its name."""
+    if name not in NAMES:
+        return name
+    return "$p$" if name == "p" else rf"$\partial u_{name[1]} / \partial X_{name[2]}$"
 
 
 def _columns(inputs: InputSpace, pair: tuple[str, str] | None) -> list[int]:

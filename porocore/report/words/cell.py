@@ -14,6 +14,7 @@ from porocore.macro.laws.pull_back import is_isotropic
 from porocore.report.context import CellSummary, Published
 from porocore.report.format import NONE, in_unit, measured, number, unit
 from porocore.report.metrics import LoadCase
+from porocore.report.words.body_cells import BodyCells
 from porocore.report.words.components import PAIRS, family, is_one, of_fourth_order, symmetric
 from porocore.states import Array
 
@@ -115,8 +116,12 @@ _TRANSFORMED = {
 }
 
 
-def conductivity_sentence(case: LoadCase, cell: CellSummary) -> str:
-    """Return the conductivity of the flux in words, with its component 22 at the last profile."""
+def conductivity_sentence(case: LoadCase, cell: CellSummary, body: BodyCells | None = None) -> str:
+    """Return the conductivity of the flux in words, with its component 22 at the last profile.
+
+    ``body`` are the cells of a body of many.
+    """
+    K = cell.linear.conductivity[None] if body is None else body.conductivity
     if cell.law == "deformed":
         found = (
             "The flux through reference area is −K_ref ∇p. K_ref is the conductivity of the deformed pore. For every "
@@ -124,7 +129,7 @@ def conductivity_sentence(case: LoadCase, cell: CellSummary) -> str:
             "The figures show K_t = K_ref/det F̄."
         )
     else:
-        turned = cell.law == "piola" and not is_isotropic(cell.linear.conductivity)
+        turned = cell.law == "piola" and not is_isotropic(K)
         found = (
             f"The conductivity K of the undeformed pore is {_TRANSFORMED[turned]}. The figures show K_t. "
             "The flux of the fluid through reference area is −K_ref ∇p with K_ref = det F̄ K_t: K_t is the paper's "
@@ -136,7 +141,6 @@ def conductivity_sentence(case: LoadCase, cell: CellSummary) -> str:
     if not case.nonlinear.profiles:
         return found
     last = case.nonlinear.profiles[-1]
-    K = cell.linear.conductivity
     drained = drained_axes(case)
     told = [_at_axis(i, last, K) for i in drained or ((1,) if is_isotropic(K) else range(3))]
     if drained:
@@ -151,30 +155,30 @@ def drained_axes(case: LoadCase) -> tuple[int, ...]:
     return tuple(i for i, axis in enumerate("xyz") if axis in moved)
 
 
-def _change(values: Array, rest: float) -> str:
+def _change(values: Array, rest: Array) -> str:
     """Return whether K_ref along an axis lies above its value in the undeformed cell, below it, or on both sides."""
-    if np.ptp(np.append(values, rest)) <= 1e-6 * rest:
+    change = values / rest - 1
+    if np.abs(change).max() <= 1e-6:
         return "unchanged"
-    if values.min() >= rest * (1 - 1e-6):
+    if change.min() >= -1e-6:
         return "raised"
-    return (
-        "lowered"
-        if values.max() <= rest * (1 + 1e-6)
-        else "lowered in parts of the body and raised in others"
-    )
+    return "lowered" if change.max() <= 1e-6 else "lowered in parts of the body and raised in others"
 
 
 def _at_axis(i: int, profile: Profile, K: Array) -> str:
-    """Return K_ref and K_t along an axis, from least to largest in the body, and K of the undeformed cell."""
-    transformed, through_reference = (
+    """Return K_ref and K_t along an axis, from least to largest in the body, and K (1 or elements, 3, 3) at rest."""
+    transformed, through_reference, undeformed = (
         " to ".join(
             dict.fromkeys(in_unit(float(end(values[:, i, i])), "conductivity", 3) for end in (np.min, np.max))
         )
-        for values in (profile.conductivity, profile.reference_conductivity)
+        for values in (profile.conductivity, profile.reference_conductivity, K)
     )
-    at = f"{i + 1}{i + 1}"
+    at, by = f"{i + 1}{i + 1}", unit("conductivity")
+    if len(K) == 1:
+        rest = f"In the undeformed cell, both are {measured(float(K[0, i, i]), 'conductivity', 3)}. Therefore"
+    else:
+        rest = f"In the undeformed cells, both are {undeformed}{by}. Compared with the cell of its own place,"
     return (
-        f"K_ref,{at} is {through_reference} in the body, and K_t,{at} is {transformed}{unit('conductivity')}. "
-        f"In the undeformed cell, both are {measured(float(K[i, i]), 'conductivity', 3)}. Therefore K_ref,{at} is "
-        f"{_change(profile.reference_conductivity[:, i, i], float(K[i, i]))}."
+        f"K_ref,{at} is {through_reference} in the body, and K_t,{at} is {transformed}{by}. "
+        f"{rest} K_ref,{at} is {_change(profile.reference_conductivity[:, i, i], K[:, i, i])}."
     )

@@ -34,6 +34,8 @@ class OutputCheck:
         Of :data:`porocore.core.units.scales.QUANTITIES`; '' is a plain number.
     in_body
         Least and largest value in the body at its kept times, by the surrogate; None: not known.
+    parameters : (m, k)
+        Parameters of the cell of each held-out state; None for a cell without.
     """
 
     name: str
@@ -44,6 +46,7 @@ class OutputCheck:
     outside_training_range: npt.NDArray[np.bool_]
     quantity: str = ""
     in_body: tuple[float, float] | None = None
+    parameters: Array | None = None
 
     @property
     def span_in_body(self) -> float | None:

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from porocore.interfaces.solution import MacroSolution, Profile
+from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.mesh import BodyMesh
 from porocore.report.context import SamplingSummary
 from porocore.report.format import number, percent
-from porocore.states import Array, IntArray, MacroState, Status
+from porocore.states import Array, IntArray, Status
 
 #: What a reader must know of a state that is not plainly converged.
 SHARES: dict[str, tuple[Status, ...]] = {
@@ -40,20 +40,20 @@ def visited_shares(solution: MacroSolution, sampling: SamplingSummary) -> list[d
     span = np.subtract(sampling.inputs.upper, sampling.inputs.lower)
     tree = cKDTree(sampling.x / span)
     volume = BodyMesh(solution.points, solution.cells).weights.sum(axis=1)
-    return [_at(profile, sampling, tree, span, volume) for profile in solution.profiles]
+    return [_at(solution, i, sampling, tree, span, volume) for i in range(len(solution.profiles))]
 
 
 def _at(
-    profile: Profile, sampling: SamplingSummary, tree: Any, span: Array, volume: Array
+    solution: MacroSolution, i: int, sampling: SamplingSummary, tree: Any, span: Array, volume: Array
 ) -> dict[str, float]:
     inputs = sampling.inputs
-    x = inputs.gather(inputs.without_rotation(MacroState(profile.grad_u, profile.element_p)))
+    x = inputs.gather(inputs.without_rotation(solution.cell_states(i)))
     nearest = tree.query(x / span)[1]
     status = sampling.status[nearest]
     shares = {
         name: float(volume[np.isin(status, kinds)].sum() / volume.sum()) for name, kinds in SHARES.items()
     }
-    return {"time": profile.time, **shares, **_wall(sampling, nearest)}
+    return {"time": solution.profiles[i].time, **shares, **_wall(sampling, nearest)}
 
 
 def _wall(sampling: SamplingSummary, rows: IntArray) -> dict[str, float]:

@@ -11,6 +11,7 @@ from porocore.core.files.store import ResultStore
 from porocore.core.units.results import ResultUnits, length_text
 from porocore.core.units.scales import QUANTITIES
 from porocore.errors import PluginError
+from porocore.interfaces.law import MacroLaw
 from porocore.macro.boundary.drainage import (
     drainage_time,
     drained_axes,
@@ -19,12 +20,14 @@ from porocore.macro.boundary.drainage import (
     moved,
     relaxation_time,
 )
-from porocore.macro.laws.linear import LinearCoefficients
+from porocore.macro.composition.linearised_law import RestCoefficients
+from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.macro.problem import body_mesh
 from porocore.plugins import registry
 from porocore.report.format import number
 from porocore.states import Array
 from porocore.study.config.config import RunConfig
+from porocore.study.findings.body_members import BodyMembers, linear_in_body
 from porocore.study.magnitudes.run_times import run_times
 from porocore.study.preflight.reach_notes import predicted_reach, prescribed_reach
 from porocore.study.stages.reference import undeformed
@@ -68,13 +71,15 @@ def at_rest(config: RunConfig, store: ResultStore | None = None) -> Iterator[str
     coefficients = linear_coefficients(reference, config)
     yield "at rest, drained, in the middle of the ranges:" if cell.is_family else "at rest, drained:"
     yield from (f"  {line}" for line in cell_lines(coefficients, cell.viscosity, config.result_units))
-    if cell.is_family:  # the body is of many cells
-        yield from _prescribed(config)
-        return
     if axes := drained_axes(config.macro):
         yield f"  {coefficients_of_consolidation(coefficients, axes, config.result_units)}"
-    yield from _consolidation(config, coefficients)
-    yield from predicted_reach(config, coefficients)
+    law: MacroLaw = LinearPoroelasticity(coefficients)
+    if cell.is_family:
+        members = BodyMembers.solved(config, store, most=max(1, MOST_TETRAHEDRA // count))
+        yield from members.as_lines(config)
+        law = members.law
+    yield from _consolidation(config, linear_in_body(config, law, coefficients))
+    yield from predicted_reach(config, law)
 
 
 def _prescribed(config: RunConfig) -> Iterator[str]:
@@ -134,7 +139,7 @@ def coefficients_of_consolidation(c: LinearCoefficients, axes: tuple[int, ...], 
     return f"coefficient of consolidation c_v {texts}{unit} along {along}, of a layer compressed and drained there"
 
 
-def _consolidation(config: RunConfig, coefficients: LinearCoefficients) -> Iterator[str]:
+def _consolidation(config: RunConfig, coefficients: LinearCoefficients | RestCoefficients) -> Iterator[str]:
     nodes, units = len(body_mesh(config.macro).points), config.result_units
     if nodes > MOST_NODES:
         yield f"  consolidation: not computed, since the body has more than {MOST_NODES:,} nodes, {nodes:,}"
@@ -149,7 +154,9 @@ def _consolidation(config: RunConfig, coefficients: LinearCoefficients) -> Itera
         f"  consolidation: after {units.text(time, 'time', 3)}, 95 % of the fluid that a sudden load drives out has "
         f"left this body through {', '.join(drained_surfaces(config.macro))} (by the confined moduli{sideways})"
     )
-    if (relaxation := relaxation_time(config.macro, coefficients)) is not None:
+    one_cell = coefficients if isinstance(coefficients, LinearCoefficients) else None
+    relaxation = None if one_cell is None else relaxation_time(config.macro, one_cell)
+    if relaxation is not None:
         yield (
             f"  relaxation: {units.text(relaxation, 'time', 3)} until the force after a sudden displacement is "
             "within 5 % of its final value"

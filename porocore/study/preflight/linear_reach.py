@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
+from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.integration.stepping import SAME, Stepper
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
@@ -30,16 +31,18 @@ def too_large(config: RunConfig) -> str:
     return f"{size:,} unknowns of the body times {steps} time steps are more than the {MOST:,} of a check"
 
 
-def linear_solutions(config: RunConfig, coefficients: LinearCoefficients) -> list[MacroSolution]:
+def linear_solutions(config: RunConfig, linear: LinearCoefficients | MacroLaw) -> list[MacroSolution]:
     """Return the body's linear solutions on its own mesh under the lowest and the highest load, kept at every step.
+
+    ``linear`` are the coefficients of its cell, or the linear law of a body of many cells.
 
     Raises
     ------
     SolveError
         A step fails, as one under a follower may.
     """
-    solver, law = make_backend("macro solver", config), LinearPoroelasticity(coefficients)
-    plan, found = _plan(config), []
+    law = LinearPoroelasticity(linear) if isinstance(linear, LinearCoefficients) else linear
+    solver, plan, found = make_backend("macro solver", config), _plan(config), []
     for load in _loads(config):
         problem = config.macro.problem(load).model_copy(update={"time": plan})
         found.append(body_solution_of(solver, solver.prepare(problem), law, problem))

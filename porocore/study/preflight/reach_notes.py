@@ -6,6 +6,7 @@ What is prescribed is reached in any case, see :mod:`porocore.study.magnitudes.p
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from porocore.core.inputs.input_space import NAMES, components
 from porocore.core.units.results import ResultUnits, length_text
 from porocore.errors import SolveError
+from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.laws.linear import LinearCoefficients
@@ -21,10 +23,7 @@ from porocore.report.format import percent
 from porocore.report.words.warnings import LEAST_FLAGGED
 from porocore.states import MacroState
 from porocore.study.config.config import RunConfig
-from porocore.study.magnitudes.prescribed import known, prescribed_times
-from porocore.study.preflight.linear_reach import linear_solutions, too_large
-from porocore.study.preflight.workload import sheared
-from porocore.study.reach import (
+from porocore.study.findings.reach import (
     LEAST_STRETCH,
     MINUS,
     ROUND_OFF,
@@ -36,6 +35,9 @@ from porocore.study.reach import (
     visited,
     written,
 )
+from porocore.study.magnitudes.prescribed import known, prescribed_times
+from porocore.study.preflight.linear_reach import linear_solutions, too_large
+from porocore.study.preflight.workload import sheared
 
 #: States, and place and time of each.
 Found = tuple[MacroState, Callable[[int], str]]
@@ -51,8 +53,10 @@ WIDE, SMALLEST = 10.0, 1e-4
 UNLIKELY = {"H": 0.5, "p": 1.0}
 
 
-def predicted_reach(config: RunConfig, coefficients: LinearCoefficients) -> Iterator[str]:
+def predicted_reach(config: RunConfig, linear: LinearCoefficients | MacroLaw) -> Iterator[str]:
     """Yield which components leave the sampled ranges by the linear solution of the body, one line for each.
+
+    ``linear`` are the coefficients of its cell, or the linear law of a body of many cells.
 
     Where the body is too large for a check, or its linear solution fails, that is said, and what is prescribed is
     looked at alone.
@@ -60,7 +64,7 @@ def predicted_reach(config: RunConfig, coefficients: LinearCoefficients) -> Iter
     why, units = too_large(config), config.result_units
     solutions = []
     try:
-        solutions = [] if why else linear_solutions(config, coefficients)
+        solutions = [] if why else linear_solutions(config, linear)
     except SolveError as error:
         why = f"its linear solution fails: {error}"
     if why:
@@ -199,6 +203,8 @@ def _beyond(config: RunConfig, found: Sequence[Found]) -> list[Reach]:
 def _share(config: RunConfig, solution: MacroSolution, states: MacroState) -> float:
     """Return the largest share of the body that leaves the sampled ranges at one time, given the states at all."""
     inputs = config.sampling.input_space()
+    # Fields do not leave the ranges of their parameters.
+    states = replace(states, parameters=None)
     if config.surrogate_model == "potential":
         states = inputs.without_rotation(states)
     unit = inputs.to_unit(inputs.gather(states))

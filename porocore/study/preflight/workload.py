@@ -11,9 +11,9 @@ from porocore.cell.family.undeformed import undeformed_count
 from porocore.interfaces.sampler import Sampler
 from porocore.sampling.samplers.designs import Design
 from porocore.study.config.config import RunConfig
+from porocore.study.findings.reach import shears
 from porocore.study.preflight import cost
 from porocore.study.preflight.cost import LIBRARIES, process_memory
-from porocore.study.reach import shears
 
 #: Nodes for each tetrahedron that a geometry expects; measured 1.7 to 2.4 of second order on images, since
 #: more tetrahedra are made at the wall.

@@ -20,8 +20,10 @@ from porocore.report.words.held_out import (
     worst_percent,
     worst_percent_in_body,
 )
+from porocore.report.words.parameters import family_figures, group_errors
 from porocore.report.words.statuses import solved_shares, visited_shares
 from porocore.states import Status
+from porocore.study.findings.body_cells import rest_of_body
 from porocore.study.stages.results import RunResults
 
 #: Sections whose figures have units.
@@ -31,7 +33,7 @@ WITH_UNITS = ("cell", "macro", "reactions")
 def figures_of_merit(results: RunResults, context: ReportContext) -> dict[str, Any]:
     """Return what ``metrics.json`` holds, apart from the times of the stages."""
     closure = context.surrogate.closure_error
-    limit = diffusion_time(results.config.macro, results.coefficients)
+    limit = diffusion_time(results.config.macro, rest_of_body(results))
     figures = dict if context.loading_mode.settles else without_settlement
     found: dict[str, Any] = {
         "cell": _cell(results),
@@ -61,6 +63,10 @@ def figures_of_merit(results: RunResults, context: ReportContext) -> dict[str, A
         found["dimensional"] = dimensional_metrics(results.all_solutions, context.units)
     if worked := [each for each in results.all_solutions if each.work]:
         found["linear_systems"] = [work_figures(each) for each in worked]
+    if context.family is not None:
+        used = {} if context.body is None else context.body.used()
+        errors = group_errors(context.surrogate.outputs)
+        found["parameters"] = family_figures(context.family, errors, used)
     if context.other_surrogates:
         found["other_surrogates"] = {each.closure: _errors(each) for each in context.other_surrogates}
     if context.fallbacks:

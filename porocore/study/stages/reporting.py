@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from porocore.cell.family.parameters import parameter_quantities
 from porocore.core.console import Console
 from porocore.core.files.atomic import atomic_path
 from porocore.core.files.plain_data import write_json
@@ -56,11 +57,13 @@ def report(
             for _ in range(drawing.count):
                 drawing.submit("while it loaded libraries", load_elsewhere)
         show(0, "reading the results")
-        results = RunResults.load(folder, config)
+        results, quantities = RunResults.load(folder, config), parameter_quantities(config.cell)
         for solution in results.all_solutions:
             law, load = solution.law, solution.load
             show(0, f"files for ParaView, {law}")
-            write_vtu_series(folder.fields, folder.solution(law, load).stem, solution, config.result_units)
+            write_vtu_series(
+                folder.fields, folder.solution(law, load).stem, solution, config.result_units, quantities
+            )
             write_series(folder.history(law, load), solution, config.result_units)
         show(1, "figures of merit")
         context = report_context(results)

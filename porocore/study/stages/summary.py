@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -12,15 +11,15 @@ from porocore.cell.level_sets.agreement import disagreements, grains
 from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.meshing.connectivity import pieces
 from porocore.cell.meshing.mesh_quality import CLOSED_PORES, closed_pores
-from porocore.core.inputs.sampled_range import SampledRange
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.boundary.drainage import undrained
 from porocore.macro.closure_error import ClosureError, closure_error
-from porocore.macro.laws import CLOSURES
+from porocore.macro.composition.linearised_law import RestCoefficients
+from porocore.macro.laws import CLOSURES, ClosedLaw
 from porocore.macro.laws.direct_record import direct_records
+from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.oscillation import diffusion_time, unresolved
 from porocore.macro.reference import CellReference
-from porocore.plugins.border import prediction_of
 from porocore.report.context import (
     AdaptiveSurrogateCost,
     CellSummary,
@@ -33,33 +32,29 @@ from porocore.report.context import (
 )
 from porocore.report.loading_mode import LoadingMode
 from porocore.report.metrics import LoadCase
-from porocore.report.words.held_out import OutputCheck
+from porocore.report.words.parameters import FamilySummary
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.samplers.active import LearningSampler
-from porocore.states import Array, MacroState, Status
+from porocore.states import MacroState, Status
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
+from porocore.study.findings.body_cells import body_cells, rest_of_body
+from porocore.study.findings.held_out import output_checks
+from porocore.study.findings.parameters import family_summary
+from porocore.study.findings.publication import crease_line, published_values
+from porocore.study.findings.reach import MORE, flagged_place, left_out_shear, shears
 from porocore.study.preflight.at_rest import edges
-from porocore.study.preflight.symmetry_notes import LARGEST_DEFECT
-from porocore.study.publication import crease_line, published_values
-from porocore.study.reach import MORE, flagged_place, left_out_shear, shears
 from porocore.study.run_folder.files import LINEAR, direct_law, fallback_law
 from porocore.study.run_folder.provenance import versions
 from porocore.study.stages.results import RunResults
+from porocore.study.stages.stage_files import load_undeformed
 from porocore.study.stages.training import read_training_curve
-
-#: An output whose values span less than this is zero up to the cell solver's tolerance and is not judged.
-FLAT = 1e-9
-#: A component that varies by less than this share of the largest of its tensor is zero up to the mesh, and not judged.
-NOTHING = 1e-3
-_SUBSCRIPTS = "₁₂₃"
-#: Responses of a cell that have a unit.
-_QUANTITIES = {"stress": "stress", "conductivity": "conductivity"}
 
 
 def report_context(results: RunResults) -> ReportContext:
     """Return the contents of the report of a run."""
     config, reference, dataset = results.config, results.reference, results.dataset
+    rest = rest_of_body(results)
     cases = tuple(_case(results, load) for load in config.macro.loads)
     responses = dataset.responses()
     summaries = {name: _surrogate_summary(results, name) for name in results.surrogates}
@@ -87,7 +82,7 @@ def report_context(results: RunResults) -> ReportContext:
         warnings=(
             *undrained(config.macro, reference.conductivity),
             *disagreements(config.cell),
-            *_overshoots(results),
+            *_overshoots(results, rest),
         ),
         other_surrogates=tuple(summaries.values()),
         direct=direct_costs(results),
@@ -95,7 +90,21 @@ def report_context(results: RunResults) -> ReportContext:
         fallbacks=fallbacks_done(results),
         units=config.result_units,
         loading_mode=LoadingMode.from_setup(config.macro),
+        family=_family(results),
+        body=body_cells(results, rest),
     )
+
+
+def _family(results: RunResults) -> FamilySummary | None:
+    """Return the cell over its parameters; None for a cell without."""
+    config = results.config
+    if not config.cell.is_family:
+        return None
+    surrogate = results.surrogates[config.closure]
+    law = ClosedLaw(
+        surrogate, results.reference.closure(config.closure, config.cell.solid, config.conductivity)
+    )
+    return family_summary(config.cell, load_undeformed(results.folder, config), law, surrogate)
 
 
 def _case(results: RunResults, load: float) -> LoadCase:
@@ -120,9 +129,9 @@ def _more_states(results: RunResults) -> str:
     return MORE
 
 
-def _overshoots(results: RunResults) -> Iterator[str]:
+def _overshoots(results: RunResults, rest: LinearCoefficients | RestCoefficients) -> Iterator[str]:
     """Yield warnings of largest pressures that the mesh does not resolve."""
-    limit = diffusion_time(results.config.macro, results.coefficients)
+    limit = diffusion_time(results.config.macro, rest)
     for solution in results.all_solutions:
         warning = unresolved(results.config.macro.problem(solution.load), limit, solution)
         if warning is not None:
@@ -142,7 +151,7 @@ def _surrogate_summary(results: RunResults, closure: str) -> SurrogateSummary:
         outputs=output_checks(results.dataset, results.held_out, surrogate, _in_bodies(results)),
         # A fit that is done at once has no curve.
         curve=None if table is None or len(table) < 2 else TrainingCurve(*table.T),
-        closure_error=_closure_error(config, results.reference, results.dataset),
+        closure_error=_closure_error(config, results.reference, results.dataset, surrogate),
         closure=closure,
         exact_closure="stress" in CLOSURES[closure].responses,
     )
@@ -186,23 +195,30 @@ def _recorded(
                 yield closure, law, load, work
 
 
-def _closure_error(config: RunConfig, reference: CellReference, dataset: Dataset) -> ClosureError | None:
-    """Return the error of a closure on the stable states; None without stresses of the cell solver."""
+def _closure_error(
+    config: RunConfig, reference: CellReference, dataset: Dataset, surrogate: Surrogate
+) -> ClosureError | None:
+    """Return the error of a closure on the stable states; None without stresses of the cell solver.
+
+    The surrogate gives φ_f of the undeformed members of a family.
+    """
     solved = np.flatnonzero(dataset.responses().stable)
     exact = dataset.responses()[solved]
     if exact.stress is None or exact.fluid_volume is None:
         return None
     # Only stress and storage are compared, and not all states have a conductivity.
     closure = reference.closure(config.closure, config.cell.solid, "piola")
-    return closure_error(closure, dataset.states()[solved], exact)
+    states = dataset.states()[solved]
+    cells = None if states.parameters is None else surrogate.undeformed(states.parameters)
+    return closure_error(closure, states, exact, cells)
 
 
 def _in_bodies(results: RunResults) -> MacroState | None:
     """Return the states of the elements of the body under all loads at the kept times, turned as sampled states are."""
     found = [
-        MacroState(profile.grad_u, profile.element_p)
-        for solutions in results.solutions.values()
-        for profile in solutions[results.config.closure].profiles
+        solution.cell_states(i)
+        for solution in (each[results.config.closure] for each in results.solutions.values())
+        for i in range(len(solution.profiles))
     ]
     if not found:
         return None
@@ -210,84 +226,20 @@ def _in_bodies(results: RunResults) -> MacroState | None:
     return inputs.without_rotation(states) if results.config.surrogate_model == "potential" else states
 
 
-def output_checks(
-    dataset: Dataset, held_out: Dataset, surrogate: Surrogate, in_body: MacroState | None = None
-) -> tuple[OutputCheck, ...]:
-    """Compare the surrogate with the held-out states, for each predicted component that varies.
-
-    ``in_body`` are the states of the body, which tell how much of a component's range the body uses.
-    """
-    used = None if in_body is None else prediction_of(surrogate, in_body, tangent=False)
-    trained, tested = dataset.responses(), held_out.responses()
-    training = trained.stable
-    solved = np.flatnonzero(tested.stable)
-    states = held_out.states()[solved]
-    predicted = prediction_of(surrogate, states, tangent=False)
-    outside = SampledRange.around(dataset.inputs, dataset.x()[training]).outside(states)
-    checks = []
-    for field, at, name, plain in _outputs():
-        quantity = _QUANTITIES.get(field, "")
-        every, exact, guess = (getattr(response, field) for response in (trained, tested, predicted))
-        if every is None or exact is None or guess is None:
-            continue
-        # Some states have no conductivity of the deformed pore; its scale is that of the viscosity.
-        taught, found = every[training][at], exact[solved][at]
-        taught, known = taught[np.isfinite(taught)], np.isfinite(found)
-        span = float(np.ptp(taught)) if len(taught) else 0.0
-        flat = FLAT * (float(np.nanmax(np.abs(every[training]))) if field == "conductivity" else 1.0)
-        if known.any() and span >= max(flat, _nothing(every[training], guess[at][known])):
-            ends = None if used is None else _ends(getattr(used, field)[at])
-            checks.append(
-                OutputCheck(name, plain, found[known], guess[at][known], span, outside[known], quantity, ends)
-            )
-    return tuple(checks)
-
-
-def _ends(values: Array) -> tuple[float, float] | None:
-    """Return least and largest of the values that are finite."""
-    known = values[np.isfinite(values)]
-    return (float(known.min()), float(known.max())) if len(known) else None
-
-
-def _nothing(taught: Array, guess: Array) -> float:
-    """Return the span up to which a component is zero by symmetry, given all of its tensor and its predictions.
-
-    It varies by the error of the mesh, which is no error of the surrogate. A mesh that breaks the symmetry by more is
-    warned of.
-    """
-    largest = float(np.nanmax(np.ptp(taught.reshape(len(taught), -1), axis=0), initial=0.0))
-    return (LARGEST_DEFECT if np.ptp(guess) <= FLAT * largest else NOTHING) * largest
-
-
-def _outputs() -> Iterator[tuple[str, Any, str, str]]:
-    """Yield field of the response, index of a component, and its name in mathematics and in plain text."""
-    for i, j in np.ndindex(3, 3):
-        name, plain = (
-            rf"$\langle\nabla_Y u^1\rangle_{{{i + 1}{j + 1}}}$",
-            f"⟨∇u¹⟩{_SUBSCRIPTS[i]}{_SUBSCRIPTS[j]}",
-        )
-        yield "mean_grad", (slice(None), i, j), name, plain
-    for i, j in np.ndindex(3, 3):
-        yield "stress", (slice(None), i, j), f"$P_{{E,{i + 1}{j + 1}}}$", f"P_E,{i + 1}{j + 1}"
-    yield "fluid_volume", slice(None), r"$\varphi$", "fluid volume φ"
-    for i, j in zip(*np.triu_indices(3), strict=True):
-        plain = f"K{_SUBSCRIPTS[i]}{_SUBSCRIPTS[j]}"
-        yield "conductivity", (slice(None), i, j), f"$K_{{{i + 1}{j + 1}}}$", plain
-
-
 def _cell_summary(results: RunResults) -> CellSummary:
     cell = results.config.cell
+    shown = cell.at([each.base for each in cell.parameters]) if cell.is_family else cell
     single = cell.model_copy(update={"supercell": (1, 1, 1)})
     solid = cell.make_mesh("solid", "whole")
     closed = closed_pores(pieces(single.make_mesh("fluid", "whole")))
     return CellSummary(
-        description=f"{cell.geometry.description}; {cell.solid.description}",
+        description=f"{shown.geometry.description}; {shown.solid.description}",
         porosity=results.reference.porosity,
         viscosity=cell.viscosity,
         linear=results.coefficients,
         mesh=results.reference.mesh,
         surface=(solid.points, solid.cells),
-        crease=crease_line(cell),
+        crease=None if cell.is_family else crease_line(cell),
         law=results.config.conductivity,
         remarks=(
             *cell.geometry.notes,
@@ -296,4 +248,5 @@ def _cell_summary(results: RunResults) -> CellSummary:
             *([CLOSED_PORES] if closed else []),
         ),
         image_porosity=cell.geometry.porosity if isinstance(cell.geometry, Voxels) else None,
+        which="in the middle of the ranges" if cell.is_family else "",
     )

@@ -17,7 +17,7 @@ from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.body.points import point_states
 from porocore.plugins.border import prediction_of
 from porocore.report.metrics import LeftOut
-from porocore.states import Array, MacroState
+from porocore.states import Array, IntArray, MacroState
 
 #: A proposed range goes beyond what was reached by this share of its width.
 MARGIN = 0.1
@@ -161,9 +161,10 @@ def flagged_place(
     reached = beyond(surrogate.inputs, components(states), where)
     if reached:
         return f"Beyond what was sampled: {advice(reached, units)}."
-    profile = solution.profiles[len(shares) - 1 - int(np.argmax(shares[::-1]))]
+    latest = len(shares) - 1 - int(np.argmax(shares[::-1]))
+    profile = solution.profiles[latest]
     element = int(np.argmax(profile.outside_training_range))
-    why = surrogate.reasons(_worst(solution, profile, element, surrogate))[0]
+    why = surrogate.reasons(_worst(solution, latest, element, surrogate))[0]
     example = (
         f"An example is the element {_place(solution, element, profile.time, units)}{why and ': ' + why}"
     )
@@ -216,26 +217,34 @@ def left_out_shear(
     return LeftOut(worst.name, worst.value, change_without(worst.value, largest), tolerance, lines)
 
 
-def _worst(solution: MacroSolution, profile: Profile, element: int, surrogate: Surrogate) -> MacroState:
+def _worst(solution: MacroSolution, i: int, element: int, surrogate: Surrogate) -> MacroState:
     """Return the first state of an element that the surrogate flags; its mean where it flags none of the points."""
-    mesh = BodyMesh(solution.points, solution.cells)
-    points = point_states(mesh, profile.u, profile.p, np.array([element]))
+    points = _point_states(solution, BodyMesh(solution.points, solution.cells), i, np.array([element]))
     flagged = prediction_of(surrogate, points, tangent=False).outside_training_range
     if flagged is None or not flagged.any():
-        return MacroState(profile.grad_u[[element]], profile.element_p[[element]])
+        return solution.cell_states(i)[[element]]
     return points[flagged][:1]
+
+
+def _point_states(solution: MacroSolution, mesh: BodyMesh, i: int, elements: IntArray) -> MacroState:
+    """Return the states at the points of some elements at profile ``i``, as their cells see them."""
+    profile, cells = solution.profiles[i], solution.element_cells
+    states = point_states(mesh, profile.u, profile.p, elements)
+    if cells is None:
+        return states
+    return cells.given_to(states, i, np.repeat(elements, len(mesh.element.weights)))
 
 
 def visited(
     solution: MacroSolution, units: ResultUnits, *, flagged: bool = False
 ) -> tuple[MacroState, Callable[[int], str]]:
-    """Return the states at all points at the kept times after rest, or those of flagged elements, and where each is."""
+    """Return the states at all points at the kept times after rest, or those of flagged elements, and where each is.
+
+    They are those that the cells see: in the material axes, and with the means of the parameters over an element.
+    """
     mesh = BodyMesh(solution.points, solution.cells)
     elements = [np.flatnonzero(_wanted(profile, flagged)) for profile in solution.profiles]
-    found = [
-        point_states(mesh, profile.u, profile.p, some)
-        for profile, some in zip(solution.profiles, elements, strict=True)
-    ]
+    found = [_point_states(solution, mesh, i, some) for i, some in enumerate(elements)]
     of, points = np.concatenate(elements), len(mesh.element.weights)
     times = np.repeat([profile.time for profile in solution.profiles], [len(some) for some in elements])
 

@@ -1,0 +1,93 @@
+"""Middle sections of a body: the element at each place of a grid, the section in which a field varies most."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from porocore.macro.body.tetrahedra import tetrahedra, tetrahedron_at
+from porocore.states import Array, IntArray
+
+#: Places along the longer side of a section.
+RESOLUTION = 180
+#: Axes on the page, to the right and upwards, of the sections across x, y and z.
+SIDES = {0: (2, 1), 1: (0, 2), 2: (0, 1)}
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """A section through the middle of a body, across one of the axes.
+
+    Attributes
+    ----------
+    across
+        Axis: 0, 1 or 2.
+    at
+        Coordinate along it.
+    ends : (2, 2)
+        Least and largest coordinate to the right and upwards.
+    element : (rows, columns)
+        Element at each place of the grid; -1 outside the body.
+    """
+
+    across: int
+    at: float
+    ends: Array
+    element: IntArray
+
+    @property
+    def sides(self) -> tuple[int, int]:
+        """Axes to the right and upwards."""
+        return SIDES[self.across]
+
+    def image(self, values: Array) -> Array:
+        """Return the values (elements, ...) at the places of the grid, NaN outside the body."""
+        found = np.asarray(values, float)[self.element]
+        found[self.element < 0] = np.nan
+        return found
+
+    def places(self) -> tuple[Array, Array]:
+        """Return the coordinates of columns and rows, to the right and upwards."""
+        counts = self.element.shape[::-1]
+        right, up = (
+            low + (np.arange(n) + 0.5) / n * (high - low)
+            for n, (low, high) in zip(counts, self.ends, strict=True)
+        )
+        return right, up
+
+
+def sections(points: Array, cells: IntArray) -> tuple[Section, ...]:
+    """Return the sections through the middle of a body with these nodes and elements, across z, x and y."""
+    corners = 8 if cells.shape[1] == 27 else 4
+    parts, owner = tetrahedra(points, cells[:, :corners])
+    low, high = points.min(axis=0), points.max(axis=0)
+    # Not on a face between elements, of which either might be found.
+    middle = (low + high) / 2 + 1e-4 * (high - low)
+    found = []
+    for across in (2, 0, 1):
+        sides = list(SIDES[across])
+        lengths = (high - low)[sides]
+        counts = np.maximum(np.ceil(RESOLUTION * lengths / lengths.max()).astype(int), 12)
+        grid = [
+            low[i] + (np.arange(n) + 0.5) / n * (high - low)[i] for i, n in zip(sides, counts, strict=True)
+        ]
+        places = np.empty((counts[1], counts[0], 3))
+        places[...] = middle
+        places[..., sides[0]], places[..., sides[1]] = np.meshgrid(*grid)
+        at = tetrahedron_at(parts, places.reshape(-1, 3))
+        element = np.where(at < 0, -1, owner[at]).reshape(counts[1], counts[0])
+        ends = np.stack([low[sides], high[sides]], axis=1)
+        found.append(Section(across, float(middle[across]), ends, element))
+    return tuple(found)
+
+
+def most_telling(among: Sequence[Section], values: Array) -> Section:
+    """Return the section in which the values (elements, ...) vary most, the first of those that are alike."""
+    spreads = []
+    for section in among:
+        inside = np.asarray(values, float).reshape(len(values), -1)[section.element[section.element >= 0]]
+        spreads.append(float(np.nan_to_num(inside).std(axis=0).sum()) if len(inside) else -1.0)
+    most = max(spreads)
+    return next(s for s, spread in zip(among, spreads, strict=True) if spread >= most * (1 - 1e-2) - 1e-300)

@@ -1,0 +1,193 @@
+"""The cell over its parameters, for the report: undeformed members, curves, errors, how states are spread."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from porocore.core.units.results import ResultUnits
+from porocore.report.format import number
+from porocore.report.words.held_out import OutputCheck
+from porocore.states import Array
+
+#: Outputs whose errors are shown over a parameter: start of their plain names, and a label.
+GROUPS = {
+    "⟨∇u¹⟩": r"$\langle\nabla_Y u^1\rangle$",
+    "P_E": "$P_E$",
+    "fluid volume": r"$\varphi$",
+    "K": "$K$",
+}
+
+
+@dataclass(frozen=True)
+class ParameterRange:
+    """A parameter of the cell.
+
+    Attributes
+    ----------
+    name, key
+        Its name, and its key in the configuration.
+    lower, upper
+        Ends of its range.
+    quantity
+        Of :data:`porocore.core.units.scales.QUANTITIES`; '' is a plain number.
+    """
+
+    name: str
+    key: str
+    lower: float
+    upper: float
+    quantity: str = ""
+
+    def label(self, units: ResultUnits) -> str:
+        """Return the name with its unit."""
+        return units.titled(self.name, self.quantity)
+
+
+@dataclass(frozen=True, eq=False)
+class RestField:
+    """A property of the undeformed cell over the parameters.
+
+    Attributes
+    ----------
+    label, plain
+        In matplotlib's mathematics and in plain text.
+    quantity
+        Of :data:`porocore.core.units.scales.QUANTITIES`; '' is a plain number.
+    members : (k,)
+        Of the solved members.
+    curves : (m, points)
+        By the surrogate over each of the m parameters, the others in the middle of their ranges.
+    low, high : (m, points)
+        Least and largest of it where the others go through their ranges.
+    """
+
+    label: str
+    plain: str
+    quantity: str
+    members: Array
+    curves: Array
+    low: Array
+    high: Array
+
+
+@dataclass(frozen=True, eq=False)
+class FamilySummary:
+    """Undeformed members of a family of cells, and the surrogate between them.
+
+    Attributes
+    ----------
+    parameters
+        The m parameters in their order.
+    members : (k, m)
+        Parameters of the solved members.
+    points : (m, points)
+        Values of each parameter at which the surrogate was asked.
+    fields
+        Properties of the undeformed cell.
+    failed
+        Members that have no solution.
+    """
+
+    parameters: tuple[ParameterRange, ...]
+    members: Array
+    points: Array
+    fields: tuple[RestField, ...]
+    failed: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class GroupErrors:
+    """Errors of one output of the surrogate on the counted held-out states, the largest of its components.
+
+    Attributes
+    ----------
+    label, plain
+        In matplotlib's mathematics and in plain text.
+    parameters : (n, m)
+        Of the states.
+    percent : (n,)
+        Largest error of a component, in per cent of the range of the component that varies most.
+    """
+
+    label: str
+    plain: str
+    parameters: Array
+    percent: Array
+
+
+def group_errors(checks: Sequence[OutputCheck]) -> list[GroupErrors]:
+    """Return the errors of each output, all components together, on the counted states."""
+    found = []
+    for start, label in GROUPS.items():
+        members = [c for c in checks if c.plain.startswith(start) and c.parameters is not None]
+        if not members:
+            continue
+        span = max(check.span for check in members)
+        errors = np.abs([check.predicted - check.solved for check in members]).max(axis=0)
+        counted, first = members[0].counted, members[0]
+        assert first.parameters is not None
+        found.append(
+            GroupErrors(
+                label, "fluid volume φ" if start == "fluid volume" else start, first.parameters[counted],
+                100 * errors[counted] / span,
+            )
+        )  # fmt: skip
+    return found
+
+
+def binned_rms(x: Array, values: Array, ends: tuple[float, float], bins: int) -> tuple[Array, Array]:
+    """Return the middles of the bins that hold something, and the root mean square of the values in each."""
+    edges = np.linspace(*ends, bins + 1)
+    at = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, bins - 1)
+    there = [k for k in range(bins) if (at == k).any()]
+    middles = (edges[1:] + edges[:-1]) / 2
+    return middles[there], np.array([float(np.sqrt(np.mean(values[at == k] ** 2))) for k in there])
+
+
+def family_figures(
+    family: FamilySummary, errors: Sequence[GroupErrors], used: Mapping[str, tuple[float, float]]
+) -> list[dict[str, object]]:
+    """Return range, use in the body and held-out errors of each parameter, ready for ``metrics.json``.
+
+    ``used`` are least and largest value in the body. Errors are those in the three thirds of the range.
+    """
+    found: list[dict[str, object]] = []
+    for k, parameter in enumerate(family.parameters):
+        thirds = {each.plain: _thirds(each.parameters[:, k], each.percent, parameter) for each in errors}
+        found.append(
+            {
+                "name": parameter.name,
+                "key": parameter.key,
+                "range": [parameter.lower, parameter.upper],
+                "in_body": list(used[parameter.name]) if parameter.name in used else None,
+                "rms_error_percent_by_third": thirds,
+            }
+        )
+    return found
+
+
+def _thirds(x: Array, percent: Array, parameter: ParameterRange) -> list[float | None]:
+    edges = np.linspace(parameter.lower, parameter.upper, 4)[1:-1]
+    at: npt.NDArray[np.int64] = np.searchsorted(edges, x, side="right")
+    return [float(np.sqrt(np.mean(percent[at == k] ** 2))) if (at == k).any() else None for k in range(3)]
+
+
+def parameter_rows(
+    family: FamilySummary, used: Mapping[str, tuple[float, float]], units: ResultUnits
+) -> list[tuple[str, str, str, str]]:
+    """Return name, key, range and values in the body of each parameter."""
+    rows = []
+    for each in family.parameters:
+        factor = units.factor(each.quantity)
+
+        def text(ends: tuple[float, float], factor: float = factor) -> str:
+            low, high = (number(end * factor) for end in ends)
+            return low if low == high else f"{low} to {high}"
+
+        body = text(used[each.name]) if each.name in used else "–"
+        rows.append((each.label(units), each.key, text((each.lower, each.upper)), body))
+    return rows
