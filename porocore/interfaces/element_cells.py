@@ -122,7 +122,7 @@ class ElementCells:
             for name, shape in shapes.items()
             if name in there
         }
-        return cls(region, **names, **arrays)
+        return cls(region, names["regions"], names["parameters"], arrays.get("values"), arrays.get("axes"))
 
 
 def _at(arrays: Array, profile: int) -> Array:

@@ -11,7 +11,6 @@ import numpy as np
 from porocore.core.units.results import ResultUnits
 from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.macro.series import all_series
-from porocore.report.context import CellSummary
 from porocore.report.format import measured, number
 from porocore.report.loading_mode import LoadingMode, force_name, reactions
 from porocore.report.metrics import goes_back
@@ -46,9 +45,10 @@ def darcy_flux(profile: Profile) -> Array:
 def dimensional_rows(
     metrics: dict[str, Any],
     solution: MacroSolution,
-    cell: CellSummary,
+    conductivity: Array,
     units: Mapping[str, ResultUnits],
     loading_mode: LoadingMode,
+    which: str = "",
 ) -> list[DimensionalRow]:
     """Return the main results of one load case, given its :func:`porocore.report.metrics.case_metrics`.
 
@@ -56,11 +56,13 @@ def dimensional_rows(
     ----------
     solution
         The nonlinear one; its profiles give the largest Darcy flux.
-    cell
-        Gives K of the undeformed cell.
+    conductivity
+        K (3, 3) of the undeformed cell.
     loading_mode
         The load times E is listed only where a stress is prescribed as a share of it; forces are listed where a
         surface is moved, settlements where they are a result.
+    which
+        Member of a family that the undeformed cell is, with a space before it.
     """
     found, linear = metrics["nonlinear"], metrics["linear"]
     rows: list[Row] = []
@@ -74,16 +76,12 @@ def dimensional_rows(
         rows += _settlement_rows(found, linear)
     rows += _fluid_rows(found)
     rows += [
-        (
-            f"conductivity {name} of the undeformed cell{f' {cell.which}' if cell.which else ''}",
-            "conductivity",
-            value,
-        )
-        for name, value in symmetric("K", cell.linear.conductivity, said)
+        (f"conductivity {name} of the undeformed cell{which}", "conductivity", value)
+        for name, value in symmetric("K", conductivity, said)
     ]
     for name, force in (reactions(solution) if loading_mode.displaced else {}).items():
-        for which in ("peak", "final"):
-            rows.append((f"{which} {force_name(force)} on {name}", "force", force[which]))
+        for when in ("peak", "final"):
+            rows.append((f"{when} {force_name(force)} on {name}", "force", force[when]))
     if solution.profiles:
         profile = max(solution.profiles, key=lambda p: float(np.abs(darcy_flux(p)).max()))
         time = measured(profile.time, "time")

@@ -86,6 +86,7 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
     template = environment().get_template("template.html.j2")
     metrics = [case_metrics(case) for case in context.cases]
     published, units, moved = context.published, context.result_units, context.loading_mode.displaced
+    K, which = context.cell.linear.conductivity, f" {context.cell.which}".rstrip()
     benchmark = next((m for m in metrics if published is not None and m["load"] == published.load), None)
     return template.render(
         context=context,
@@ -109,7 +110,7 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
         ],
         benchmark=[] if published is None or benchmark is None else benchmark_rows(published, benchmark),
         dimensional=[
-            dimensional_rows(m, case.nonlinear, context.cell, units, context.loading_mode)
+            dimensional_rows(m, case.nonlinear, K, units, context.loading_mode, which)
             for m, case in zip(metrics, context.cases, strict=True)
             if units
         ],

@@ -83,14 +83,17 @@ def write_vtu_series(
         _write_profile(folder / file, solution, profile, units, cells)
         time = units.value(profile.time, "time")
         entries.append(f'    <DataSet timestep="{time!r}" part="0" file={quoteattr(file)}/>\n')
-    series = folder / f"{name}.pvd"
-    with atomic_path(series) as part:
+    return _write_series(folder / f"{name}.pvd", entries)
+
+
+def _write_series(path: Path, entries: list[str]) -> Path:
+    with atomic_path(path) as part:
         part.write_text(
             '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
             f"  <Collection>\n{''.join(entries)}  </Collection>\n</VTKFile>\n",
             encoding="utf-8",
         )
-    return series
+    return path
 
 
 def element_fields(
@@ -99,7 +102,7 @@ def element_fields(
     """Return regions, parameters and material axes of the elements at a profile, with their quantities."""
     if cells is None:
         return {}
-    found: dict[str, tuple[Array, str]] = {"region": (cells.region, "")} if cells.regions else {}
+    found: dict[str, tuple[Any, str]] = {"region": (cells.region, "")} if cells.regions else {}
     for name in cells.parameters:
         key = f"parameter {name}" if name in (*FIELDS, *found) else name
         found[key] = cells.field(name, profile), quantities.get(name, "")

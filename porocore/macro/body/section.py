@@ -42,7 +42,7 @@ class Section:
         """Axes to the right and upwards."""
         return SIDES[self.across]
 
-    def image(self, values: Array) -> Array:
+    def image(self, values: Array | IntArray) -> Array:
         """Return the values (elements, ...) at the places of the grid, NaN outside the body."""
         found = np.asarray(values, float)[self.element]
         found[self.element < 0] = np.nan

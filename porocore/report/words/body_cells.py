@@ -1,4 +1,4 @@
-"""The cells of a body, for the report: its regions and fields, and linear poroelasticity at rest of its elements."""
+"""Cells of a body for the report (BodyCells): regions, fields of the parameters, porosity and K at rest."""
 
 from __future__ import annotations
 

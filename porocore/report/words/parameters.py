@@ -1,4 +1,4 @@
-"""The cell over its parameters, for the report: undeformed members, curves, errors, how states are spread."""
+"""Cell over its parameters for the report (FamilySummary): undeformed members, errors over the parameters."""
 
 from __future__ import annotations
 

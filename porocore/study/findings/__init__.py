@@ -1,1 +1,1 @@
-"""What the results of a study tell beyond their numbers: reach, held-out errors, the cell over its parameters."""
+"""Findings of a study: reach, held-out errors, the cell over its parameters, the cells of the body."""

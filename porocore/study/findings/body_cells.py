@@ -1,4 +1,4 @@
-"""The cells of a run's body for its report, and linear poroelasticity at rest of its elements."""
+"""Cells of the body of a run for its report, and linear poroelasticity at rest of its elements."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The undeformed cell over its parameters: solved members, and the law of the surrogate between them."""
+"""Undeformed cell over its parameters: solved members, and the law of the surrogate between them."""
 
 from __future__ import annotations
 

@@ -14,6 +14,7 @@ from porocore.core.files.atomic import atomic_path
 from porocore.core.files.plain_data import write_json
 from porocore.core.parallel.calls import CallProcesses
 from porocore.core.units.results import speaking
+from porocore.interfaces.solution import MacroSolution
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.study.backends import with_closure
 from porocore.study.config.config import RunConfig
@@ -31,11 +32,9 @@ def report(
     The report shows the closure that the run began with, and solutions of other laws beside it. Processes that work
     already draw its figures.
     """
-    from porocore.macro.series import write_series
     from porocore.report.html import write_report
     from porocore.report.page import load_elsewhere
     from porocore.report.text import all_warnings
-    from porocore.report.vtk import write_vtu_series
     from porocore.study.stages.figures_of_merit import figures_of_merit
     from porocore.study.stages.results import RunResults
     from porocore.study.stages.summary import report_context
@@ -57,14 +56,10 @@ def report(
             for _ in range(drawing.count):
                 drawing.submit("while it loaded libraries", load_elsewhere)
         show(0, "reading the results")
-        results, quantities = RunResults.load(folder, config), parameter_quantities(config.cell)
+        results = RunResults.load(folder, config)
         for solution in results.all_solutions:
-            law, load = solution.law, solution.load
-            show(0, f"files for ParaView, {law}")
-            write_vtu_series(
-                folder.fields, folder.solution(law, load).stem, solution, config.result_units, quantities
-            )
-            write_series(folder.history(law, load), solution, config.result_units)
+            show(0, f"files for ParaView, {solution.law}")
+            _write_solution(folder, config, solution)
         show(1, "figures of merit")
         context = report_context(results)
         metrics = figures_of_merit(results, context)
@@ -85,6 +80,17 @@ def report(
     write_json(folder.metrics, metrics, indent=2, allow_nan=False)
     FinishedRun(config.title, context.title, config.resolved_yaml(), warnings).keep(folder.path)
     return folder.report
+
+
+def _write_solution(folder: RunFolder, config: RunConfig, solution: MacroSolution) -> None:
+    """Write the history of a solution as a table, and its profiles as files for ParaView."""
+    from porocore.macro.series import write_series
+    from porocore.report.vtk import write_vtu_series
+
+    law, load, units = solution.law, solution.load, config.result_units
+    name, quantities = folder.solution(law, load).stem, parameter_quantities(config.cell)
+    write_vtu_series(folder.fields, name, solution, units, quantities)
+    write_series(folder.history(law, load), solution, units)
 
 
 def kept_report(folder: RunFolder, config: RunConfig, *, console: Console) -> bool:
