@@ -13,6 +13,7 @@ from porocore.core.units.results import OutputUnits, ResultUnits
 from porocore.core.units.scales import Scales
 from porocore.core.units.texts import value_of
 from porocore.errors import RunFolderError
+from porocore.interfaces.element_cells import ElementCells
 from porocore.report.vtk import write_vtu_series
 
 
@@ -112,3 +113,26 @@ def test_with_scales_places_times_and_fields_have_units(solution, tmp_path):
     assert 'timestep="0.3"' in path.read_text(encoding="utf-8")
     names = {"H", "mean_grad", "deformation", "K_t [mm²/(mmHg min)]", "P_E [mmHg]", "flux [mm/min]"}
     assert set(mesh.cell_data) == names | {"element_p [mmHg]", "outside"}
+
+
+def test_a_body_of_many_cells_has_regions_parameters_and_axes(solution, tmp_path):
+    e, count = len(solution.cells), len(solution.profiles)
+    values = np.random.default_rng(0).random((count, e, 2))
+    axes = np.broadcast_to(np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), (1, e, 3, 3))
+    region = np.arange(e) % 2
+    cells = ElementCells(region, ("top",), ("c10", "flux"), values, axes)
+    units = ResultUnits(
+        Scales(modulus=1e4, pore=1e-4, viscosity=1e-3, length=1e-2), OutputUnits(stress="kPa")
+    )
+    write_vtu_series(tmp_path, "x", replace(solution, element_cells=cells), units, {"c10": "stress"})
+    for i in range(count):
+        data = {
+            name: blocks[0] for name, blocks in meshio.read(tmp_path / f"x-{i:03d}.vtu").cell_data.items()
+        }
+        np.testing.assert_array_equal(data["region"], region)
+        assert data["region"].dtype.kind == "i"
+        np.testing.assert_allclose(data["c10 [kPa]"], 10 * values[i, :, 0], rtol=1e-14)
+        # A parameter called like a field of the solution.
+        np.testing.assert_array_equal(data["parameter flux"], values[i, :, 1])
+        np.testing.assert_array_equal(data["axis_1"], np.tile([0.0, 1, 0], (e, 1)))
+        np.testing.assert_array_equal(data["axis_2"], np.tile([-1.0, 0, 0], (e, 1)))

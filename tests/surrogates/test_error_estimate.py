@@ -10,6 +10,7 @@ from flag_studies import FOUR, SEVEN, assert_follows, held_out
 
 from porocore.core.inputs.sampled_range import SampledRange
 from porocore.core.tensors.point_group import TRIVIAL
+from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.kinds import Box
 from porocore.states import MacroState
 from porocore.study.findings.reach import flagged_place
@@ -148,7 +149,8 @@ class Profile:
 
 class Solution:
     body = Box(size=(1, 4, 1), elements=(1, 2, 1)).make()
-    points, cells = body.points, body.cells
+    points, cells, element_cells = body.points, body.cells, None
+    cell_states = MacroSolution.cell_states
 
     def __init__(self, *profiles):
         self.profiles = profiles

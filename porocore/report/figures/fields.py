@@ -45,10 +45,12 @@ REGIONS = ["#e8e8e8", *(lighter(colour, 0.35) for colour in (SKY, ORANGE, GREEN,
 AXES = (BLUE, VERMILLION, GREEN)
 #: Lines of an axis along the longer side of a section, and their length as a share of their distance.
 LINES, LENGTH = 14, 0.8
-#: A field that varies by less than this share of its size is uniform.
+#: A field that varies by less than this share of its size is uniform, and is not drawn.
 UNIFORM = 1e-9
 #: Longest and shortest side of a section on the page [inches].
 LONGEST, SHORTEST = 4.2, 1.1
+#: Greatest width of one of two sections beside each other [inches].
+BESIDE = 2.4
 
 
 @styled
@@ -102,18 +104,12 @@ def field_in_section(
     figure, panels = _panels(section, len(values))
     inside = section.element[section.element >= 0]
     shown = np.concatenate([field[inside] for _, field in values])
-    low, high = float(np.nanmin(shown)), float(np.nanmax(shown))
-    uniform = high - low <= UNIFORM * max(abs(low), abs(high))
-    if uniform:
-        around = abs(low) if low else 1.0
-        low, high = low - 0.5 * around, low + 0.5 * around
-    norm = Normalize(low, high)
+    norm = Normalize(float(np.nanmin(shown)), float(np.nanmax(shown)))
     for axes, (time, field) in zip(panels, values, strict=True):
         _image(axes, section, section.image(field), units, norm=norm, cmap=COLOURS)
         if len(values) > 1:
             axes.set_title(f"$t$ = {units.text(time, 'time', 6)}")
-    ticks = [float(shown[0])] if uniform else None
-    figure.colorbar(ScalarMappable(norm, COLOURS), ax=list(panels), label=label, ticks=ticks, shrink=0.8)
+    figure.colorbar(ScalarMappable(norm, COLOURS), ax=list(panels), label=label, shrink=0.8)
     _labels(panels, section, units)
     return figure
 
@@ -208,8 +204,8 @@ def _panels(section: Section, count: int) -> tuple[Figure, Sequence[Any]]:
     """Return a figure with panels that have the shape of the section, and these."""
     lengths = section.ends[:, 1] - section.ends[:, 0]
     width, height = np.clip(LONGEST * lengths / lengths.max(), SHORTEST, LONGEST)
-    if count > 1:
-        width = min(width, 2.4)
+    if count > 1 and width > BESIDE:
+        width, height = BESIDE, max(BESIDE / width * height, SHORTEST)
     figure = new_figure(min(count * (width + 0.5) + 1.7, 7.2), height + 1.1)
     panels = figure.subplots(1, count, squeeze=False)[0]
     for axes in panels:
@@ -229,6 +225,7 @@ def _image(axes: Any, section: Section, image: Array, units: ResultUnits, **how:
         aspect="equal",
         **how,
     )
+    axes.autoscale(enable=False)
 
 
 def _labels(panels: Sequence[Any], section: Section, units: ResultUnits) -> None:
@@ -243,6 +240,12 @@ def _labels(panels: Sequence[Any], section: Section, units: ResultUnits) -> None
         f"$X_{section.across + 1}$ = {at}", (0.0, 0.0), (0, -34), "axes fraction", "offset points",
         fontsize=8, color=BLACK, va="top",
     )  # fmt: skip
+
+
+def _uniform(values: Array) -> bool:
+    """Return whether values that are known are the same up to round-off."""
+    known = values[np.isfinite(values)]
+    return not len(known) or float(np.ptp(known)) <= UNIFORM * float(np.abs(known).max())
 
 
 def _colour(number: int) -> Any:
@@ -266,21 +269,18 @@ def body_fields(solution: MacroSolution, body: BodyCells, pictures: Pictures) ->
 
     found: list[Picture] = []
     if cells.regions and line is None:
-        found.append(
-            pictures.png(
-                "body_regions", regions_in_section(among, cells, units), f"Regions of the body {where}"
-            )
-        )
-    for name in cells.parameters:
-        found.append(field(name, body.field(name), axis_label(name, body.quantities.get(name, ""), units)))
+        drawn = regions_in_section(among, cells, units)
+        found.append(pictures.png("body_regions", drawn, f"Regions of the body {where}"))
+    shown = [(name, body.field(name), name, body.quantities.get(name, "")) for name in cells.parameters]
     if body.porosity is not None:
-        found.append(
-            field("porosity", [(0.0, body.porosity)], axis_label("porosity at rest $\\varphi_f$", "", units))
-        )
+        shown.append(("porosity", [(0.0, body.porosity)], r"porosity at rest $\varphi_f$", ""))
     K = body.conductivity[:, 1, 1]
-    found.append(
-        field("conductivity", [(0.0, K)], axis_label("conductivity at rest $K_{22}$", "conductivity", units))
-    )
+    shown.append(("conductivity", [(0.0, K)], "conductivity at rest $K_{22}$", "conductivity"))
+    found += [
+        field(name, values, axis_label(label, quantity, units))
+        for name, values, label, quantity in shown
+        if not _uniform(np.concatenate([at for _, at in values]))
+    ]
     last = cells.axes_at(body.shown[-1])
     if last is not None:
         drawn = (

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from porocore.report.page import Picture, Pictures
 
 #: Bins of errors, and of states, over the range of a parameter.
-ERROR_BINS, STATE_BINS = 6, 12
+ERROR_BINS, STATE_BINS = 6, 8
 #: Errors below this share of the largest shown one stand at the lower edge [% of % ].
 LEAST_ERROR = 1e-5
 
@@ -81,22 +81,19 @@ def error_figure(parameter: ParameterRange, k: int, errors: Sequence[GroupErrors
     """Draw the errors on held-out states over parameter ``k``, one panel for each output, logarithmic."""
     units = spoken()
     factor = units.factor(parameter.quantity)
-    ends = parameter.lower * factor, parameter.upper * factor
+    edges = np.linspace(parameter.lower, parameter.upper, ERROR_BINS + 1) * factor
     figure = new_figure(5.4, 0.7 + 1.75 * len(errors))
     panels = figure.subplots(len(errors), 1, sharex=True, squeeze=False)[:, 0]
     for axes, group in zip(panels, errors, strict=True):
         x, percent = group.parameters[:, k] * factor, group.percent
         shown = np.maximum(percent, LEAST_ERROR * percent.max(initial=0.0))
         axes.semilogy(x, shown, "o", ms=4, mfc=BLUE, mec="white", mew=0.4, label="held-out states")
-        axes.plot(
-            *binned_rms(x, percent, ends, ERROR_BINS),
-            color=VERMILLION,
-            marker="s",
-            ms=4,
-            label="RMS of each sixth",
+        rms = binned_rms(x, percent, edges)
+        axes.hlines(
+            rms, edges[:-1], edges[1:], color=VERMILLION, lw=2.0, label="RMS of each sixth of the range"
         )
         axes.set_ylabel(f"error of {group.label}\n[% of range]")
-        axes.set_xlim(*ends)
+        axes.set_xlim(edges[0], edges[-1])
         axes.margins(y=0.1)
     panels[-1].set_xlabel(parameter_label(parameter, units))
     legend_above(figure, panels[0], columns=2)

@@ -88,8 +88,9 @@ def region_rows(body: BodyCells, units: ResultUnits) -> tuple[list[str], list[li
     cells, rows = body.cells, []
     heads = ["region", *(["cell"] if body.cell_names else []), "share of the volume"]
     heads += [units.titled(name, body.quantities.get(name, "")) for name in cells.parameters]
-    heads += ["porosity at rest"] if body.porosity is not None else []
-    heads.append(units.titled("K₂₂ at rest", "conductivity"))
+    at = "at t = 0" if cells.varies else "at rest"
+    heads += [f"porosity {at}"] if body.porosity is not None else []
+    heads.append(units.titled(f"K₂₂ {at}", "conductivity"))
     names = ["elsewhere" if cells.regions else "whole body", *cells.regions]
     for k, name in enumerate(names):
         inside = cells.region == k

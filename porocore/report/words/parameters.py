@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from porocore.core.units.results import ResultUnits
 from porocore.report.format import number
@@ -139,13 +138,13 @@ def group_errors(checks: Sequence[OutputCheck]) -> list[GroupErrors]:
     return found
 
 
-def binned_rms(x: Array, values: Array, ends: tuple[float, float], bins: int) -> tuple[Array, Array]:
-    """Return the middles of the bins that hold something, and the root mean square of the values in each."""
-    edges = np.linspace(*ends, bins + 1)
+def binned_rms(x: Array, values: Array, edges: Array) -> Array:
+    """Return the root mean square of the values in each bin between ``edges``, NaN where there are none."""
+    bins = len(edges) - 1
     at = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, bins - 1)
-    there = [k for k in range(bins) if (at == k).any()]
-    middles = (edges[1:] + edges[:-1]) / 2
-    return middles[there], np.array([float(np.sqrt(np.mean(values[at == k] ** 2))) for k in there])
+    count = np.bincount(at, minlength=bins)
+    squares = np.bincount(at, values**2, minlength=bins)
+    return np.sqrt(np.divide(squares, count, out=np.full(bins, np.nan), where=count > 0))
 
 
 def family_figures(
@@ -157,7 +156,14 @@ def family_figures(
     """
     found: list[dict[str, object]] = []
     for k, parameter in enumerate(family.parameters):
-        thirds = {each.plain: _thirds(each.parameters[:, k], each.percent, parameter) for each in errors}
+        edges = np.linspace(parameter.lower, parameter.upper, 4)
+        thirds = {
+            each.plain: [
+                float(rms) if np.isfinite(rms) else None
+                for rms in binned_rms(each.parameters[:, k], each.percent, edges)
+            ]
+            for each in errors
+        }
         found.append(
             {
                 "name": parameter.name,
@@ -168,12 +174,6 @@ def family_figures(
             }
         )
     return found
-
-
-def _thirds(x: Array, percent: Array, parameter: ParameterRange) -> list[float | None]:
-    edges = np.linspace(parameter.lower, parameter.upper, 4)[1:-1]
-    at: npt.NDArray[np.int64] = np.searchsorted(edges, x, side="right")
-    return [float(np.sqrt(np.mean(percent[at == k] ** 2))) if (at == k).any() else None for k in range(3)]
 
 
 def parameter_rows(
