@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from porocore.interfaces.cell import CellField as CellField
     from porocore.interfaces.cell import CellSolution as CellSolution
     from porocore.interfaces.cell import CellSolver as CellSolver
+    from porocore.interfaces.element_cells import ElementCells as ElementCells
     from porocore.interfaces.law import LawMemory as LawMemory
     from porocore.interfaces.law import MacroLaw as MacroLaw
     from porocore.interfaces.law import MacroResponse as MacroResponse
@@ -98,6 +99,7 @@ _HOMES = {
     "porocore.interfaces.sampler": ["Exploration", "Request", "Sampler", "StudyFacts", "StudySampler"],
     "porocore.interfaces.rest_data": ["RestData"],
     "porocore.interfaces.surrogate": ["Surrogate", "TrainingProgress", "TrainingSet"],
+    "porocore.interfaces.element_cells": ["ElementCells"],
     "porocore.interfaces.law": ["LawMemory", "MacroLaw", "MacroResponse", "MacroTangent"],
     "porocore.cell.materials.neo_hookean": ["NeoHookean"],
     "porocore.macro.laws.point_law": ["Law", "LawResponse", "LawTangent"],

@@ -36,7 +36,7 @@ class ElementCells:
     Examples
     --------
     >>> import numpy as np
-    >>> from porocore.interfaces.element_cells import ElementCells
+    >>> from porocore import ElementCells
     >>> cells = ElementCells(np.array([0, 1]), ("top",), ("radius",), np.array([[[0.2], [0.25]]]))
     >>> cells.field("radius", 3)
     array([0.2 , 0.25])

@@ -144,7 +144,8 @@ def binned_rms(x: Array, values: Array, edges: Array) -> Array:
     at = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, bins - 1)
     count = np.bincount(at, minlength=bins)
     squares = np.bincount(at, values**2, minlength=bins)
-    return np.sqrt(np.divide(squares, count, out=np.full(bins, np.nan), where=count > 0))
+    mean = np.divide(squares, count, out=np.full(bins, np.nan), where=count > 0)
+    return np.asarray(np.sqrt(mean))
 
 
 def family_figures(
