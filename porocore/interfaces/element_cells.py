@@ -28,8 +28,8 @@ class ElementCells:
         Names of the regions.
     parameters
         Names of the cell's parameters.
-    values : (1 or profiles, elements, parameters)
-        NaN where the cell of a region has not the parameter.
+    values : (1 or profiles, elements, m)
+        Values of the m parameters; NaN where the cell of a region has not one.
     axes : (1 or profiles, elements, 3, 3)
         Rotations whose columns are the material axes; None where they are those of the body.
 
