@@ -21,6 +21,7 @@ from porocore.cell.family.mesh import family_mesh
 from porocore.cell.geometry.kinds import Geometry, OrthogonalChannels
 from porocore.cell.materials.choice import AnyMaterial
 from porocore.cell.materials.composite import Composite, Solid
+from porocore.cell.materials.energy import SWELLING
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.cell.meshing.connectivity import pieces, why_disconnected
 from porocore.cell.meshing.estimate import require_few
@@ -114,6 +115,15 @@ class Cell(Family, metaclass=CalledByUsers):
         """Young's modulus of the stiffest solid in it, averaged over directions [E]."""
         materials = [self.material] if self.materials is None else self.materials.values()
         return max(material.mean_moduli()[0] for material in materials if material is not None)
+
+    @property
+    def before_swelling(self) -> Self:
+        """The cell with a swelling stretch of 1 in all of its solid."""
+        if self.materials is not None:
+            dry = {region: one.model_copy(update={SWELLING: 1.0}) for region, one in self.materials.items()}
+            return self.model_copy(update={"materials": dry})
+        assert self.material is not None
+        return self.model_copy(update={"material": self.material.model_copy(update={SWELLING: 1.0})})
 
     @property
     def symmetric(self) -> bool:

@@ -18,8 +18,8 @@ KINDS: tuple[ParameterKind, ...] = get_args(ParameterKind)
 class RestData:
     """Solved undeformed members of a family, k of them, and what is known of its m parameters.
 
-    They are linear solves, far cheaper than states. Members of a solid that swells as a whole are solved at the stretch
-    at which they are free of stress.
+    They are linear solves, far cheaper than states. A solid that swells as a whole is solved before it swells, or at
+    the stretch at which it is free of stress; one whose regions swell differently is held.
 
     Attributes
     ----------
@@ -35,6 +35,8 @@ class RestData:
     young, poisson : float, text or None
         Young's modulus and Poisson's ratio of small strains of the solid, if it is isotropic and the same everywhere; a
         text is the name of the parameter that it is. None: the solid is not so.
+    stretch : float
+        Swelling stretch of the whole solid of the family where that is a number; the members here are of 1.
     stiffness_slopes : (k, 10, 10, m) or None
         Slopes of the second derivatives of W by H, row by row, and p at fixed (H, p).
 
@@ -53,6 +55,7 @@ class RestData:
     young: float | str | None = None
     poisson: float | str | None = None
     stiffness_slopes: Array | None = None
+    stretch: float = 1.0
 
     def __len__(self) -> int:
         return len(self.states)

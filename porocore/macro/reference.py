@@ -23,11 +23,15 @@ from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
 FORMAT, VERSION = "porocore-reference", 1
 #: Averages of the response in the file.
 AVERAGES = ("mean_grad", "potential", "stress", "fluid_volume")
+#: Responses besides, of a cell whose pores the swelling of its solid has deformed.
+OF_SWOLLEN_PORES = ("conductivity", "min_fluid_jacobian")
 
 
 @dataclass(frozen=True, eq=False)
 class CellReference:
     """Response at H = 0, p = 0 with its tangent (one row), conductivity and phase fractions.
+
+    A solid that swells is held there, and has a stress.
 
     Attributes
     ----------
@@ -39,16 +43,21 @@ class CellReference:
         K with the cell's viscosity.
     mesh
         Facts on the meshes, name to text.
+    before_swelling
+        φ_f of the cell before its solid swells; None: it does not, and φ_f is the fluid volume of the response.
     """
 
     identity: str
     response: CellResponse
     conductivity: Array
     mesh: dict[str, str]
+    before_swelling: float | None = None
 
     @property
     def porosity(self) -> float:
         """φ_f of the mesh that the responses belong to."""
+        if self.before_swelling is not None:
+            return self.before_swelling
         assert self.response.fluid_volume is not None
         return float(self.response.fluid_volume[0])
 
@@ -59,7 +68,7 @@ class CellReference:
 
     def resting(self, law: ConductivityLaw) -> CellResponse:
         """Return the response, with its conductivity where the law is that of the deformed pore."""
-        if law != "deformed":
+        if law != "deformed" or self.before_swelling is not None:  # which holds that of its own pores
             return self.response
         return replace(self.response, conductivity=self.conductivity[None], min_fluid_jacobian=np.ones(1))
 
@@ -74,22 +83,14 @@ class CellReference:
         Raises
         ------
         ConfigurationError
-            The cell has no pores, its solid is not connected across the periodic cell, or it swells.
+            The cell has no pores, its solid is not connected across the periodic cell, or it swells so much that it
+            cannot be held.
         PorocoreError
             The undeformed cell has no solution, which a mesh or backend fault must cause.
         """
         cell.require_pores()
-        if cell.solid.swells:
-            raise ConfigurationError(
-                "cell: the solid swells, so the cell at H = 0 has a stress; linear poroelasticity and the closures "
-                "take a cell without one: leave 'swelling' out"
-            )
         response = solution_of(solver, prepared, MacroState.zeros(1)).response
-        if response.status[0] != Status.converged:
-            raise PorocoreError(
-                f"the undeformed cell ended with status '{Status(response.status[0]).name}'; "
-                "refine the mesh (cell.mesh.size) or try another backend (--fem)"
-            )
+        _require_solved(response, cell)
         # Of a cell that has an eighth it is told whether the states are solved there or not.
         part: Domain = "whole" if cell.geometry.unfolding == "whole" else "eighth"
         solid, fluid = cell.make_mesh("solid", part), cell.make_mesh("fluid", part)
@@ -101,7 +102,8 @@ class CellReference:
             "solid mesh hash": solid.hash,
             "fluid mesh hash": fluid.hash,
         }
-        return cls(identity, response, conductivity_of(solver, prepared), mesh)
+        before = porosity_before_swelling(solver, cell) if cell.solid.swells else None
+        return cls(identity, response, conductivity_of(solver, prepared), mesh, before)
 
     def save(self, path: Path) -> None:
         """Write one JSON file, atomically."""
@@ -114,11 +116,20 @@ class CellReference:
             "conductivity": self.conductivity.tolist(),
             "mesh": self.mesh,
             **{name: _listed(getattr(response, name)) for name in AVERAGES},
+            **self._swollen(),
             "tangent": {
                 name: value.tolist() for name, value in vars(response.tangent).items() if value is not None
             },
         }
         write_json(path, document, indent=1)
+
+    def _swollen(self) -> dict[str, Any]:
+        """Return what only the file of a cell whose solid swells holds."""
+        if self.before_swelling is None:
+            return {}
+        names = [name for name in OF_SWOLLEN_PORES if getattr(self.response, name) is not None]
+        pores = {name: _listed(getattr(self.response, name)) for name in names}
+        return {"before_swelling": self.before_swelling, "pores": pores}
 
     @classmethod
     def load(cls, path: Path, identity: str) -> CellReference:
@@ -137,14 +148,41 @@ class CellReference:
             if document["identity"] != identity:
                 raise DataError(f"{path}: belongs to another cell ({document['identity']}); {advice}")
             arrays = {name: _array(document[name]) for name in AVERAGES}
+            arrays |= {name: _array(document.get("pores", {}).get(name)) for name in OF_SWOLLEN_PORES}
+            before = document.get("before_swelling")
             response = CellResponse(
                 status=np.array([Status.converged], dtype=np.int64),
                 tangent=CellTangent(**{name: _array(value) for name, value in document["tangent"].items()}),
                 **arrays,
             )
-            return cls(identity, response, np.array(document["conductivity"]), document["mesh"])
+            K = np.array(document["conductivity"])
+            return cls(identity, response, K, document["mesh"], None if before is None else float(before))
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise DataError(f"{path}: not a complete cell reference ({error!r}); {advice}") from error
+
+
+def porosity_before_swelling(solver: CellSolver, cell: Cell) -> float:
+    """Return φ_f of a cell before its solid swells, as the solver's own mesh has it."""
+    dry = cell.before_swelling
+    response = solution_of(solver, solver.prepare(dry), MacroState.zeros(1), tangent=False).response
+    _require_solved(response, dry)
+    assert response.fluid_volume is not None
+    return float(response.fluid_volume[0])
+
+
+def _require_solved(response: CellResponse, cell: Cell) -> None:
+    if response.status[0] == Status.converged:
+        return
+    name = Status(response.status[0]).name
+    if cell.solid.swells:
+        raise ConfigurationError(
+            f"cell: held at H = 0 while its solid swells, the cell ended with status '{name}'; let it swell less "
+            "(swelling)"
+        )
+    raise PorocoreError(
+        f"the undeformed cell ended with status '{name}'; "
+        "refine the mesh (cell.mesh.size) or try another backend (--fem)"
+    )
 
 
 def _listed(array: Array | None) -> Any:

@@ -156,7 +156,9 @@ def test_ends_of_a_range_may_have_units():
 
 def test_a_study_has_the_ranges_in_identity_and_record():
     document = YamlDocument.read(benchmark_path())
-    config = validated(YamlDocument.of({**document.data, "cell": FAMILY}, document.folder))
+    config = validated(
+        YamlDocument.of({**document.data, "cell": FAMILY, "closure": "potential"}, document.folder)
+    )
     again = RunConfig.model_validate(config.model_dump(mode="json"))
     assert again == config
     assert again.identity == config.identity

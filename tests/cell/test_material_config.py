@@ -193,6 +193,9 @@ def test_a_solid_rests_without_stress_and_is_stiff(tmp_path, cell, why):
          "cell.materials.solid.bulk_modulus", "expected a number with 0 < bulk_modulus, got -1"),
         ("materials: {solid: {poisson_ratio: 0.5}}", "cell.materials.solid.poisson_ratio", "expected a number"),
         (f"materials: {{solid: {OTHER}}}", "closure", "each region its own; choose closure: potential"),
+        ("material: {swelling: 1.1}", "closure", "swelling gives the cell a stress at rest; choose closure: potential"),
+        ("material: {poisson_ratio: {range: [0.2, 0.4]}}", "closure",
+         "cell.material.poisson_ratio is a range, which gives each point its own; choose closure: potential"),
     ],
 )  # fmt: skip
 def test_keys_of_materials(tmp_path, cell, key, why):

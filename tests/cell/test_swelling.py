@@ -8,6 +8,8 @@ import pytest
 from porocore import MacroState, Status
 from porocore.cell.cell import Cell
 from porocore.errors import ConfigurationError
+from porocore.macro.laws import MeanGradientClosure, make_closure
+from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.macro.reference import CellReference
 from porocore.verification.local_fields.points import PointFields
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
@@ -78,7 +80,62 @@ def test_slopes_by_a_region_are_those_of_the_potential(name):
     assert points.mean(by_energy) == pytest.approx((W[0] - 8 * W[1] + 8 * W[2] - W[3]) / (12 * h), rel=1e-8)
 
 
-def test_bodies_of_a_solid_that_swells_are_refused():
-    cell, solver = Cell(mesh=COARSE, material={"swelling": 1.1}), SkfemCellSolver()
-    with pytest.raises(ConfigurationError, match="the solid swells"):
+def reference(cell, **how):
+    solver = SkfemCellSolver()
+    return CellReference.compute(solver, solver.prepare(cell, **how), cell, "cell")
+
+
+def test_the_reference_of_a_swollen_cell_is_held_and_has_the_porosity_of_the_dry_one(tmp_path):
+    dry, wet = (
+        reference(Cell(mesh=COARSE)),
+        reference(Cell(mesh=COARSE, material={"swelling": 1.1}), deformed=True),
+    )
+    assert wet.porosity == pytest.approx(dry.porosity, rel=1e-12)
+    assert wet.response.fluid_volume[0] < wet.porosity - 0.1
+    assert np.allclose(wet.conductivity, dry.conductivity, rtol=1e-12)
+    pores = wet.resting("deformed")
+    assert pores.conductivity[0, 0, 0] < 0.5 * dry.conductivity[0, 0]  # the solid has swollen into them
+    wet.save(tmp_path / "cell.json")
+    again = CellReference.load(tmp_path / "cell.json", "cell")
+    assert again.porosity == wet.porosity
+    assert np.array_equal(again.resting("deformed").conductivity, pores.conductivity)
+    assert np.array_equal(again.response.stress, wet.response.stress)
+
+
+def test_linear_poroelasticity_of_a_swollen_cell_is_its_tangent_with_its_stress():
+    """Against differences of solved states."""
+    cell = Cell(mesh=COARSE, material={"swelling": 1.05})
+    at_rest = reference(cell)
+    c = LinearCoefficients.from_reference(
+        at_rest.response, at_rest.solid_fraction, cell.solid, at_rest.conductivity
+    )
+    law, h = LinearPoroelasticity(c), 1e-4
+    still = np.zeros((1, 3))
+    rest = law.respond(MacroState.zeros(1), still, law.initial(1))
+    held, _ = solved(cell, np.eye(3), 0.0)
+    assert np.allclose(rest.stress, held.stress, atol=1e-12)
+    assert np.allclose(rest.memory.mean_grad, held.mean_grad, atol=1e-12)
+    along = np.diag([0.3, 1.0, -0.2])
+    (up, _), (down, _) = (solved(cell, np.eye(3) + s * h * along, s * h * 0.5) for s in (1, -1))
+    found = [
+        law.respond(MacroState.single(s * h * along, s * h * 0.5), still, law.initial(1)) for s in (1, -1)
+    ]
+    assert np.allclose(found[0].stress - found[1].stress, up.stress - down.stress, atol=1e-6 * h)
+    assert np.allclose(
+        found[0].storage - found[1].storage, up.fluid_volume - down.fluid_volume, atol=1e-6 * h
+    )
+
+
+def test_a_cell_that_cannot_be_held_is_refused():
+    cell, solver = Cell(mesh=COARSE, material={"swelling": 4.0}), SkfemCellSolver()
+    with pytest.raises(ConfigurationError, match=r"held at H = 0 .* let it swell less"):
         CellReference.compute(solver, solver.prepare(cell), cell, "")
+
+
+def test_the_mean_gradient_closure_refuses_a_stress_at_rest():
+    for settings in ({"swelling": 1.1}, {"swelling": {"range": [1.0, 1.1]}}):
+        assert "choose closure: potential" in MeanGradientClosure.unfit(Cell(material=settings))
+    with pytest.raises(
+        ConfigurationError, match="gives the cell a stress at rest; choose closure: potential"
+    ):
+        make_closure("mean-gradient", 0.6, Cell(material={"swelling": 1.1}).solid, np.eye(3))

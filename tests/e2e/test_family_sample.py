@@ -28,6 +28,7 @@ STUDY = {
         "workers": 1,
     },
     "surrogate": {"backend": "polynomial"},
+    "closure": "potential",
     "macro": {
         "body": {"kind": "box", "size": [0.1, 7.5, 0.1], "elements": [1, 2, 1]},
         "boundary": {

@@ -1,5 +1,7 @@
 """The coefficients of a cell in the report: one row for each axis along which they differ, labelled, with units."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -44,6 +46,16 @@ def test_a_cell_that_is_the_same_along_all_axes_has_one_row_of_each():
         "inverse Biot modulus E / M_B",
         "consolidation coefficient c_v along each axis",
     ]
+
+
+def test_a_cell_that_swells_shows_the_stress_that_holds_it():
+    cell = summary(np.diag([2.0, 2.0, 2.0]))
+    swollen = replace(cell, linear=replace(cell.linear, stress=-0.05 * np.eye(3)))
+    assert linear_rows(swollen)[0] == (
+        "stress while the swelling is held P_E,11 = P_E,22 = P_E,33 / E",
+        "−0.05000",
+    )
+    assert linear_rows(swollen)[1:] == linear_rows(cell)
 
 
 def test_an_orthotropic_cell_shows_every_axis_with_its_unit():

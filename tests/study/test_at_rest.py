@@ -1,5 +1,7 @@
 """``porocore check`` on the undeformed cell: moduli, permeability and time of consolidation in the user's units."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from invoked import BENCHMARK
@@ -43,6 +45,15 @@ def setup(size, boundary, elements, without="", **more):
 
 
 COLUMN = setup((0.1, 2.0, 0.1), {"y+": {"traction": [0, -0.01, 0], "pressure": 0}}, (1, 8, 1))
+
+
+def test_a_cell_whose_swelling_is_held_tells_its_stress():
+    dry = coefficients()
+    wet = replace(dry, stress=np.diag([-0.05, -0.05, -0.03]))
+    told = [list(cell_lines(c, 1.0, ResultUnits())) for c in (dry, wet)]
+    assert set(told[1]) - set(told[0]) == {
+        "stress while the swelling is held −0.0500, −0.0500, −0.0300 E along x, y, z"
+    }
 
 
 def test_a_column_drains_in_the_time_of_terzaghi():

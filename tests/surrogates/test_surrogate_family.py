@@ -126,6 +126,36 @@ def test_modulus_swelling_and_viscosity_need_no_samples(everything):
     np.testing.assert_allclose(thick.conductivity, softer.conductivity / 2, rtol=1e-12)
 
 
+def test_a_swelling_that_all_members_have_needs_no_samples_either(tmp_path):
+    """Undeformed members are those before they swell; H = (λ − 1) I is free of stress for every radius."""
+    inputs = InputSpace.from_ranges({"H22": (-0.05, 0.1), "p": (0.0, 0.05)}, {"radius": (0.15, 0.3)})
+    stretch, dry = 1.06, porous_training_set(30, 1, inputs)
+
+    def wet(states):
+        """The responses of members that swell."""
+        theta = np.column_stack([states.parameters, np.full(len(states), stretch)])
+        found = respond(states.with_parameters(theta), ("radius", "swelling"))
+        slopes = {name: value[..., :1] for name, value in vars(found.slopes).items() if value is not None}
+        return replace(found, slopes=replace(found.slopes, **slopes))
+
+    data = replace(dry, responses=wet(dry.states), rests=replace(dry.rests, stretch=stretch))
+    surrogate = PolynomialSurrogate().fit(data, seed=0)
+    path = tmp_path / "surrogate.h5"
+    surrogate.save(path)
+    free = MacroState(
+        np.broadcast_to((stretch - 1) * np.eye(3), (5, 3, 3)), np.zeros(5), np.linspace(0.15, 0.3, 5)[:, None]
+    )
+    for each in (surrogate, PolynomialSurrogate.load(path)):
+        found, truth = each.predict(free), wet(free)
+        np.testing.assert_allclose(found.stress, 0.0, atol=1e-13)
+        np.testing.assert_allclose(found.fluid_volume, truth.fluid_volume, rtol=1e-6)
+        np.testing.assert_allclose(found.conductivity, truth.conductivity, rtol=1e-3, atol=1e-9)
+        unseen = porous_training_set(50, 2, inputs).states
+        for name in NAMES[:4]:
+            a, b = getattr(each.predict(unseen), name), getattr(wet(unseen), name)
+            np.testing.assert_allclose(a, b, atol=1e-2 * np.ptp(b), err_msg=name)
+
+
 def test_slopes_by_all_parameters_are_those_of_the_predictions(everything):
     states = porous_training_set(6, 3, ALL).states
     states = replace(states, grad_u=states.grad_u + np.random.default_rng(1).uniform(-0.02, 0.02, (6, 3, 3)))

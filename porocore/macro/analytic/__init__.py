@@ -1,1 +1,1 @@
-"""Closed forms of macroscopic problems: Terzaghi, Mandel, Armstrong, Xie & Leo."""
+"""Closed forms of macroscopic problems: Terzaghi, layered soils, swelling, Mandel, Armstrong, Xie & Leo."""

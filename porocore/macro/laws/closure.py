@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from porocore.cell.cell import Cell
 from porocore.cell.materials.composite import Solid
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import LawMemory, MacroResponse, UndeformedCells, fingerprint
@@ -51,6 +52,11 @@ class Closure(ABC):
         self.conductivity = np.array(conductivity, dtype=float)
         if self.conductivity.shape != (3, 3):
             raise ValueError(f"expected a conductivity (3, 3), got {self.conductivity.shape}")
+
+    @classmethod
+    def unfit(cls, cell: Cell) -> str:
+        """Return why the closure does not suit the solid of a cell; empty if it does."""
+        return ""
 
     @property
     def identity(self) -> str:

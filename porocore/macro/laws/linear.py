@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,13 +17,14 @@ NO_STORAGE = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class LinearCoefficients:
-    """Coefficients of linear poroelasticity, P_E = C_eff:E − α p, storage = α:E + p/M_B, q = −K ∇p.
+    """Coefficients of linear poroelasticity, P_E = P₀ + C_eff:E − α p, storage = α:E + p/M_B, q = −K ∇p.
 
     With C the elasticity of the solid and M, Q the tangents of <∇u¹>_s at rest (Dehghani & Zilian)::
 
         C_eff = φ_s C + C:M,   α = φ_f I − I:M,   1/M_B = −tr Q
 
     A solid of several materials has no single C; its C_eff is ∂P_E/∂H of the cell at rest, which is the same tensor.
+    One that swells has a stress P₀ at rest, and all coefficients are derivatives of the cell's own responses there.
 
     Attributes
     ----------
@@ -41,6 +42,10 @@ class LinearCoefficients:
         M [-].
     mean_grad_p : (3, 3)
         Q [1/E].
+    stress : (3, 3)
+        P₀ [E], 0 unless the solid swells.
+    mean_grad : (3, 3)
+        <∇u¹>_s at rest [-], 0 unless the solid swells.
     """
 
     stiffness: Array
@@ -50,6 +55,8 @@ class LinearCoefficients:
     conductivity: Array
     mean_grad_grad_u: Array
     mean_grad_p: Array
+    stress: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    mean_grad: Array = field(default_factory=lambda: np.zeros((3, 3)))
 
     @classmethod
     def from_reference(
@@ -68,9 +75,7 @@ class LinearCoefficients:
         stiffness, biot_of_stress = _of_stress(reference, solid_fraction, material)
         stiffness = (stiffness + stiffness.swapaxes(0, 1)) / 2
         stiffness = (stiffness + stiffness.swapaxes(2, 3)) / 2
-        fluid = (1 - solid_fraction) * np.eye(3)
-        biot = fluid - np.einsum("iikl->kl", M)
-        storage = 0.0 - float(np.trace(Q))
+        biot, storage, stress = _of_fluid(reference, solid_fraction, material)
         if storage <= NO_STORAGE:
             raise ConfigurationError(
                 f"linear poroelasticity: expected 1/M_B = −tr Q > 0, got {storage:.3g}: "
@@ -82,7 +87,15 @@ class LinearCoefficients:
                 )
             )
         return cls(
-            stiffness, (biot + biot.T) / 2, biot_of_stress, storage, np.array(conductivity, dtype=float), M, Q
+            stiffness,
+            (biot + biot.T) / 2,
+            biot_of_stress,
+            storage,
+            np.array(conductivity, dtype=float),
+            M,
+            Q,
+            stress,
+            reference.mean_grad[0] if material.swells else np.zeros((3, 3)),
         )
 
     @property
@@ -99,18 +112,42 @@ class LinearCoefficients:
 
 def _of_stress(reference: CellResponse, solid_fraction: float, material: Solid) -> tuple[Array, Array]:
     """Return C_eff and the Biot tensor of the stress; with several materials from the cell's own tangent at rest."""
-    if isinstance(material, Composite):
+    if isinstance(material, Composite) or material.swells:
         tangent = reference.tangent
         if tangent is None or tangent.stress_grad_u is None or tangent.stress_p is None:
             raise ValueError(
-                "expected the derivatives of the cell's stress, without which a solid of several materials has no "
-                "known stiffness; the cell solver does not provide them"
+                "expected the derivatives of the cell's stress, without which a solid of several materials, or one "
+                "that swells, has no known stiffness; the cell solver does not provide them"
             )
         return tangent.stress_grad_u[0].copy(), -tangent.stress_p[0]
     M, Q = reference_tangents(reference)
     C = material.elasticity
     stiffness = solid_fraction * C + np.einsum("ijmn,mnkl->ijkl", C, M)
     return stiffness, (1 - solid_fraction) * np.eye(3) - np.einsum("ijmn,mn->ij", C, Q)
+
+
+def _of_fluid(reference: CellResponse, solid_fraction: float, material: Solid) -> tuple[Array, float, Array]:
+    """Return α and 1/M_B of the storage, and P₀; of a solid that swells from the cell's own responses at rest."""
+    if not material.swells:
+        M, Q = reference_tangents(reference)
+        biot = (1 - solid_fraction) * np.eye(3) - np.einsum("iikl->kl", M)
+        return biot, 0.0 - float(np.trace(Q)), np.zeros((3, 3))
+    tangent, stress = reference.tangent, reference.stress
+    if (
+        stress is None
+        or tangent is None
+        or tangent.fluid_volume_grad_u is None
+        or tangent.fluid_volume_p is None
+    ):
+        raise ValueError(
+            "expected the stress of the cell and the derivatives of its fluid volume, without which a solid that "
+            "swells has no known storage; the cell solver does not provide them"
+        )
+    return (
+        tangent.fluid_volume_grad_u[0].copy(),
+        float(tangent.fluid_volume_p[0]),
+        (stress[0] + stress[0].T) / 2,
+    )
 
 
 class LinearPoroelasticity(MacroLaw):
@@ -121,27 +158,37 @@ class LinearPoroelasticity(MacroLaw):
 
     def __init__(self, coefficients: LinearCoefficients) -> None:
         self.coefficients = c = coefficients
+        held = (c.stress,) if c.stress.any() else ()
         self.identity = fingerprint(
-            self.name, c.stiffness, c.biot, c.storage, c.conductivity, c.mean_grad_grad_u, c.mean_grad_p
+            self.name,
+            c.stiffness,
+            c.biot,
+            c.storage,
+            c.conductivity,
+            c.mean_grad_grad_u,
+            c.mean_grad_p,
+            *held,
         )
 
     def initial(self, n: int) -> LawMemory:
         """Return the memory at rest."""
-        return LawMemory(MacroState.zeros(n), np.zeros((n, 3, 3)))
+        return LawMemory(MacroState.zeros(n), np.broadcast_to(self.coefficients.mean_grad, (n, 3, 3)).copy())
 
     def respond(
         self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
     ) -> MacroResponse:
-        """See :class:`MacroLaw`; the mean gradient M:H + Q p is carried for the profiles."""
+        """See :class:`MacroLaw`; the mean gradient at rest and M:H + Q p are carried for the profiles."""
         c, n = self.coefficients, len(states)
         H, p = states.grad_u.reshape(n, 9), states.p[:, None]
         step = (states.grad_u - memory.states.grad_u).reshape(n, 9)
         mean_grad = np.add(H @ c.mean_grad_grad_u.reshape(9, 9).T, p * c.mean_grad_p.reshape(9), dtype=float)
         return MacroResponse(
-            stress=(H @ c.stiffness.reshape(9, 9).T - p * c.biot.reshape(9)).reshape(n, 3, 3),
+            stress=(H @ c.stiffness.reshape(9, 9).T - p * c.biot.reshape(9) + c.stress.ravel()).reshape(
+                n, 3, 3
+            ),
             storage=step @ c.biot.reshape(9) + c.storage * (states.p - memory.states.p),
             flux=-grad_p @ c.conductivity.T,
-            memory=LawMemory(states, mean_grad.reshape(n, 3, 3)),
+            memory=LawMemory(states, c.mean_grad + mean_grad.reshape(n, 3, 3)),
             deformation=np.eye(3) + states.grad_u,
             volume_ratio=np.ones(n),
             transformed_conductivity=np.broadcast_to(c.conductivity, (n, 3, 3)),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from porocore.cell.cell import Cell
 from porocore.cell.materials.composite import Composite, Solid
 from porocore.core.tensors.cofactors import cofactor_tangent
 from porocore.errors import ConfigurationError
@@ -11,6 +12,13 @@ from porocore.interfaces.law import LawMemory, MacroResponse, MacroTangent, Unde
 from porocore.macro.laws.closure import Closure
 from porocore.macro.laws.pull_back import ConductivityLaw, PulledBack, at_points, deformation_tangent
 from porocore.states import Array, CellResponse, CellTangent, MacroState
+
+
+def _unfit(reason: str) -> str:
+    return (
+        "closure 'mean-gradient' takes the stress of the solid at its mean deformation, so the whole solid must have "
+        f"one strain energy without a stress at rest, but {reason}; choose closure: potential"
+    )
 
 
 class MeanGradientClosure(Closure):
@@ -33,19 +41,28 @@ class MeanGradientClosure(Closure):
     name = "mean-gradient"
     responses = ("mean_grad",)
     derivatives = ("mean_grad_grad_u", "mean_grad_p")
-    #: Why it cannot be used.
-    needs_one_energy = (
-        "closure 'mean-gradient' takes the stress of the solid at its mean deformation, so the whole solid must have "
-        "one strain energy, but cell.materials gives each region its own; choose closure: potential"
-    )
 
     def __init__(
         self, solid_fraction: float, material: Solid, conductivity: Array, *, law: ConductivityLaw = "piola"
     ) -> None:
         super().__init__(solid_fraction, material, conductivity, law=law)
         if isinstance(material, Composite):
-            raise ConfigurationError(self.needs_one_energy)
+            raise ConfigurationError(_unfit("cell.materials gives each region its own"))
+        if material.swells:
+            raise ConfigurationError(_unfit("cell.material.swelling gives the cell a stress at rest"))
         self.energy = material
+
+    @classmethod
+    def unfit(cls, cell: Cell) -> str:
+        """Return why it does not suit the solid of a cell; empty if it does."""
+        if cell.materials is not None:
+            return _unfit("cell.materials gives each region its own")
+        varied = [parameter.key for parameter in cell.parameters if parameter.solid_key is not None]
+        if varied:
+            return _unfit(f"{varied[0]} is a range, which gives each point its own")
+        if cell.solid.swells:
+            return _unfit("cell.material.swelling gives the cell a stress at rest")
+        return ""
 
     def respond(
         self,

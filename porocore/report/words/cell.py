@@ -88,7 +88,12 @@ def linear_rows(cell: CellSummary) -> list[tuple[str, str]]:
         if is_one(along, _said_of("diffusivity"))
         else list(zip(names, along, strict=True))
     )
+    held = symmetric("P_E,", linear.stress, said) if linear.stress.any() else ()
     return [
+        *(
+            (f"stress while the swelling is held {name}{by}", measured(value, "stress"))
+            for name, value in held
+        ),
         *((f"drained stiffness {name}{by}", measured(value, "stress")) for name, value in stiffness),
         *((f"Biot coefficient {name}", number(value)) for name, value in symmetric("α", linear.biot)),
         (f"inverse Biot modulus {times} / M_B", measured(linear.storage, "compliance")),

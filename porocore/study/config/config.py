@@ -23,7 +23,7 @@ from porocore.core.models.strict import StrictModel
 from porocore.core.units.results import OutputUnits, ResultUnits
 from porocore.core.units.scales import Scales
 from porocore.errors import ConfigurationError
-from porocore.macro.laws import CLOSURES, MeanGradientClosure
+from porocore.macro.laws import CLOSURES
 from porocore.macro.laws.pull_back import ConductivityLaw
 from porocore.sampling.execution.choice import contradiction
 from porocore.study.config.sections import (
@@ -229,8 +229,7 @@ def _short(value: Any) -> str:
 def _unfit_closure(closure: str, cell: Cell | None) -> str:
     """Return why a closure cannot be used; empty if it can."""
     if closure in CLOSURES:
-        several = cell is not None and cell.materials is not None
-        return MeanGradientClosure.needs_one_energy if several and closure == MeanGradientClosure.name else ""
+        return "" if cell is None else CLOSURES[closure].unfit(cell)
     return f"unknown closure {echo(closure)}; {suggestion(closure, CLOSURES, 'the closures are')}"
 
 

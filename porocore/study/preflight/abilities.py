@@ -73,26 +73,19 @@ def require_parts(solver: type[MacroSolver], name: str, problem: MacroSetup) -> 
 
 
 def require_without_swelling(cell: Cell) -> None:
-    """Refuse a study of a body whose solid swells: at rest its cell has a stress, which no closure takes yet.
+    """Refuse to sample a family whose solid swells, whose undeformed members are not solved yet.
 
     Raises
     ------
     ConfigurationError
-        A material has a swelling stretch other than 1, or a range of it.
+        The swelling stretch of a material is a range.
     """
     ranges = [parameter.key for parameter in cell.parameters if parameter.path[-1] == "swelling"]
     if ranges:
         raise ConfigurationError(
-            f"{ranges[0]}: expected 1, got a range; bodies of solids that swell are not solved yet, single states of "
-            "their cell are: porocore cell state"
+            f"{ranges[0]}: expected a number, got a range, of which no surrogate learns yet; single states of such a "
+            "cell are solved: porocore cell state"
         )
-    for key, material in {"material": cell.material, **(cell.materials or {})}.items():
-        if material is not None and material.swells:
-            at = key if cell.materials is None else f"materials.{key}"
-            raise ConfigurationError(
-                f"cell.{at}.swelling: expected 1, got {material.swelling:g}; bodies of solids that swell are not "
-                "solved yet, single states of their cell are: porocore cell state"
-            )
 
 
 def require_learner(surrogate: Surrogate, name: str, cell: Cell) -> None:

@@ -116,6 +116,9 @@ def cell_lines(c: LinearCoefficients, viscosity: float, units: ResultUnits) -> I
     else:
         yield f"confined modulus {_axes(confined, 'E')}"
         yield f"Young's modulus {_axes(young, 'E')}"
+    if c.stress.any():
+        held = np.diag(c.stress) * units.factor("stress")
+        yield f"stress while the swelling is held {_axes(held, units.name('stress') if units.given else 'E')}"
     storage, unit = c.storage * units.factor("compliance"), units.name("compliance") if units.given else "1/E"
     yield f"Biot coefficient {_axes(np.diag(c.biot), '')}; storage 1/M_B {number(storage, 3)} {unit}"
     K = np.diag(c.conductivity)

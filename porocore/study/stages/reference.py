@@ -14,7 +14,7 @@ from porocore.cell.cell import Cell
 from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
 from porocore.macro.boundary.drainage import undrained
-from porocore.macro.reference import CellReference
+from porocore.macro.reference import CellReference, porosity_before_swelling
 from porocore.plugins.border import conductivity_of, solution_of
 from porocore.sampling.execution.solved_store import StoringSolver
 from porocore.states import CellSlopes, MacroState, Status
@@ -119,22 +119,25 @@ def solve_cell(
     arguments = (config.fem.backend, config.fem.options, config.cell, config.conductivity)
     (solver, prepared), known = prepare_cell(*arguments), solved_states(store, *arguments)
     conductivity = conductivity_of(solver, prepared)
-    solver = solver if known is None else StoringSolver(solver, known)
-    geometry = config.cell.geometry
+    unstored, solver = solver, solver if known is None else StoringSolver(solver, known)
     if (disconnected := config.cell.disconnected) and p == 0 and not np.any(grad_u):
         return {
-            "porosity": geometry.porosity,
+            "porosity": config.cell.geometry.porosity,
             "conductivity": conductivity,
             "solid": f"disconnected: {disconnected}",
             "seconds": {"set_up": time.perf_counter() - began},
         }
-    rest = solution_of(solver, prepared, MacroState.zeros(1), tangent=False).response
+    if config.cell.solid.swells:  # another cell than the one whose states are stored
+        porosity = porosity_before_swelling(unstored, config.cell)
+    else:
+        volume = solution_of(solver, prepared, MacroState.zeros(1), tangent=False).response.fluid_volume
+        porosity = config.cell.geometry.porosity if volume is None else float(volume[0])
     ready = time.perf_counter()
     saved_at_rest, saved = (0.0 if known is None else known.saved), list[float]()
     with told(known, "cell", tell, saved.append):
         response = solution_of(solver, prepared, MacroState.single(grad_u, p)).response
     found: dict[str, Any] = {
-        "porosity": geometry.porosity if rest.fluid_volume is None else float(rest.fluid_volume[0]),
+        "porosity": porosity,
         "conductivity": conductivity,
         "status": Status(int(response.status[0])).name,
         "mean_grad": response.mean_grad[0],

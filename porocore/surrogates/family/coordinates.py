@@ -36,12 +36,15 @@ class ParameterMap:
     young, poisson
         Young's modulus and Poisson's ratio of the solid: numbers or names of parameters; None where it is not
         isotropic, or not the same everywhere.
+    stretch
+        Swelling stretch of the whole solid, of all members; beside it may stand one that is a parameter.
     """
 
     inputs: InputSpace
     kinds: tuple[str, ...]
     young: float | str | None = None
     poisson: float | str | None = None
+    stretch: float = 1.0
 
     @cached_property
     def learned(self) -> IntArray:
@@ -107,7 +110,7 @@ class ParameterMap:
             found.append(theta[:, at].prod(axis=1))
         if isinstance(self.young, float | int):
             found[0] = found[0] * self.young
-        return found[0], found[1], found[2]
+        return found[0], found[1] * self.stretch, found[2]
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,6 +47,7 @@ def fit_rest(rests: RestData, inputs: InputSpace, symmetry: PointGroup) -> RestM
         )
     theta = rests.states.parameters
     assert theta is not None
+    # The members are those before they swell, whatever the stretch of the family is.
     parameters = ParameterMap(inputs, rests.kinds, rests.young, rests.poisson)
     shape, slope = parameters.shape(theta)
     given = None if rests.responses.slopes is None else rests.responses.slopes.porosity
@@ -58,7 +59,8 @@ def fit_rest(rests: RestData, inputs: InputSpace, symmetry: PointGroup) -> RestM
     start = RestModel(
         parameters, symmetry, centre, half, porosity, empty, 1.0, empty, empty, empty, np.zeros((3, 0)), empty
     )
-    return _fitted(rests, start, theta)
+    model = _fitted(rests, start, theta)
+    return replace(model, parameters=replace(parameters, stretch=rests.stretch))
 
 
 def _range(parameters: ParameterMap, porosity: Polynomial, theta: Array) -> tuple[Array, Array]:

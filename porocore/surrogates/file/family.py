@@ -32,6 +32,7 @@ def pack_family(model: FamilyModel, header: dict[str, Any], arrays: dict[str, Ar
         "kinds": parameters.kinds,
         "young": parameters.young,
         "poisson": parameters.poisson,
+        "stretch": parameters.stretch,
         "level": rest.level,
         "terms": None,
         "polynomials": [],
@@ -87,9 +88,8 @@ def _unpack_rest(header: dict[str, Any], arrays: dict[str, Array], inputs: Input
     kinds = tuple(header["kinds"])
     if len(kinds) != len(inputs.parameters) or any(kind not in KINDS for kind in kinds):
         raise ValueError(f"the kinds of parameters {kinds}")
-    parameters = ParameterMap(
-        inputs, kinds, _solid(header["young"], inputs), _solid(header["poisson"], inputs)
-    )
+    young, poisson = (_solid(header[name], inputs) for name in ("young", "poisson"))
+    parameters = ParameterMap(inputs, kinds, young, poisson, float(header.get("stretch", 1.0)))
     l = len(parameters.learned)
     basis = arrays["rest/basis"]
     if basis.ndim != 2 or len(basis) != 3 or basis.shape[1] > 3:
@@ -99,7 +99,7 @@ def _unpack_rest(header: dict[str, Any], arrays: dict[str, Array], inputs: Input
         name: parts.unpack_polynomial(arrays, f"rest/{name}", l, count) for name, count in outputs.items()
     }
     level, half = float(header["level"]), arrays["rest/half"].reshape(l)
-    if not (level > 0 and (half > 0).all()):
+    if not (level > 0 and parameters.stretch > 0 and (half > 0).all()):
         raise ValueError("scales that are not positive")
     return RestModel(
         parameters,

@@ -208,6 +208,9 @@ def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[
         "network": model.network is not None,
     }
     arrays |= {"rest/matrix": model.rest.matrix, "rest/mean_grad": model.rest.mean_grad}
+    if model.rest.value or model.rest.stress.any():
+        arrays |= {"rest/stress": model.rest.stress, "rest/held": model.rest.held}
+        header["energy_at_rest"] = model.rest.value
     parts.pack_polynomial(model.mean_grad, "mean_grad", arrays)
     parts.pack_box(model.training_box, arrays)
     if model.terms is not None:
@@ -232,6 +235,9 @@ def _unpack_potential(
         arrays["rest/matrix"].reshape(7, 7),
         arrays["rest/mean_grad"].reshape(9, 7),
         PointGroup.generated([np.reshape(Q, (3, 3)) for Q in header["symmetry"]]),
+        float(header.get("energy_at_rest", 0.0)),
+        arrays.get("rest/stress", np.zeros(6)).reshape(6),
+        arrays.get("rest/held", np.zeros(9)).reshape(9),
     )
     box = parts.unpack_box(header, arrays)
     terms: Terms | None = None

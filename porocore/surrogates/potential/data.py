@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -13,10 +13,16 @@ from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import Array, CellResponse
 from porocore.surrogates.stretch.components import PLACES
 from porocore.surrogates.stretch.log_stretch import LogStretch
-from porocore.surrogates.symmetry import on_places, on_variables
+from porocore.surrogates.symmetry import on_one, on_places, on_variables
 
 #: A variable below this in all states was not sampled.
 STILL = 1e-9
+#: Stress and energy at rest below this share of the stiffness are round-off.
+NOTHING = 1e-10
+#: ∂L/∂y of the six components of L, (6, 3, 3).
+STRETCHES = np.array(
+    [[[(r, c) in {(i, j), (j, i)} for c in range(3)] for r in range(3)] for i, j in PLACES], float
+)
 
 
 def variables(stretch: LogStretch, p: Array) -> Array:
@@ -26,24 +32,36 @@ def variables(stretch: LogStretch, p: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class RestExpansion:
-    """Quadratic expansion of W at rest, W₂(y) = −φ_f p + ½ y·A y: exact in the limit of small loads.
+    """Quadratic expansion of W at rest, W₂(y) = W₀ + T·L − φ p + ½ y·A y: exact in the limit of small loads.
+
+    A cell that is held while its solid swells has an energy W₀, a stress T and a mean gradient at rest; of others they
+    are zero, and φ is φ_f.
 
     Attributes
     ----------
     porosity
-        φ_f.
+        φ at rest.
     matrix : (7, 7)
         A: the drained stiffness, minus Biot's coupling, minus the inverse of the Biot modulus.
     mean_grad : (9, 7)
         ∂<∇u¹>_s/∂y.
     symmetry
-        The cell's point group, which both matrices have exactly.
+        The cell's point group, which all of them have exactly.
+    value
+        W₀.
+    stress : (6,)
+        T = ∂W/∂L, where shears count twice.
+    held : (9,)
+        <∇u¹>_s at rest.
     """
 
     porosity: float
     matrix: Array
     mean_grad: Array
     symmetry: PointGroup
+    value: float = 0.0
+    stress: Array = field(default_factory=lambda: np.zeros(6))
+    held: Array = field(default_factory=lambda: np.zeros(9))
 
     @classmethod
     def from_response(cls, reference: CellResponse, symmetry: PointGroup) -> RestExpansion:
@@ -80,15 +98,39 @@ class RestExpansion:
             m[:, a] = _symmetric(t.mean_grad_grad_u[0], i, j).ravel()
         A[6, 6] = -t.fluid_volume_p[0]
         m[:, 6] = t.mean_grad_p[0].ravel()
-        y, places = on_variables(symmetry), on_places(symmetry)
-        return cls(float(reference.fluid_volume[0]), y.mean(y, (A + A.T) / 2), places.mean(y, m), symmetry)
+        y, places, one = on_variables(symmetry), on_places(symmetry), on_one(symmetry)
+        value, P, held = _held(reference, float(np.abs(A).max()))
+        # F = I + L + L²/2 + …, so that a stress at rest works on second order of L.
+        curved = np.einsum("ij,aik,bkj->ab", P, STRETCHES, STRETCHES)
+        A[:6, :6] += (curved + curved.T) / 2
+        T = np.append(np.einsum("ij,aij->a", P, STRETCHES), 0.0)
+        return cls(
+            float(reference.fluid_volume[0]),
+            y.mean(y, (A + A.T) / 2),
+            places.mean(y, m),
+            symmetry,
+            value,
+            y.mean(one, T[:, None])[:6, 0],
+            places.mean(one, held.reshape(9, 1))[:, 0],
+        )
 
     def potential(self, y: Array) -> tuple[Array, Array]:
         """Return W₂ (n,) and ∂W₂/∂y (7, n); the Hessian is ``matrix``."""
         gradient = self.matrix @ y
         value = (y * gradient).sum(axis=0) / 2 - self.porosity * y[6]
         gradient[6] -= self.porosity
+        if self.value or self.stress.any():
+            value += self.value + self.stress @ y[:6]
+            gradient[:6] += self.stress[:, None]
         return value, gradient
+
+
+def _held(reference: CellResponse, stiffness: float) -> tuple[float, Array, Array]:
+    """Return W₀, P (3, 3) and <∇u¹>_s (3, 3) of a cell at rest; exact zeros where they are but round-off."""
+    P = np.zeros((3, 3)) if reference.stress is None else reference.stress[0]
+    W = 0.0 if reference.potential is None else float(reference.potential[0])
+    held = np.abs(P).max() > NOTHING * stiffness or abs(W) > NOTHING * stiffness
+    return (W, P, reference.mean_grad[0]) if held else (0.0, np.zeros((3, 3)), np.zeros((3, 3)))
 
 
 def _symmetric(tensor: Array, i: int, j: int) -> Array:
@@ -169,9 +211,10 @@ class PotentialData:
 
     @property
     def mean_grad_remainder(self) -> tuple[Array, Array]:
-        """Remainder of Rᵀ<∇u¹>_s (9, n) and of its derivatives (9, 7, n) beyond the linear limit."""
+        """Remainder of Rᵀ<∇u¹>_s (9, n) and of its derivatives (9, 7, n) beyond the linear limit at rest."""
         slopes = self.rest.mean_grad
-        return self.mean_grad - slopes @ self.y, self.mean_grad_by_y - slopes[:, :, None]
+        value = self.rest.held[:, None] + slopes @ self.y
+        return self.mean_grad - value, self.mean_grad_by_y - slopes[:, :, None]
 
     @cached_property
     def scales(self) -> Array:

@@ -237,7 +237,7 @@ class PotentialModel:
         beyond, steepness = self.training_box.beyond_active(t), None
         if len(beyond):
             t[:, beyond], steepness, _ = self.training_box.saturated_active(t[:, beyond])
-        unrotated = self.rest.mean_grad @ y
+        unrotated = self.rest.held[:, None] + self.rest.mean_grad @ y
         if tangent:
             more, gradients, _ = self.mean_grad.entries(t, second=False)
         else:

@@ -24,6 +24,7 @@ import numpy.typing as npt
 
 from porocore.core.inputs.input_space import InputSpace
 from porocore.core.tensors.point_group import CUBIC
+from porocore.interfaces.law import CellLaw, UndeformedCells
 from porocore.interfaces.rest_data import ParameterKind, RestData
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import Array, CellResponse, CellSlopes, CellTangent, MacroState, Status
@@ -71,7 +72,9 @@ def respond(states: MacroState, names: tuple[str, ...] = tuple(PARAMETERS)) -> C
     slopes = _derivatives(z, lambda at: _values(at, names))
     H = {name: x[..., :9].reshape(*x.shape[:-1], 3, 3) for name, x in slopes.items()}
     theta = {name: x[..., 10:] for name, x in slopes.items()}
-    by_phi = _derivatives(z, lambda at: {"porosity": porosity(_named(at, names)["radius"])})["porosity"]
+    by_phi = _derivatives(z, lambda at: {"porosity": porosity(_named(at, names)["radius"]) + 0 * at[:, 0]})[
+        "porosity"
+    ]
     tangent = CellTangent(
         mean_grad_grad_u=H["mean_grad"],
         mean_grad_p=slopes["mean_grad"][..., 9],
@@ -86,6 +89,27 @@ def respond(states: MacroState, names: tuple[str, ...] = tuple(PARAMETERS)) -> C
         slopes=CellSlopes(**theta, porosity=by_phi[..., 10:]),
         **values,
     )
+
+
+class PorousFamilyLaw(CellLaw):
+    """Law of the family in closed form, with the parameters that are named; the others have their usual values."""
+
+    identity = IDENTITY
+
+    def __init__(self, *parameters: str) -> None:
+        self.parameters = parameters
+
+    def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
+        """Return the responses but for the conductivity of the deformed pore, with their derivatives."""
+        found = respond(states, self.parameters)
+        return replace(found, conductivity=None, slopes=None, tangent=found.tangent if tangent else None)
+
+    def undeformed(self, parameters: Array) -> UndeformedCells:
+        """Return φ_f, and K before the solid swells."""
+        at: dict[str, Any] = {**DEFAULTS, **dict(zip(self.parameters, parameters.T, strict=True))}
+        r, n = at["radius"], len(parameters)
+        K = np.broadcast_to(np.asarray(r**4 * (1 + 8 * r) / at["viscosity"]), n)
+        return UndeformedCells(np.broadcast_to(np.asarray(porosity(r)), n), K[:, None, None] * np.eye(3))
 
 
 def rest_data(k: int = 20, inputs: InputSpace = INPUTS, *, slopes: bool = True) -> RestData:
