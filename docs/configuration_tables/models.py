@@ -25,6 +25,7 @@ ANY_KEY = {
     "scenarios": "NAME",
     "regions": "REGION",
     "fields": "PARAMETER",
+    "cells": "CELL",
 }
 
 

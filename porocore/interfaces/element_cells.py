@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -86,6 +87,17 @@ class ElementCells:
         if self.values is not None:
             theta = _at(self.values, profile)[elements]
         return replace(states, grad_u=H, parameters=theta)
+
+    def of_elements(self, elements: IntArray, parameters: Sequence[str]) -> ElementCells:
+        """Return the cells of some elements, with these of the parameters, in this order."""
+        columns = [self.parameters.index(name) for name in parameters]
+        return replace(
+            self,
+            region=self.region[elements],
+            parameters=tuple(parameters),
+            values=None if self.values is None or not columns else self.values[:, elements][:, :, columns],
+            axes=None if self.axes is None else self.axes[:, elements],
+        )
 
     def save(self, file: Any) -> None:
         """Write them into an open HDF5 file."""

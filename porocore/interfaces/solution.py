@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -189,6 +189,26 @@ class MacroSolution:
         found = self.profiles[profile]
         states = MacroState(found.grad_u, found.element_p)
         return states if self.element_cells is None else self.element_cells.given_to(states, profile)
+
+    def of_regions(self, regions: Collection[int], parameters: Sequence[str]) -> MacroSolution:
+        """Return the part of the solution in some regions, whose cell has these parameters.
+
+        History, forces and nodes are those of the whole.
+        """
+        cells = self.element_cells
+        assert cells is not None
+        elements = np.flatnonzero(np.isin(cells.region, list(regions)))
+        means = [name for name, (at, *_) in PROFILE_SHAPES.items() if at == "elements"]
+        profiles = (
+            replace(profile, **{name: getattr(profile, name)[elements] for name in means})
+            for profile in self.profiles
+        )
+        return replace(
+            self,
+            cells=self.cells[elements],
+            profiles=tuple(profiles),
+            element_cells=cells.of_elements(elements, parameters),
+        )
 
     def save(self, path: Path) -> None:
         """Write one HDF5 file, atomically."""

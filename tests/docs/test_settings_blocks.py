@@ -20,7 +20,7 @@ from porocore.study.backends import surrogate_model
 from porocore.study.config.config import RunConfig
 from porocore.study.config.examples import MODELINE
 from porocore.study.config.loading import load_config
-from porocore.study.preflight.checks import outline
+from porocore.study.outline.outline import outline
 from porocore.study.preflight.checks import place as place_body
 
 BLOCKS = list(all_blocks("yaml", "yml"))

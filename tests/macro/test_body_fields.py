@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh_file import read_body
 from porocore.macro.body.structured import box
-from porocore.macro.composition.body_fields import BodyFields, require_composition
+from porocore.macro.composition.body_fields import BodyFields, CellRanges, require_composition
 from porocore.macro.composition.regions import region_numbers
 from porocore.macro.problem import MacroSetup
 from porocore.testing.synthetic.response import confined_column
@@ -161,7 +161,49 @@ def test_files_count_by_their_content(tmp_path):
 )  # fmt: skip
 def test_what_does_not_suit_the_body_or_the_cell_is_refused(fields, regions, said):
     with pytest.raises(ConfigurationError, match=said):
-        require_composition(setup(fields, regions), MESH, {"radius": (0.1, 0.3)}, 1.0)
+        require_composition(setup(fields, regions), MESH, CellRanges([{"radius": (0.1, 0.3)}] * 3), 1.0)
+
+
+#: Cells of the rest of the body, which has a radius, and of the region 'deep', which has a radius and a level.
+TWO_CELLS = CellRanges([{"radius": (0.1, 0.3)}, {"radius": (0.2, 0.5), "level": (0.0, 1.0)}])
+DEEP = {"below": 1.0, "cell": "clay"}
+
+
+def test_cells_of_regions_share_the_names_of_their_parameters():
+    fields = {"radius": "0.25 + 0.05*y", "level": "t"}
+    composed = setup(fields | {"radius": 0.25}, {"deep": DEEP | {"fields": {"radius": "0.4 - 0.1*y"}}})
+    require_composition(composed, MESH, TWO_CELLS, 1.0)
+    body = BodyFields(composed, MESH, TWO_CELLS)
+    deep = Y < 1
+    np.testing.assert_allclose(body.at(0.5).parameters[:, 0], np.where(deep, 0.4 - 0.1 * Y, 0.25), rtol=1e-15)
+    np.testing.assert_array_equal(body.at(0.5).parameters[:, 1], np.where(deep, 0.5, np.nan))
+
+
+@pytest.mark.parametrize(
+    ("fields", "own", "said"),
+    [
+        # Within the range of the one cell, but not of the other.
+        ({"radius": 0.15, "level": 0}, {}, r"fields.radius: the field is 0.15 at .*, beyond the range \[0.2, 0.5\]"),
+        ({"radius": 0.25, "level": 0}, {"radius": 0.6}, r"deep.fields.radius: the field is 0.6 at .*\[0.2, 0.5\]"),
+        ({"radius": 0.25, "level": 0, "edge": 1}, {}, "fields.edge: 'edge' is no parameter of the cell; the param"),
+        ({"radius": 0.25}, {}, "the parameter 'level', which has no value in the region 'deep'"),
+        ({"level": 0.5}, {"radius": 0.4}, "the parameter 'radius', which has no value in the rest of the body"),
+    ],
+)  # fmt: skip
+def test_fields_are_held_to_the_cell_that_is_there(fields, own, said):
+    with pytest.raises(ConfigurationError, match=said):
+        require_composition(setup(fields, {"deep": DEEP | {"fields": own}}), MESH, TWO_CELLS, 1.0)
+
+
+def test_a_region_has_no_field_of_another_cell():
+    cells = CellRanges([{"radius": (0.1, 0.3)}, {"level": (0.0, 1.0)}])
+    with pytest.raises(
+        ConfigurationError,
+        match=r"macro.regions.deep.fields.radius: 'radius' is no parameter of the cell 'clay'; the param",
+    ):
+        require_composition(
+            setup({"radius": 0.2}, {"deep": DEEP | {"fields": {"radius": 0.2, "level": 1}}}), MESH, cells, 1.0
+        )
 
 
 def test_files_that_do_not_cover_the_body_are_refused(tmp_path):

@@ -18,7 +18,7 @@ from porocore.macro.problem import MacroProblem, MacroSetup, TimePlan
 from porocore.plugins import registry
 from porocore.report.metrics import time_to_fraction
 from porocore.study.config.loading import load_config
-from porocore.study.preflight.at_rest import (
+from porocore.study.outline.at_rest import (
     at_rest,
     cell_lines,
     coefficients_of_consolidation,

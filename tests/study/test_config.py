@@ -254,7 +254,7 @@ def test_a_study_of_an_image_is_read_from_its_run_folder(edit, tmp_path, drop):
             "  loads:",
             "  layers: 3\n  loads:",
             "macro.layers",
-            ["all of a body has one cell", "cell.materials"],
+            ["parts of a body are 'macro.regions:'", "cell.materials"],
         ),
         ("  loads:", "  indenter: 3\n  loads:", "macro.indenter", ["'macro.surfaces:'", "brain-indentation"]),
         ("radius: 0.25", "fibres: 1", "cell.geometry.fibres", ["kind: holzapfel-gasser-ogden"]),

@@ -10,6 +10,9 @@ import pytest
 from porocore.errors import SolveError
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.macro import MacroSolver
+from porocore.macro.composition.regions import LayerRegion
+from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
+from porocore.macro.problem import MacroProblem
 from porocore.macro.reference import CellReference
 from porocore.sampling.samplers.designs import SobolDesign
 from porocore.sampling.samplers.macro_driven import MacroDriven
@@ -18,11 +21,14 @@ from porocore.study.config.config import RunConfig
 from porocore.study.config.examples import benchmark_path
 from porocore.study.config.loading import load_config
 from porocore.study.config.sections import MacroSettings
-from porocore.study.stages.exploration import MacroExplorer, coarse_problem, inform
+from porocore.study.stages.exploration import BodyAround, MacroExplorer, coarse_problem, inform
 from porocore.testing.synthetic import cell as synthetic_cell
 from porocore.testing.synthetic.cell import INPUTS, synthetic_training_set
 
 pytest.importorskip("porocore_fem_skfem")
+
+#: Quadrature points of an element.
+POINTS = 27
 
 
 @pytest.fixture(scope="module")
@@ -68,6 +74,33 @@ def test_an_exploration_visits_what_the_column_goes_through(
     again = explore(data, elements=4, steps=8)
     assert again.results == found.results
     assert (again.states.grad_u == found.states.grad_u).all()
+
+
+def test_an_exploration_of_one_of_several_cells_visits_where_it_is(
+    config: RunConfig, reference: CellReference
+) -> None:
+    """The deepest tenth of the column has the cell; the rest is linear, twice as stiff as the cell at rest."""
+    macro = config.macro.model_copy(update={"regions": {"deep": LayerRegion(below=0.75, cell="clay")}})
+    linear = LinearCoefficients.from_reference(
+        reference.response, reference.solid_fraction, config.cell.solid, reference.conductivity
+    )
+    stiff = replace(linear, stiffness=2 * linear.stiffness)
+    whole = MacroExplorer(config, reference)
+    part = MacroExplorer(config, reference, BodyAround(macro, "clay", {None: LinearPoroelasticity(stiff)}))
+    data = synthetic_training_set(40)
+    (alone, both) = (explore(data, elements=4, steps=8) for explore in (whole, part))
+    # There are eight elements, since the region would have none of four.
+    assert part_of(macro).body.elements == (1, 8, 1)
+    steps = (len(both.states) - 2) / POINTS
+    assert steps == int(steps) > 8
+    # The cell bears the same stress, and the rest of the column is linear.
+    H22 = both.states.grad_u[:, 1, 1].min()
+    assert pytest.approx(alone.states.grad_u[:, 1, 1].min(), rel=0.02) == H22
+    assert both.results[0] == pytest.approx(6.75 * 0.05 / stiff.stiffness[1, 1, 1, 1] - 0.75 * H22, rel=0.01)
+
+
+def part_of(macro: MacroSettings) -> MacroProblem:
+    return coarse_problem(macro.problem(macro.loads[0]), 4, 8)
 
 
 def test_the_flux_goes_by_the_configured_conductivity(config: RunConfig, reference: CellReference) -> None:

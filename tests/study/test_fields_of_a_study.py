@@ -54,7 +54,7 @@ def written(folder, macro):
             "macro.regions.deep.fields.radius: the field is 0.4 at",
         ),
         ({"regions": {"deep": DEEP | {"belwo": 3}}}, "macro.regions.deep.belwo: unknown key; did you mean 'below'?"),
-        ({"regions": {"deep": DEEP | {"cell": "clay"}}}, "several cells in one study are not there yet"),
+        ({"regions": {"deep": DEEP | {"cell": "clay"}}}, "there is no cell 'clay'; there are none; add it under"),
         (
             {"fields": {"radius": 0.2}, "regions": {"deep": DEEP, "low": {"below": 2}}},
             "macro.regions.low: 1 of its 1 elements lie in the region 'deep' too",

@@ -9,8 +9,8 @@ from porocore.core.units.results import ResultUnits
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.study.config.loading import load_config
 from porocore.study.findings.reach import visited
-from porocore.study.preflight import linear_reach
-from porocore.study.preflight.reach_notes import predicted_reach
+from porocore.study.outline import linear_reach
+from porocore.study.outline.reach_notes import predicted_reach
 
 ONE = np.eye(3)
 #: λ = μ = 1 before the confined modulus of 3.

@@ -20,9 +20,10 @@ from porocore.plugins import registry
 from porocore.study import backends
 from porocore.study.config.loading import load_config
 from porocore.study.magnitudes.left_out import left_out
-from porocore.study.preflight.checks import check_backends, check_sampling, outline, place
+from porocore.study.outline.outline import outline
+from porocore.study.outline.reach_notes import prescribed_reach
+from porocore.study.preflight.checks import check_backends, check_sampling, place
 from porocore.study.preflight.guess import decision_time, decisions, rounds
-from porocore.study.preflight.reach_notes import prescribed_reach
 from porocore.study.preflight.workload import as_time
 
 

@@ -20,8 +20,8 @@ from porocore.report.words.warnings import case_warnings
 from porocore.states import CellResponse, MacroState
 from porocore.study.config.loading import load_config
 from porocore.study.findings.reach import Reach, beyond, flagged_place, left_out_shear, visited
-from porocore.study.preflight import linear_reach, reach_notes
-from porocore.study.preflight.reach_notes import predicted_reach
+from porocore.study.outline import linear_reach, reach_notes
+from porocore.study.outline.reach_notes import predicted_reach
 
 SHEAR, POISSON = 1 / 6, 0.2
 ONE = np.eye(3)

@@ -133,7 +133,7 @@ def test_the_time_of_a_study_is_that_of_its_states_on_its_workers():
     assert 1.9 / 2 < eighth.state.at(13_010) < 2 * 2.3
     assert 9 / 2 < eighth.state.at(25_596) < 2 * 13
     assert eighth.state.at(25_596) > 1.5 * whole.state.at(25_596)
-    said = list(four.as_lines())
+    said = list(workload.work_lines({None: four}))
     assert "20,000 nodes of the solid and 30,000 of the fluid" in said[1]
     assert f"all cells {workload.as_time(four.cell_time)} on 4 quiet cores" in said[1]
 
@@ -148,10 +148,10 @@ def test_the_memory_is_that_of_all_processes_at_once():
     assert replace(two, workers=0).memory == pytest.approx(
         two.process
     )  # a scheduler has the workers elsewhere
-    said = next(iter(two.as_lines()))
+    said = next(workload.work_lines({None: two}))
     assert (
         "4.8 GB of memory in all while cells are solved, 1.6 GB each of 2 workers and of the run itself"
         in said
     )
-    alone = next(iter(replace(two, workers=1, serial=True).as_lines()))
+    alone = next(workload.work_lines({None: replace(two, workers=1, serial=True)}))
     assert alone.endswith("1.6 GB of memory in all while cells are solved")

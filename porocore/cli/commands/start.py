@@ -79,8 +79,9 @@ def check(
     undeformed cell, unless it is large, and tells what follows from it: moduli, permeability, and the time in which the
     body consolidates. A later run finds that cell in the store.
     """
-    from porocore.study.preflight.at_rest import at_rest
-    from porocore.study.preflight.checks import check_backends, outline
+    from porocore.study.outline.at_rest import at_rest
+    from porocore.study.outline.outline import outline
+    from porocore.study.preflight.checks import check_backends
     from porocore.study.store import user_store
 
     path, settings = read_config(config, fem, surrogate, closure, macro)

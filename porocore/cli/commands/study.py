@@ -130,7 +130,8 @@ def sample(
         pipeline.solve_reference(folder, settings, console=console, store=kept)
         pipeline.sample(folder, settings, console=console, retry_lost=retry_lost, store=kept)
     console.note(f"next: {command('train', folder.path)}")
-    typer.echo(folder.dataset)
+    for files, _ in folder.of_each_cell(settings):
+        typer.echo(files.dataset)
 
 
 def train(
@@ -145,9 +146,10 @@ def train(
     run's own.
     """
     from porocore.study import backends
+    from porocore.study.stages.stage_files import require_samples
 
     folder, kept = _open(run), chosen_store(store, no_store)
-    folder.require(folder.dataset, "sample")
+    require_samples(folder)
     config = backends.with_closure(folder.config, closure)
     backends.check("surrogate", config)
     console = Console()
@@ -156,7 +158,8 @@ def train(
 
         pipeline.train(folder, config, console=console, store=kept)
     console.note(f"next: {command('solve', run, closure=closure)}")
-    typer.echo(folder.surrogate_of(config))
+    for files, one in folder.of_each_cell(config):
+        typer.echo(files.surrogate_of(one))
 
 
 def solve(
@@ -181,15 +184,15 @@ def solve(
     from porocore.study import backends
     from porocore.study.run_folder.folder import CONFIG
     from porocore.study.stages.laws import USUAL_LAWS, law_names, with_fallback
-    from porocore.study.stages.stage_files import train_command
+    from porocore.study.stages.stage_files import require_samples, require_surrogates
 
     folder, kept = _open(run), chosen_store(store, no_store)
-    folder.require(folder.dataset, "sample")
+    require_samples(folder)
     laws = with_fallback(tuple(kind.value for kind in law) if law else USUAL_LAWS, fallback)
     own = backends.with_closure(folder.config, closure)
     direct_closure = closure or "potential"
     if "surrogate" in laws or "fallback" in laws:
-        folder.require(folder.surrogate_of(own), train_command(folder, own))
+        require_surrogates(folder, own)
     backend = macro or fem
     solver = _shared_solver(own.with_backends(macro=backend), laws)
     rank, _ = parallel.launched()
@@ -247,12 +250,12 @@ def report(run: RunArgument) -> None:
     Prints the path of the report, a page to open in a browser. It compares the solutions that there are: of closures,
     linear poroelasticity and direct FE².
     """
-    from porocore.study.stages.stage_files import train_command
+    from porocore.study.stages.stage_files import require_samples, require_surrogates
 
     folder = _open(run)
-    folder.require(folder.dataset, "sample")
+    require_samples(folder)
     config = folder.config.with_closure(folder.shown_closure)
-    folder.require(folder.surrogate_of(config), train_command(folder, config))
+    require_surrogates(folder, config)
     for path in folder.solutions(config.closure):
         folder.require(path, "solve")
     with interruptible(command("report", run)), folder:

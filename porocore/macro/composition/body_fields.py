@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.composition.axes import AXES, AxesField, as_field
 from porocore.macro.composition.composed_body import (
     ComposedBody,
+    NeedsParameters,
     by_region,
     field_corners,
     require_names,
@@ -26,31 +26,20 @@ from porocore.states import Array, BodyPlace, IntArray, MacroState
 TIMES = 21
 
 
-class NeedsParameters(Protocol):
-    """A law, as far as its parameters matter; see :class:`~porocore.interfaces.law.MacroLaw`."""
-
-    @property
-    def parameters(self) -> tuple[str, ...]:
-        """Names of all parameters."""
-
-    def parameters_of(self, region: int) -> tuple[str, ...]:
-        """Return the names of those that a region needs."""
-
-
 @dataclass(frozen=True)
 class CellRanges:
-    """Ranges of the parameters of one cell, which all regions have."""
+    """Ranges of the parameters of the cell of each region, by its number: that of the rest of the body first."""
 
-    ranges: Mapping[str, tuple[float, float]]
+    by_region: Sequence[Mapping[str, tuple[float, float]]]
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of the parameters."""
-        return tuple(self.ranges)
+        """Names of the parameters of all cells, each once."""
+        return tuple(dict.fromkeys(name for ranges in self.by_region for name in ranges))
 
     def parameters_of(self, region: int) -> tuple[str, ...]:
-        """Return all names."""
-        return self.parameters
+        """Return the names of those that a region's cell has."""
+        return tuple(self.by_region[region])
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,7 +115,7 @@ class BodyFields:
         self, setup: ComposedBody, mesh: BodyMesh, law: NeedsParameters, elements: IntArray | None = None
     ) -> None:
         self.names = names = law.parameters
-        require_names(setup, names)
+        require_names(setup, law)
         self._pieces: list[list[_Piece]] = []
         self._axes: list[tuple[str, IntArray, Points, AxesField]] = []
         self.varies, self.turned = False, False
@@ -155,7 +144,8 @@ class BodyFields:
                 raise ConfigurationError(without_a_value(setup, name, missing))
             pieces = []
             for key, ks, value in found:
-                rows, field = np.flatnonzero(np.isin(self._region, ks)), as_field(value)
+                having = [k for k in ks if name in law.parameters_of(k)]
+                rows, field = np.flatnonzero(np.isin(self._region, having)), as_field(value)
                 points = self.points[rows]
                 fixed = not _moves(field)
                 reached = field.reached(points, 0.0, key) if fixed else None
@@ -192,8 +182,8 @@ class BodyFields:
         self._last = time, CellsAtPoints(parameters, place)
         return self._last[1]
 
-    def require_within(self, ranges: Mapping[str, tuple[float, float]], times: Collection[float]) -> None:
-        """Refuse a field that leaves the range of its parameter at one of ``times``.
+    def require_within(self, ranges: CellRanges, times: Collection[float]) -> None:
+        """Refuse a field that leaves the range of its parameter, in the cell that is there, at one of ``times``.
 
         Raises
         ------
@@ -201,29 +191,39 @@ class BodyFields:
             It does; the message names key, place, time and range.
         """
         for name, pieces in zip(self.names, self._pieces, strict=True):
-            low, high = ranges[name]
-            slack = 1e-9 * (high - low)
             for piece in pieces:
+                regions = self._region[piece.rows]
                 for time in times if piece.field.varies else (0.0,):
                     values = piece.at(time)
-                    outside = np.maximum(low - values, values - high)
-                    if len(values) and outside.max() > slack:
-                        worst = int(outside.argmax())
-                        at = ", ".join(f"{x:.4g}" for x in piece.points.places[worst])
-                        when = f", t = {time:g}" if piece.field.varies else ""
-                        raise ConfigurationError(
-                            f"{piece.key}: the field is {values[worst]:.6g} at ({at}){when}, beyond the range "
-                            f"[{low:g}, {high:g}] of the parameter '{name}'; narrow the field, or widen the range"
-                        )
+                    for k in np.unique(regions):
+                        rows = np.flatnonzero(regions == k)
+                        _require_within(piece, name, values, rows, ranges.by_region[k][name], time)
+
+
+def _require_within(
+    piece: _Piece, name: str, values: Array, rows: IntArray, ends: tuple[float, float], time: float
+) -> None:
+    """Refuse values that leave their range at the points ``rows`` of a piece."""
+    low, high = ends
+    outside = np.maximum(low - values[rows], values[rows] - high)
+    if outside.max() <= 1e-9 * (high - low):
+        return
+    worst = int(rows[outside.argmax()])
+    at = ", ".join(f"{x:.4g}" for x in piece.points.places[worst])
+    when = f", t = {time:g}" if piece.field.varies else ""
+    raise ConfigurationError(
+        f"{piece.key}: the field is {values[worst]:.6g} at ({at}){when}, beyond the range [{low:g}, {high:g}] of the "
+        f"parameter '{name}'; narrow the field, or widen the range"
+    )
 
 
 def require_composition(
     setup: ComposedBody,
     mesh: BodyMesh,
-    ranges: Mapping[str, tuple[float, float]],
+    ranges: CellRanges,
     end: float,
 ) -> None:
-    """Refuse regions and fields that do not suit the body or the cell with parameters of these ``ranges``.
+    """Refuse regions and fields that do not suit the body or the cells with parameters of these ``ranges``.
 
     Fields that change are looked at from t = 0 to ``end``.
 
@@ -234,7 +234,7 @@ def require_composition(
     """
     corners = [time for time in field_corners(setup) if time < end]
     times = sorted({*np.linspace(0.0, end, TIMES).tolist(), *corners})
-    body = BodyFields(setup, mesh, CellRanges(ranges))
+    body = BodyFields(setup, mesh, ranges)
     body.require_within(ranges, times)
     for time in times if body.turned and body.varies else (0.0,):
         body.at(time)

@@ -23,15 +23,29 @@ class ComposedBody(Protocol):
         """Fields of the whole body by the name of the parameter, and the axes."""
 
 
-def require_names(setup: ComposedBody, names: Sequence[str]) -> None:
-    """Refuse a field of what is no parameter.
+class NeedsParameters(Protocol):
+    """A law, as far as its parameters matter; see :class:`~porocore.interfaces.law.MacroLaw`."""
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of all parameters."""
+
+    def parameters_of(self, region: int) -> tuple[str, ...]:
+        """Return the names of those that a region needs."""
+
+
+def require_names(setup: ComposedBody, law: NeedsParameters) -> None:
+    """Refuse a field of what is no parameter of any cell, or in a region, of its own.
 
     Raises
     ------
     ConfigurationError
         There is one; the message names it and the parameters.
     """
-    for prefix, entries in sections(setup):
+    cells = [None, *(region.cell for region in setup.regions.values())]
+    for k, (prefix, entries) in enumerate(sections(setup)):
+        names = law.parameters_of(k) if k else law.parameters
+        of = "the cell" if cells[k] is None else f"the cell '{cells[k]}'"
         for name in entries:
             if name not in names and name != AXES:
                 told = (
@@ -39,7 +53,7 @@ def require_names(setup: ComposedBody, names: Sequence[str]) -> None:
                     if names
                     else "there are none; a number of the cell becomes one by {range: [lower, upper]} in its place"
                 )
-                raise ConfigurationError(f"{prefix}.{name}: '{name}' is no parameter of the cell; {told}")
+                raise ConfigurationError(f"{prefix}.{name}: '{name}' is no parameter of {of}; {told}")
 
 
 def composition(setup: ComposedBody) -> dict[str, Any]:
@@ -67,7 +81,7 @@ def field_corners(setup: ComposedBody) -> Iterator[float]:
 
 
 def sections(setup: ComposedBody) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Yield the keys of all mappings of fields, with these."""
+    """Yield the keys of all mappings of fields, with these: that of the body, then those of the regions."""
     yield "macro.fields", setup.fields
     for name, region in setup.regions.items():
         yield f"macro.regions.{name}.fields", region.fields

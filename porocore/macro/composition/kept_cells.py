@@ -8,8 +8,8 @@ import numpy as np
 
 from porocore.interfaces.element_cells import ElementCells
 from porocore.macro.body.mesh import BodyMesh
-from porocore.macro.composition.body_fields import BodyFields, NeedsParameters
-from porocore.macro.composition.composed_body import ComposedBody
+from porocore.macro.composition.body_fields import BodyFields
+from porocore.macro.composition.composed_body import ComposedBody, NeedsParameters
 from porocore.states import Array
 
 

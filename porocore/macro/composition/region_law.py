@@ -11,6 +11,7 @@ import numpy as np
 from porocore.core.fields.batch import Batch
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse, fingerprint
+from porocore.macro.composition.regions import Region, by_region
 from porocore.states import Array, IntArray, MacroState
 
 T = TypeVar("T", bound=Batch)
@@ -61,6 +62,16 @@ class RegionLaw(MacroLaw):
                     f"laws of regions: there is no region '{name}'; the regions are {known}"
                 )
         return cls([rest, *(laws.get(name, rest) for name in regions)])
+
+    @classmethod
+    def by_cell(
+        cls, regions: Mapping[str, Region], rest: MacroLaw, others: Mapping[str, MacroLaw]
+    ) -> MacroLaw:
+        """Return the law of a body with ``regions``, by the law of each cell that they name.
+
+        ``rest`` is that of the cell of the rest of the body, which is the law of all where there are no ``others``.
+        """
+        return cls(by_region(regions, rest, others)) if others else rest
 
     def parameters_of(self, region: int) -> tuple[str, ...]:
         """Return those of the region's law; see :class:`MacroLaw`."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import Annotated, Literal
+from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 from pydantic import Field, Tag, model_validator
@@ -17,6 +17,7 @@ from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.composition.axes import Fields
 from porocore.states import Array, IntArray
 
+T = TypeVar("T")
 Length = Annotated[float, Dimension("displacement")]
 Point = Annotated[tuple[float, float, float], Dimension("displacement")]
 
@@ -187,3 +188,16 @@ def region_numbers(mesh: BodyMesh, regions: Mapping[str, Region]) -> IntArray:
             )
         number[inside] = k
     return number
+
+
+def by_region(regions: Mapping[str, Region], rest: T, others: Mapping[str, T]) -> list[T]:
+    """Return what the cell of each region has, by the number of the region.
+
+    The rest of the body, and regions that name no cell, have ``rest``; ``others`` are those of the named cells.
+    """
+    return [rest, *(rest if region.cell is None else others[region.cell] for region in regions.values())]
+
+
+def regions_of_cell(regions: Mapping[str, Region], cell: str | None) -> list[int]:
+    """Return the numbers of the regions that have a cell; None names that of the rest of the body."""
+    return [k for k, own in enumerate((None, *(region.cell for region in regions.values()))) if own == cell]

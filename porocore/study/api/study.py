@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from porocore.core.console import Console
-from porocore.core.echo import echo
+from porocore.core.echo import echo, suggestion
 from porocore.core.parallel.threads import one_blas_thread
 from porocore.core.units.results import ResultUnits
 from porocore.errors import ConfigurationError
@@ -23,8 +23,9 @@ from porocore.study.api.settings import configured
 from porocore.study.api.solved import LawsSolved, Solutions, Solved
 from porocore.study.config.config import RunConfig
 from porocore.study.config.errors import located
-from porocore.study.preflight.at_rest import at_rest
-from porocore.study.preflight.checks import check_backends, outline
+from porocore.study.outline.at_rest import at_rest
+from porocore.study.outline.outline import outline
+from porocore.study.preflight.checks import check_backends
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.stages import pipeline
 from porocore.study.stages.laws import USUAL_LAWS, LawKind, macro_laws, porosity_of, require_laws
@@ -126,6 +127,22 @@ class Study:
             check_backends(self.config)
         return RunFolder.claim(self.path, self.config, resume=True)
 
+    @property
+    def _trained(self) -> bool:
+        """True if the surrogates of all cells are there."""
+        return all(files.surrogate_of(one).exists() for files, one in self.folder.of_each_cell(self.config))
+
+    def _of_cell(self, name: str | None) -> RunConfig:
+        """Return the study of one cell alone; see :meth:`RunConfig.of_cell`."""
+        if name is not None and name not in self.config.cells:
+            known = (
+                suggestion(str(name), self.config.cells, "the cells are")
+                if self.config.cells
+                else "it has one"
+            )
+            raise ConfigurationError(f"cell: the study has no cell {echo(name)}; {known}")
+        return self.config.of_cell(name)
+
     @contextmanager
     def _at_work(self) -> Iterator[RunFolder]:
         """Hold the run folder, and compute on one thread."""
@@ -143,23 +160,31 @@ class Study:
             check_backends(self.config)
             return [*outline(self.config), *at_rest(self.config)]
 
-    def sample(self, *, retry_lost: bool = False) -> Samples:
-        """Solve the cell for the sampled and the held-out states; return the sampled ones."""
+    def sample(self, *, retry_lost: bool = False, cell: str | None = None) -> Samples:
+        """Solve the cells for the sampled and the held-out states; return the sampled ones.
+
+        Of several ``cells`` those of the named ``cell`` are returned, by default of that of the rest of the body.
+        """
+        one = self._of_cell(cell)
         with self._at_work() as folder, located(self._document):
             pipeline.solve_reference(folder, self.config, console=self._console, store=self._store)
             pipeline.sample(
                 folder, self.config, console=self._console, retry_lost=retry_lost, store=self._store
             )
-        dataset = Dataset.open(folder.dataset, identity=self.config.stages.sampling)
-        return Samples(tuple(self.config.sampling.inputs), dataset.x(), dataset.states(), dataset.responses())
+        dataset = Dataset.open(folder.of_cell(cell).dataset, identity=one.stages.sampling)
+        return Samples(tuple(one.sampling.inputs), dataset.x(), dataset.states(), dataset.responses())
 
-    def train(self) -> Surrogate:
-        """Train the surrogate on the sampled states; its ``predict`` takes a :class:`porocore.MacroState`."""
-        if not self.folder.surrogate_of(self.config).exists():
+    def train(self, *, cell: str | None = None) -> Surrogate:
+        """Train the surrogate on the sampled states; its ``predict`` takes a :class:`porocore.MacroState`.
+
+        Of several ``cells`` that of the named ``cell`` is returned, by default that of the rest of the body.
+        """
+        one = self._of_cell(cell)
+        if not self._trained:
             self.sample()
         with self._at_work() as folder:
             pipeline.train(folder, self.config, console=self._console, store=self._store)
-        return load_surrogate(folder, self.config)
+        return load_surrogate(folder.of_cell(cell), one)
 
     def tune(
         self,
@@ -210,7 +235,7 @@ class Study:
             Solutions by load, then by law.
         """
         require_laws(laws)
-        if not self.folder.surrogate_of(self.config).exists():
+        if not self._trained:
             self.train()
         with self._at_work() as folder:
             names = pipeline.solve(folder, self.config, console=self._console, laws=laws, store=self._store)
@@ -221,7 +246,7 @@ class Study:
             }
         )
 
-    def law(self, kind: Literal["surrogate", "linear"] = "surrogate") -> Law:
+    def law(self, kind: Literal["surrogate", "linear"] = "surrogate", *, cell: str | None = None) -> Law:
         """Return the macroscopic law of the study as a function of the state, for a solver of one's own.
 
         Parameters
@@ -229,6 +254,8 @@ class Study:
         kind
             ``surrogate``: the trained surrogate with the closure of the configuration; ``linear``: linear
             poroelasticity of the same cell.
+        cell
+            Name of one of several ``cells``; None: that of the rest of the body, or the only one.
 
         Examples
         --------
@@ -240,16 +267,18 @@ class Study:
             raise ConfigurationError(
                 f"kind: expected 'surrogate' or 'linear', got {echo(kind)}; porocore.CellProblem solves the cell itself"
             )
+        one = self._of_cell(cell)
         # Linear poroelasticity of a family is its surrogate's, at rest.
-        learned = kind == "surrogate" or self.config.cell.is_family
-        if learned and not self.folder.surrogate_of(self.config).exists():
+        learned = kind == "surrogate" or one.cell.is_family
+        if learned and not self._trained:
             self.train()
         with self._at_work() as folder, ExitStack() as stack:
-            if not folder.reference.exists():
+            files = folder.of_cell(cell)
+            if not files.reference.exists():
                 pipeline.solve_reference(folder, self.config, console=self._console, store=self._store)
-            (run,) = macro_laws(folder, self.config, stack, (kind,)).values()
-            porosity = porosity_of(run.law, load_reference(folder, self.config))
-            return Law(run.law, porosity, self.units, self.config.cell.parameters)
+            (run,) = macro_laws(files, one, stack, (kind,)).values()
+            porosity = porosity_of(run.law, load_reference(files, one))
+            return Law(run.law, porosity, self.units, one.cell.parameters)
 
     def report(self, laws: Sequence[LawKind] = USUAL_LAWS) -> Path:
         """Write the report, and return the path of the page.

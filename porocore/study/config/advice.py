@@ -20,8 +20,8 @@ _INDENTER = (
     "'macro.boundary:', as the example brain-indentation does; contact that begins or ends is not modelled"
 )
 _LAYERS = (
-    "all of a body has one cell, so layers and regions of a body are not modelled; materials of one cell are given "
-    "under 'cell.materials:' by region of a mesh file"
+    "parts of a body are 'macro.regions:', each with parameters of its own or with one of several 'cells:'; materials "
+    "of one cell are given under 'cell.materials:' by region of a mesh file"
 )
 _FIBRES = "fibres are a kind of material: cell.material: {kind: holzapfel-gasser-ogden, ...}"
 _MODULUS = (
@@ -74,7 +74,10 @@ def instead_of(key: str) -> str:
 
 def belongs_to(key: str, root: type[BaseModel]) -> str:
     """Return the places where a key is known, in words; empty where there are none or too many to name."""
-    places = list(dict.fromkeys(".".join(at) for at, names in _sections(root, ()) if key in names))
+    sections = [
+        (at, names) for at, names in _sections(root, ()) if at[:1] != ("cells",)
+    ]  # as those of 'cell'
+    places = list(dict.fromkeys(".".join(at) for at, names in sections if key in names))
     named = " or ".join(f"'{place}:'" if place else "the top level" for place in places)
     return f"it belongs under {named}" if 0 < len(places) <= MOST_PLACES else ""
 

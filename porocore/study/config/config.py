@@ -26,6 +26,7 @@ from porocore.errors import ConfigurationError
 from porocore.macro.laws import CLOSURES
 from porocore.macro.laws.pull_back import ConductivityLaw
 from porocore.sampling.execution.choice import contradiction
+from porocore.study.config.cells import of_one_cell, well_named
 from porocore.study.config.sections import (
     FemSettings,
     MacroSettings,
@@ -59,6 +60,8 @@ class RunConfig(StrictModel):
     """Heading of the report."""
     cell: Cell = Cell()
     """The periodic cell: pores, solid, fluid and mesh."""
+    cells: Annotated[dict[str, Cell], AfterValidator(well_named)] = Field(default={})
+    """Further cells by name, which regions of the body have; the rest of the body has ``cell``."""
     fem: FemSettings = FemSettings()
     """Finite elements."""
     sampling: SamplingSettings
@@ -94,7 +97,8 @@ class RunConfig(StrictModel):
     @field_validator("closure")
     @classmethod
     def _known_closure(cls, closure: str, info: ValidationInfo) -> str:
-        if fault := _unfit_closure(closure, info.data.get("cell")):
+        cell, others = info.data.get("cell"), info.data.get("cells") or {}
+        if fault := _unfit_closure(closure, *([] if cell is None else [cell]), *others.values()):
             raise ValueError(fault)
         return closure
 
@@ -167,9 +171,18 @@ class RunConfig(StrictModel):
         """
         if closure is None or closure == self.closure:
             return self
-        if fault := _unfit_closure(closure, self.cell):
+        if fault := _unfit_closure(closure, self.cell, *self.cells.values()):
             raise ConfigurationError(fault)
         return self.model_copy(update={"closure": closure})
+
+    @property
+    def cell_names(self) -> tuple[str | None, ...]:
+        """Names of the cells: None for that of the rest of the body, or the only one, then the others."""
+        return (None, *self.cells)
+
+    def of_cell(self, name: str | None) -> RunConfig:
+        """Return the study of a body of one of the cells alone; None names the cell of the rest of the body."""
+        return of_one_cell(self, name)
 
     def resolved_yaml(self) -> str:
         """Return every setting, defaults included; loading it gives an equal configuration."""
@@ -195,7 +208,8 @@ class RunConfig(StrictModel):
         left_out = set() if self.cell.is_family else {"states_per_member"}
         test = _hash(cell, ranges, self.sampling.test.model_dump(exclude=left_out), *more)
         training = _hash(sampling, self.surrogate.model_dump(), self.surrogate_model)
-        macro = _hash(training, self.closure, self.conductivity, self.macro.specification())
+        others = [(name, self.of_cell(name).stages.training) for name in self.cells]
+        macro = _hash(training, self.closure, self.conductivity, self.macro.specification(), *others)
         return StageIdentities(cell, sampling, test, training, macro)
 
     @property
@@ -226,10 +240,10 @@ def _short(value: Any) -> str:
     return cut(json.dumps(value, ensure_ascii=False), 40)
 
 
-def _unfit_closure(closure: str, cell: Cell | None) -> str:
+def _unfit_closure(closure: str, *cells: Cell) -> str:
     """Return why a closure cannot be used; empty if it can."""
     if closure in CLOSURES:
-        return "" if cell is None else CLOSURES[closure].unfit(cell)
+        return next((fault for cell in cells if (fault := CLOSURES[closure].unfit(cell))), "")
     return f"unknown closure {echo(closure)}; {suggestion(closure, CLOSURES, 'the closures are')}"
 
 

@@ -61,7 +61,7 @@ def with_lines(document: YamlDocument, text: str) -> str:
     """Return complaints, one a line, with file and line before each that begins with a key of the document."""
     found = []
     for complaint in text.splitlines():
-        for key in FILES:
+        for key in (*FILES, *(f"cells.{name}.geometry.path" for name in document.data.get("cells") or ())):
             # A complaint about a file that the configuration names.
             if (at := tuple(key.split("."))) in document and complaint.startswith(
                 str((document.folder / str(document.value(at))).absolute())
@@ -84,8 +84,10 @@ def located(document: YamlDocument) -> Iterator[None]:
 
 def unexpected(location: Location, expected: str, got: Any) -> str:
     """Return ``dotted.key: expected ..., got ...``, with the reason of the bound if it is known."""
-    key = dotted(location)
-    reason = WHY.get(key) or (WHY.get(dotted(location[:-1])) if location[-1].isdigit() else None)
+    key, known = dotted(location), location
+    if location[0] == "cells":
+        known = ("cell", *location[2:])
+    reason = WHY.get(dotted(known)) or (WHY.get(dotted(known[:-1])) if known[-1].isdigit() else None)
     why = f"; {reason}" if reason else ""
     return f"{key}: expected {expected}, got {echo(got)}{why}"
 
@@ -199,6 +201,8 @@ def _without_tags(location: Location) -> Location:
 
 def _is_tag(location: Location, i: int) -> bool:
     by_name = i > 1 and location[i - 2] in OF_KINDS_BY_NAME
+    if i == 2 and location[0] == "cells":  # whatever the name of the cell is
+        return False
     return i > 0 and (by_name or location[i - 1] in OF_KINDS or location[i] in FORMS)
 
 

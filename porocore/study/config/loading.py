@@ -20,6 +20,7 @@ from porocore.core.units.scales import Scales
 from porocore.core.units.texts import resolved
 from porocore.errors import ConfigurationError
 from porocore.macro.body.kinds import Box, Cylinder, QuarterCylinder, Wedge
+from porocore.study.config.cells import SAME_LENGTH, cell_faults
 from porocore.study.config.config import RunConfig
 from porocore.study.config.errors import faults, unexpected
 from porocore.study.config.examples import benchmark_path
@@ -27,11 +28,8 @@ from porocore.study.config.examples import benchmark_path
 #: Keys that are true or false.
 SWITCHES = ("drop_grains",)
 NO_VISCOSITY = (
-    "cell.viscosity: missing; with scales the fluid has no default viscosity: add 'viscosity: 1 mPa s', which is "
-    "water, under 'cell:'"
+    "missing; with scales the fluid has no default viscosity: add 'viscosity: 1 mPa s', which is water, under"
 )
-#: Largest difference of two lengths of one cell, relative to them.
-SAME_LENGTH = 1e-6
 #: Names of the surfaces of bodies whose kind alone decides them.
 SURFACES = {
     "box": Box.surfaces,
@@ -123,8 +121,8 @@ def validated(document: YamlDocument) -> RunConfig:
             config.macro.boundary,
             {name: patch.of for name, patch in config.macro.surfaces.items()},
         )
-        if scales is not None and "viscosity" not in config.cell.model_fields_set:
-            found.append((("cell", "viscosity"), NO_VISCOSITY))
+        found += cell_faults(config)
+        found += _without_viscosity(config) if scales is not None else ()
     # pydantic would take 'yes' for 1.
     found += [
         (
@@ -137,6 +135,15 @@ def validated(document: YamlDocument) -> RunConfig:
     if found or config is None:
         raise _refusal(document, found)
     return config
+
+
+def _without_viscosity(config: RunConfig) -> Iterator[tuple[Location, str]]:
+    """Yield faults of cells whose fluid has no viscosity."""
+    cells: dict[Location, Cell] = {("cell",): config.cell}
+    cells |= {("cells", name): cell for name, cell in config.cells.items()}
+    for at, cell in cells.items():
+        if "viscosity" not in cell.model_fields_set:
+            yield (*at, "viscosity"), f"{dotted(at)}.viscosity: {NO_VISCOSITY} '{dotted(at)}:'"
 
 
 def _refusal(document: YamlDocument, found: Iterable[tuple[Location, str]]) -> ConfigurationError:

@@ -14,7 +14,6 @@ from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import ByKey, Carried, Dimension, Unit
 from porocore.core.units.results import spoken
 from porocore.macro.boundary.symmetry import part_problem
-from porocore.macro.composition.regions import AnyRegion
 from porocore.macro.problem import MacroProblem, MacroSetup
 from porocore.sampling.execution.choice import ExecutorName, contradiction
 
@@ -51,6 +50,17 @@ class SweptInput(StrictModel):
         return self
 
 
+#: Inputs by name.
+SweptInputs = Annotated[dict[InputName, SweptInput], Field(min_length=1), ByKey({"p": Dimension("pressure")})]
+
+
+class CellSampling(StrictModel):
+    """Inputs of one of several cells."""
+
+    inputs: SweptInputs
+    """Components that move over other ranges than under ``sampling.inputs``, or do not move there."""
+
+
 class HeldOutSettings(StrictModel):
     """Random states that no surrogate is trained on; its error is measured there."""
 
@@ -67,7 +77,7 @@ class SamplingSettings(StrictModel):
 
     sampler: str = "density-sweep"
     """Name of the sampler; ``porocore plugins`` lists those that are installed."""
-    inputs: Annotated[dict[InputName, SweptInput], Field(min_length=1), ByKey({"p": Dimension("pressure")})]
+    inputs: SweptInputs
     """The components that move, H11 … H33 and p, in the order of the sweeps: the first is swept alone, the next from
     every value of it."""
     tolerance: Positive | None = None
@@ -88,6 +98,8 @@ class SamplingSettings(StrictModel):
     recorded as ``lost``; null: none."""
     test: HeldOutSettings = HeldOutSettings()
     """States apart from the training."""
+    cells: dict[str, CellSampling] = Field(default={})
+    """Inputs of some of the ``cells`` by name, where they differ from ``inputs``."""
 
     @model_validator(mode="after")
     def _executor_fits(self) -> SamplingSettings:
@@ -147,16 +159,6 @@ class MacroSettings(MacroSetup):
     """Backend of the macroscale; null: that of ``fem.backend``; ``porocore run --macro NAME`` overrides it."""
     options: dict[str, Any] = Field(default={})
     """Options of the backend's macro solver; they change how the equations are solved, not the solution."""
-
-    @field_validator("regions")
-    @classmethod
-    def _one_cell(cls, regions: dict[str, AnyRegion]) -> dict[str, AnyRegion]:
-        if cells := [name for name, region in regions.items() if region.cell is not None]:
-            raise ValueError(
-                f"the region '{cells[0]}' names a cell of its own, but several cells in one study are not there yet; "
-                "leave 'cell:' out, so that it has the cell of the study, with its own 'fields:'"
-            )
-        return regions
 
     @field_validator("loads")
     @classmethod

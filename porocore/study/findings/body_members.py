@@ -9,14 +9,16 @@ import numpy as np
 
 from porocore.core.files.store import ResultStore
 from porocore.interfaces.law import MacroLaw
-from porocore.macro.composition.body_fields import BodyFields, CellRanges
+from porocore.macro.composition.body_fields import BodyFields
 from porocore.macro.composition.kept_cells import cells_of_elements
 from porocore.macro.composition.linearised_law import RestCoefficients, coefficients_of_elements
 from porocore.macro.composition.member_law import NearestMemberLaw
+from porocore.macro.composition.regions import regions_of_cell
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.macro.problem import body_mesh
 from porocore.report.format import number
 from porocore.states import Array
+from porocore.study.config.cells import cell_ranges
 from porocore.study.config.config import RunConfig
 from porocore.study.stages.reference import undeformed
 
@@ -44,8 +46,12 @@ class BodyMembers:
     law: MacroLaw
 
     @classmethod
-    def solved(cls, config: RunConfig, store: ResultStore | None, most: int = MOST) -> BodyMembers:
+    def solved(
+        cls, config: RunConfig, store: ResultStore | None, most: int = MOST, cell: str | None = None
+    ) -> BodyMembers:
         """Solve the members, or take them from the store; ``most`` of them, and no more than :data:`MOST`.
+
+        ``cell`` is the name of the family; None names that of the rest of the body.
 
         Raises
         ------
@@ -54,11 +60,12 @@ class BodyMembers:
         PorocoreError
             A member cannot be solved.
         """
-        ranges = {each.name: (each.lower, each.upper) for each in config.cell.parameters}
-        values = spread(parameters_in_body(config), ranges, min(most, MOST))
+        family = config.of_cell(cell).cell
+        ranges = {each.name: (each.lower, each.upper) for each in family.parameters}
+        values = spread(parameters_in_body(config, cell), ranges, min(most, MOST))
         found = []
         for row in values:
-            member = config.cell.at(row)
+            member = family.at(row)
             at = undeformed(member, config.fem, config.conductivity, store)
             found.append(
                 LinearCoefficients.from_reference(
@@ -96,13 +103,21 @@ def linear_in_body(
     return coefficients if cells is None else coefficients_of_elements(law, cells)
 
 
-def parameters_in_body(config: RunConfig) -> Array:
-    """Return the parameters (n, m) at the points of the body, of fields that change at three times."""
-    ranges = {each.name: (each.lower, each.upper) for each in config.cell.parameters}
-    fields = BodyFields(config.macro, body_mesh(config.macro), CellRanges(ranges))
-    end = config.macro.time.end
-    found = [fields.at(time).parameters for time in ((0.0, end / 2, end) if fields.varies else (0.0,))]
-    return np.concatenate([values for values in found if values is not None])
+def parameters_in_body(config: RunConfig, cell: str | None = None) -> Array:
+    """Return the parameters (n, m) of a cell at the points of the body that have it, of fields that change three times.
+
+    None names the cell of the rest of the body.
+    """
+    fields = BodyFields(config.macro, body_mesh(config.macro), cell_ranges(config))
+    columns = [fields.names.index(each.name) for each in config.of_cell(cell).cell.parameters]
+    regions, end = regions_of_cell(config.macro.regions, cell), config.macro.time.end
+    found = []
+    for time in (0.0, end / 2, end) if fields.varies else (0.0,):
+        at = fields.at(time)
+        assert at.parameters is not None
+        assert at.place is not None
+        found.append(at.parameters[np.isin(at.place.region, regions)][:, columns])
+    return np.concatenate(found)
 
 
 def spread(values: Array, ranges: dict[str, tuple[float, float]], most: int) -> Array:

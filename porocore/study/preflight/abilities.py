@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from porocore.cell.cell import Cell
 from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellSolver
@@ -9,7 +11,10 @@ from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.composition.body_fields import require_composition
+from porocore.macro.composition.regions import region_numbers, regions_of_cell
 from porocore.macro.problem import MacroSetup
+from porocore.study.config.cells import cell_ranges
+from porocore.study.config.config import RunConfig
 
 
 def offers_conductivity(solver: type[CellSolver], which: str) -> bool:
@@ -117,8 +122,24 @@ def require_learner(surrogate: Surrogate, name: str, cell: Cell) -> None:
     )
 
 
-def require_fields(cell: Cell, problem: MacroSetup, mesh: BodyMesh) -> BodyMesh:
-    """Return the mesh after a check that regions and fields suit it and the parameters of the cell.
+def require_cells(config: RunConfig, problem: MacroSetup, mesh: BodyMesh) -> None:
+    """Refuse a body of which no part has the cell of the rest.
+
+    Raises
+    ------
+    ConfigurationError
+        Every element lies in a region with another cell; or regions are empty or overlap.
+    """
+    rest = regions_of_cell(problem.regions, None)
+    if config.cells and not np.isin(region_numbers(mesh, problem.regions), rest).any():
+        raise ConfigurationError(
+            "cell: no part of the body has it, since every element lies in a region with another cell; give one of "
+            "'cells:' here, at the top level, and leave 'cell:' of its regions out"
+        )
+
+
+def require_fields(config: RunConfig, problem: MacroSetup, mesh: BodyMesh) -> None:
+    """Refuse regions and fields that do not suit the mesh or the parameters of the cells.
 
     Raises
     ------
@@ -126,6 +147,4 @@ def require_fields(cell: Cell, problem: MacroSetup, mesh: BodyMesh) -> BodyMesh:
         A field is of no parameter, leaves its range or has no value; a parameter has no field; regions are empty or
         overlap; a file does not cover the body.
     """
-    ranges = {parameter.name: (parameter.lower, parameter.upper) for parameter in cell.parameters}
-    require_composition(problem, mesh, ranges, problem.time.end)
-    return mesh
+    require_composition(problem, mesh, cell_ranges(config), problem.time.end)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from multiprocessing import current_process
 
 from porocore.core.parallel import launched_by_mpi
@@ -71,6 +71,17 @@ class RunTimes:
             None if training is None else training.at(sampler.expected),
             max(*macro, sum(macro) / bodies_at_once(config, 2 * len(macro))),
             cost.BEGIN + cost.REPORT + cost.REPORT_OF_LOAD * len(config.macro.loads),
+        )
+
+    @classmethod
+    def together(cls, times: Sequence[RunTimes]) -> RunTimes:
+        """Return the times of a study of several cells, of one body, by those of the studies of each."""
+        trained = [each.training for each in times if each.training is not None]
+        return replace(
+            times[0],
+            cells=sum(each.cells for each in times),
+            choosing=sum(each.choosing for each in times),
+            training=sum(trained) if len(trained) == len(times) else None,
         )
 
     @property

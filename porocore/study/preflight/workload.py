@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from porocore.cell.cell import Cell
@@ -96,8 +96,18 @@ class Workload:
     @property
     def disk(self) -> float:
         """Approximate final size of the run folder [bytes]."""
+        return self.disk_of_states + self.disk_of_runs
+
+    @property
+    def disk_of_states(self) -> float:
+        """Approximate size of the solved states [bytes]."""
+        return self.states * (STATE + NODE * self.solid)
+
+    @property
+    def disk_of_runs(self) -> float:
+        """Approximate size of the solutions of the body [bytes]."""
         fields = self.profiles * self.elements * POINTS_OF_ELEMENT * POINT * 8
-        return self.states * (STATE + NODE * self.solid) + self.runs * (self.steps * STEP * 8 + fields)
+        return self.runs * (self.steps * STEP * 8 + fields)
 
     @property
     def memory(self) -> float:
@@ -150,27 +160,37 @@ class Workload:
     def _solved(self) -> tuple[float, float]:
         return self.solid * self.parts[0], self.fluid * self.parts[1]
 
-    def as_lines(self) -> Iterator[str]:
-        """Yield the counts for reading."""
-        yield (
-            f"work: {self.states} states of the cell, {self.runs} macro runs of {self.steps} steps or more; "
-            f"some {self.disk / 1e9:.2g} GB on disk, {self.memory / 1e9:.2g} GB of memory in all while cells are solved"
-            f"{self._each}"
-        )
+    def line(self, name: str | None = None) -> str:
+        """Return the cell problems for reading; ``name`` is that of the cell."""
         (solid, fluid), workers = self._solved, max(1, self.workers)
-        yield (
-            f"  cell problems of {solid:,.0f} nodes of the solid and {fluid:,.0f} of the fluid: "
+        head = "" if name is None else f"{name}: "
+        return (
+            f"  {head}cell problems of {solid:,.0f} nodes of the solid and {fluid:,.0f} of the fluid: "
             f"{as_time(self.state)} for a state with its derivatives, {as_time(self.state + self.first)} for the "
             f"first, {as_time(self.conductivity)} for K; "
             f"all cells {as_time(self.cell_time)} on {workers} quiet {'core' if workers == 1 else 'cores'}"
         )
 
     @property
-    def _each(self) -> str:
+    def each(self) -> str:
+        """Memory of each process in words, after a comma; empty where there are no workers."""
         if self.serial or not self.workers:
             return ""
         who = f"{self.workers} {'worker' if self.workers == 1 else 'workers'} and of the run itself"
         return f", {self.process / 1e9:.2g} GB each of {who}"
+
+
+def work_lines(works: Mapping[str | None, Workload]) -> Iterator[str]:
+    """Yield the counts of a study for reading, by the name of the cell: None for that of the rest of the body."""
+    first, largest = works[None], max(works.values(), key=lambda work: work.memory)
+    states, kinds = sum(work.states for work in works.values()), len(works)
+    disk = sum(work.disk_of_states for work in works.values()) + first.disk_of_runs
+    yield (
+        f"work: {states} states of {'the cell' if kinds == 1 else f'{kinds} cells'}, {first.runs} macro runs of "
+        f"{first.steps} steps or more; some {disk / 1e9:.2g} GB on disk, {largest.memory / 1e9:.2g} GB of memory in "
+        f"all while cells are solved{largest.each}"
+    )
+    yield from (work.line(name) for name, work in works.items())
 
 
 def members_of(config: RunConfig, sampler: Sampler) -> tuple[int, int]:

@@ -40,10 +40,16 @@ class RunFiles:
         Record of the seconds that each stage took.
     body
         Folder of the macro solutions, their histories and checkpoints: that of the run, or one below it.
+    cell
+        Name of the cell whose files these are; None: that of the rest of the body, or the only one.
+    whole
+        Files of the whole run.
     """
 
     def __init__(self, path: Path, config: RunConfig) -> None:
         self.path = self.body = path
+        self.cell: str | None = None
+        self.whole: RunFiles = self
         self.config = self.written = config
         self.reference, self.undeformed = path / "cell.json", path / "undeformed.h5"
         self.dataset, self.test_dataset = path / "samples.h5", path / "test.h5"
@@ -80,6 +86,14 @@ class RunFiles:
     def _suffix(self, config: RunConfig) -> str:
         model = config.surrogate_model
         return "" if model == self.written.surrogate_model else f"-{model}"
+
+    def stage_of_cell(self, stage: str) -> str:
+        """Return the name of a stage of a cell, with the name of the cell where it has one."""
+        return stage if self.cell is None else f"{stage}, {self.cell}"
+
+    def said_of_cell(self, text: str) -> str:
+        """Return a sentence with the name of the cell before it where it has one."""
+        return text if self.cell is None else f"cell {self.cell}: {text}"
 
     def macro_checkpoint(self, law: str, load: float) -> Path:
         """Return the checkpoint of an interrupted macro solve."""

@@ -44,6 +44,8 @@ class RunFolder(RunFiles):
     Create one by :meth:`claim` (a new run, or the same run resumed) or :meth:`open` (a later step of a run).
     """
 
+    whole: RunFolder
+
     @classmethod
     def claim(cls, path: Path | str, config: RunConfig, *, resume: bool = False) -> RunFolder:
         """Make the folder and write configuration and versions, or with ``resume`` open the same run again.
@@ -118,6 +120,24 @@ class RunFolder(RunFiles):
             )
         return cls(path, config)
 
+    def of_cell(self, name: str | None) -> RunFolder:
+        """Return the files of one of several cells, as those of a study of this cell alone.
+
+        Those of a cell with a name lie in a folder of their own, ``cells/NAME``; None names that of the rest of the
+        body.
+        """
+        if not self.written.cells:
+            return self
+        folder = RunFolder(
+            self.path if name is None else self.path / "cells" / name, self.config.of_cell(name)
+        )
+        folder.cell, folder.whole, folder.written = name, self.whole, self.written.of_cell(name)
+        return folder
+
+    def of_each_cell(self, config: RunConfig) -> list[tuple[RunFolder, RunConfig]]:
+        """Return files and configuration of every cell, as :meth:`of_cell` does, that of the rest of the body first."""
+        return [(self.of_cell(name), config.of_cell(name)) for name in config.cell_names]
+
     def __enter__(self) -> Self:
         """Take the lock; the system releases it when the process ends, however it ends."""
         try:
@@ -164,7 +184,7 @@ class RunFolder(RunFiles):
             The file is missing; ``command`` (``sample``, ``train``, ``solve``) makes it.
         """
         if not file.exists():
-            raise RunFolderError(f"{file} is missing; make it first: porocore {command} {self.path}")
+            raise RunFolderError(f"{file} is missing; make it first: porocore {command} {self.whole.path}")
         return file
 
     def remembered(self) -> DecisionRecord:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from porocore.errors import SolveError
+from porocore.errors import ConfigurationError, SolveError
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.sampler import (
@@ -18,24 +19,62 @@ from porocore.interfaces.sampler import (
     make_anew,
 )
 from porocore.interfaces.surrogate import TrainingSet
+from porocore.macro.body.kinds import Body
+from porocore.macro.composition.region_law import RegionLaw
+from porocore.macro.composition.regions import region_numbers
 from porocore.macro.laws import CLOSURES, ClosedLaw
-from porocore.macro.problem import MacroProblem
+from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.macro.reference import CellReference
 from porocore.plugins.border import body_solution_of
 from porocore.states import Array, MacroState
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
+from porocore.study.config.sections import MacroSettings
 from porocore.surrogates.polynomial.committee import judge
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 
 
+@dataclass(frozen=True, eq=False)
+class BodyAround:
+    """A body of several cells, one of which is explored.
+
+    Attributes
+    ----------
+    macro
+        Set-up of the whole body, with fields of that cell's parameters alone.
+    cell
+        Name of that cell; None: that of the rest of the body.
+    laws
+        Laws of all cells by name, that of the explored one left out.
+    """
+
+    macro: MacroSettings
+    cell: str | None
+    laws: Mapping[str | None, MacroLaw]
+
+    def law_with(self, law: MacroLaw) -> MacroLaw:
+        """Return the law of the body with ``law`` for the cell that is explored."""
+        laws = {**self.laws, self.cell: law}
+        rest = laws.pop(None)
+        return RegionLaw.by_cell(
+            self.macro.regions, rest, {name: each for name, each in laws.items() if name is not None}
+        )
+
+
 def inform(
-    sampler: Sampler, config: RunConfig, reference: CellReference, remember: Remember = make_anew
+    sampler: Sampler,
+    config: RunConfig,
+    reference: CellReference,
+    remember: Remember = make_anew,
+    around: Callable[[], BodyAround | None] = lambda: None,
 ) -> None:
-    """Give a sampler the facts of the study if it takes them; ``remember`` keeps its decisions."""
+    """Give a sampler the facts of the study if it takes them.
+
+    ``remember`` keeps its decisions, and ``around`` returns the body of several cells, one of which is sampled.
+    """
     if isinstance(sampler, StudySampler):
         needed = CLOSURES[config.closure].responses
-        explorer = MacroExplorer(config, reference)
+        explorer = MacroExplorer(config, reference, around())
         symmetry = config.cell.point_group
         rest = reference.resting(config.conductivity)
         sampler.inform(StudyFacts(rest, config.stages.cell, needed, explorer, judge, symmetry, remember))
@@ -46,10 +85,15 @@ class MacroExplorer:
 
     The polynomial stands in for the configured surrogate: it is fitted in milliseconds, provides what every closure
     needs, and is the same on every machine. Closure, loads, boundary conditions and backend are the configured ones.
+    In a body of several cells, ``around``, only the states of the cell that is explored count.
     """
 
-    def __init__(self, config: RunConfig, reference: CellReference) -> None:
+    def __init__(self, config: RunConfig, reference: CellReference, around: BodyAround | None = None) -> None:
         self.config, self.reference = config, reference
+        self._macro = config.macro if around is None else around.macro
+        self._law_with: Callable[[MacroLaw], MacroLaw] = (
+            (lambda law: law) if around is None else around.law_with
+        )
         self._solver: MacroSolver | None = None
 
     def __call__(self, data: TrainingSet, *, elements: int, steps: int) -> Exploration:
@@ -65,14 +109,14 @@ class MacroExplorer:
         cells = PolynomialSurrogate().fit(data, seed=0)
         visited: list[MacroState] = []
         results: list[float] = []
-        for load in self.config.macro.loads:
+        for load in self._macro.loads:
             law = VisitedStates(ClosedLaw(cells, closure))
-            problem = self.config.macro.problem(load)
+            problem = self._macro.problem(load)
             moved = [name for name, boundary in problem.boundary.items() if boundary.is_moved]
             coarse = coarse_problem(problem, elements, steps)
             prepared = self._solver.prepare(coarse)
             try:
-                solution = body_solution_of(self._solver, prepared, law, coarse)
+                solution = body_solution_of(self._solver, prepared, self._law_with(law), coarse)
             except SolveError:
                 results += [np.nan] * (2 + 2 * len(moved))
             else:
@@ -121,12 +165,29 @@ class VisitedStates(MacroLaw):
 
 
 def coarse_problem(problem: MacroProblem, elements: int, steps: int) -> MacroProblem:
-    """Return the problem with at most ``elements`` along each axis and about ``steps`` time steps after the ramp."""
+    """Return the problem with at most ``elements`` along each axis and about ``steps`` time steps after the ramp.
+
+    There are more elements where a region would have none.
+    """
     time = problem.time
     after = time.end - time.ramp_increments * time.ramp_step
     return problem.model_copy(
         update={
-            "body": problem.body.coarsened(elements),
+            "body": _coarse_body(problem, elements),
             "time": time.model_copy(update={"step": max(time.step, after / steps), "profiles": ()}),
         }
     )
+
+
+def _coarse_body(problem: MacroProblem, elements: int) -> Body:
+    body = problem.body.coarsened(elements)
+    while problem.regions and body != problem.body:
+        mesh = body_mesh(problem.model_copy(update={"body": body}))
+        try:
+            region_numbers(mesh, problem.regions)
+        except ConfigurationError:
+            elements *= 2
+            body = problem.body.coarsened(elements)
+        else:
+            break
+    return body

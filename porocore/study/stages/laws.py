@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, ExitStack, nullcontext
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,6 +15,7 @@ from porocore.core.files.store import ResultStore
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import MacroLaw
 from porocore.macro.composition.linearised_law import LinearisedLaw
+from porocore.macro.composition.region_law import RegionLaw
 from porocore.macro.laws import AdaptiveLaw, ClosedLaw
 from porocore.macro.laws.adaptive_surrogate import AdaptiveSurrogate
 from porocore.macro.laws.direct import DirectCellLaw
@@ -46,25 +47,46 @@ USUAL_LAWS: tuple[LawKind, ...] = ("surrogate", "linear")
 
 
 @dataclass(frozen=True)
+class CellSolves:
+    """Cells that a law solves during a macro run: their solver, the record of its work and the pool."""
+
+    cells: SolvesCells
+    record: Path
+    pool: CellPool
+
+
+@dataclass(frozen=True)
 class RunLaw:
-    """A law of a run, and for one that solves cells their solver, the record of its work and the pool."""
+    """A law of a run, and of one that solves cells the solves of each of them."""
 
     law: MacroLaw
-    cells: SolvesCells | None = None
-    record: Path | None = None
-    pool: CellPool | None = None
+    solves: tuple[CellSolves, ...] = ()
 
-    def cost_recorded(self, solution: str) -> AbstractContextManager[None]:
-        """Add the cells that the block solves to the record of ``solution``."""
-        if self.cells is None or self.record is None:
-            return nullcontext()
-        return cost_recorded(self.record, solution, self.cells.work)
+    @contextmanager
+    def cost_recorded(self, solution: str) -> Iterator[None]:
+        """Add the cells that the block solves to the records of ``solution``."""
+        with ExitStack() as stack:
+            for each in self.solves:
+                stack.enter_context(cost_recorded(each.record, solution, each.cells.work))
+            yield
 
-    def taken_told(self, title: str, console: Console, clock: StageClock) -> AbstractContextManager[None]:
+    @contextmanager
+    def taken_told(self, title: str, console: Console, clock: StageClock) -> Iterator[None]:
         """Tell what the block takes from the store, and count on the clock what it saves."""
-        if self.pool is None:
-            return nullcontext()
-        return told(self.pool.known, title, console.note, clock.add, self.pool.workers)
+        with ExitStack() as stack:
+            for each in self.solves:
+                pool = each.pool
+                stack.enter_context(told(pool.known, title, console.note, clock.add, pool.workers))
+            yield
+
+    def tell_work(self, say: Callable[[str], None]) -> None:
+        """Have the work of the law told between two steps."""
+        for each in self.solves:
+            each.cells.on_work = say
+
+    def work_in_words(self) -> list[str]:
+        """Return the work so far in a sentence for each cell."""
+        return [each.cells.work.in_words() for each in self.solves]
 
 
 def require_laws(laws: Sequence[LawKind]) -> None:
@@ -106,26 +128,44 @@ def macro_laws(
     store: ResultStore | None = None,
 ) -> dict[str, RunLaw]:
     """Return the laws of a run by name; processes that a law needs end with ``stack``."""
-    reference = load_reference(folder, config)
-    laws: dict[str, RunLaw] = {}
+    found = dict[str, RunLaw]()
     for kind, name in zip(dict.fromkeys(kinds), law_names(config, kinds, direct_closure), strict=True):
-        if kind == "surrogate":
-            laws[name] = RunLaw(_of_the_surrogate(folder, config, reference))
-        elif kind == "linear" and config.cell.parameters:
-            # Coefficients at the parameters of each point.
-            laws[name] = RunLaw(LinearisedLaw(_of_the_surrogate(folder, config, reference), name))
-        elif kind == "linear":
-            laws[name] = RunLaw(LinearPoroelasticity(linear_coefficients(reference, config)))
-        elif kind == "fallback":
-            laws[name] = _learning(folder, config, stack.enter_context(_pool(config, store)), stack, name)
-        else:
-            rest = reference.resting(config.conductivity)
-            identity = config.stages.cell + ("" if rest.conductivity is None else "-deformed")
-            pool = stack.enter_context(_pool(config, store))
-            cells = DirectCellLaw(pool, rest, identity)
-            closure = reference.closure(direct_closure, config.cell.solid, config.conductivity)
-            laws[name] = RunLaw(ClosedLaw(cells, closure, name=name), cells, folder.direct_work, pool)
-    return laws
+        rest, *others = (
+            (files.cell, _law_of_cell(files, one, kind, name, stack, direct_closure, store))
+            for files, one in folder.of_each_cell(config)
+        )
+        named = {cell: each.law for cell, each in others if cell is not None}
+        law = RegionLaw.by_cell(config.macro.regions, rest[1].law, named)
+        found[name] = RunLaw(law, tuple(solves for _, each in (rest, *others) for solves in each.solves))
+    return found
+
+
+def _law_of_cell(
+    folder: RunFolder,
+    config: RunConfig,
+    kind: LawKind,
+    name: str,
+    stack: ExitStack,
+    direct_closure: str,
+    store: ResultStore | None,
+) -> RunLaw:
+    """Return the law of a kind of one cell; see :func:`macro_laws`."""
+    reference = load_reference(folder, config)
+    if kind == "surrogate":
+        return RunLaw(_of_the_surrogate(folder, config, reference))
+    if kind == "linear" and config.cell.parameters:
+        # Coefficients at the parameters of each point.
+        return RunLaw(LinearisedLaw(_of_the_surrogate(folder, config, reference), name))
+    if kind == "linear":
+        return RunLaw(LinearPoroelasticity(linear_coefficients(reference, config)))
+    pool = stack.enter_context(_pool(config, store))
+    if kind == "fallback":
+        return _learning(folder, config, pool, stack, name)
+    rest = reference.resting(config.conductivity)
+    identity = config.stages.cell + ("" if rest.conductivity is None else "-deformed")
+    cells = DirectCellLaw(pool, rest, identity)
+    closure = reference.closure(direct_closure, config.cell.solid, config.conductivity)
+    return RunLaw(ClosedLaw(cells, closure, name=name), (CellSolves(cells, folder.direct_work, pool),))
 
 
 def porosity_of(law: MacroLaw, reference: CellReference) -> float | Callable[[Array], Array]:
@@ -171,4 +211,4 @@ def _learning(folder: RunFolder, config: RunConfig, pool: CellPool, stack: ExitS
         identity=f"{config.stages.training} with fallback",
         name=name,
     )
-    return RunLaw(law, adaptive, folder.fallback_work, pool)
+    return RunLaw(law, (CellSolves(adaptive, folder.fallback_work, pool),))

@@ -17,12 +17,13 @@ from porocore.study.config.config import RunConfig
 from porocore.study.preflight.guess import processes_here, starts_early, trains_beside
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.run_folder.stage_times import cut_short_timed
+from porocore.study.stages import reference, sampling, training
 from porocore.study.stages.laws import USUAL_LAWS, LawKind, law_names
-from porocore.study.stages.reference import solve_cell, solve_reference
+from porocore.study.stages.reference import solve_cell
 from porocore.study.stages.reporting import kept_report, report
-from porocore.study.stages.sampling import cell_pool, sample
+from porocore.study.stages.sampling import cell_pool
 from porocore.study.stages.solving import solve
-from porocore.study.stages.training import begin_training, train, training_stage
+from porocore.study.stages.training import begin_training, training_stage
 
 __all__ = ["report", "run", "sample", "solve", "solve_cell", "solve_reference", "train"]
 
@@ -43,7 +44,26 @@ def run(
     if all(path.exists() for path in solutions) and kept_report(folder, config, console=console):
         console.note(f"the run is finished; to write its report again: porocore report {folder.path}")
         return folder.report
-    beside, training = trains_beside(config), dict[str, Call]()
+    with CallProcesses(processes_here(config)) as processes:
+        first, *others = folder.of_each_cell(config)
+        for files, one in others:  # the body may be explored with the linear laws of all cells
+            reference.solve_reference(files, one, console=console, store=store)
+        for files, one in (first, *others):
+            _learn(files, one, config, console, store, processes)
+        solve(folder, config, console=console, laws=laws, store=store, processes=processes)
+        return report(folder, config, console=console, processes=processes)
+
+
+def _learn(
+    folder: RunFolder,
+    config: RunConfig,
+    whole: RunConfig,
+    console: Console,
+    store: ResultStore | None,
+    processes: CallProcesses,
+) -> None:
+    """Solve one cell, undeformed and for all states, and train its surrogate; ``whole`` is the study of all cells."""
+    beside, begun = trains_beside(config), dict[str, Call]()
 
     def load_libraries() -> None:
         if not (beside or folder.surrogate_of(config).exists()):
@@ -51,16 +71,45 @@ def run(
 
     def sampled() -> None:
         if beside and (call := begin_training(folder, config, processes, store)):
-            training[training_stage(folder, config)] = call
+            begun[training_stage(folder, config)] = call
 
-    with CallProcesses(processes_here(config)) as processes:
-        with (
-            cut_short_timed(folder.timings, training, processes),
-            cell_pool(config, console=console, store=store, begin=load_libraries) as pool,
-        ):
-            begin = pool.start if starts_early(config) else load_libraries
-            solve_reference(folder, config, console=console, store=store, begin=begin)
-            sample(folder, config, console=console, store=store, pool=pool, sampled=sampled)
-        train(folder, config, console=console, store=store, begun=next(iter(training.values()), None))
-        solve(folder, config, console=console, laws=laws, store=store, processes=processes)
-        return report(folder, config, console=console, processes=processes)
+    with (
+        cut_short_timed(folder.timings, begun, processes),
+        cell_pool(config, console=console, store=store, begin=load_libraries) as pool,
+    ):
+        begin = pool.start if starts_early(config) else load_libraries
+        if folder.cell is None:
+            reference.solve_reference(folder, config, console=console, store=store, begin=begin)
+            reference.tell_drainage(folder.whole, whole, console=console)
+        sampling.sample(folder, config, console=console, store=store, pool=pool, sampled=sampled)
+    training.train(folder, config, console=console, store=store, begun=next(iter(begun.values()), None))
+
+
+def solve_reference(
+    folder: RunFolder, config: RunConfig, *, console: Console, store: ResultStore | None = None
+) -> None:
+    """Solve every undeformed cell of a study; see :func:`porocore.study.stages.reference.solve_reference`."""
+    for files, one in folder.of_each_cell(config):
+        reference.solve_reference(files, one, console=console, store=store)
+    reference.tell_drainage(folder, config, console=console)
+
+
+def sample(
+    folder: RunFolder,
+    config: RunConfig,
+    *,
+    console: Console,
+    retry_lost: bool = False,
+    store: ResultStore | None = None,
+) -> None:
+    """Solve the states of every cell of a study; see :func:`porocore.study.stages.sampling.sample`."""
+    for files, one in folder.of_each_cell(config):
+        sampling.sample(files, one, console=console, retry_lost=retry_lost, store=store)
+
+
+def train(
+    folder: RunFolder, config: RunConfig, *, console: Console, store: ResultStore | None = None
+) -> None:
+    """Train the surrogate of every cell of a study; see :func:`porocore.study.stages.training.train`."""
+    for files, one in folder.of_each_cell(config):
+        training.train(files, one, console=console, store=store)

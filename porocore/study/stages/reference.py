@@ -48,17 +48,20 @@ def solve_reference(
                 folder.reference, config.cell, config.fem, config.conductivity, store, clock, begin
             )
         if remark:
-            console.note(f"cell: {remark}")
+            console.note(f"{folder.stage_of_cell('cell')}: {remark}")
     reference = load_reference(folder, config)
     diagonal = config.result_units.texts(np.diag(reference.conductivity), "conductivity")
     which = " in the middle of the ranges" if config.cell.is_family else ""
-    console.note(
-        f"cell{which}: porosity {reference.porosity:.4f}, conductivity K_11, K_22, K_33 = {diagonal}"
-    )
-    for warning in (
-        *undrained(config.macro, reference.conductivity),
-        *broken_by_the_mesh(reference.response, config.cell.point_group),
-    ):
+    title = folder.stage_of_cell("cell") + which
+    console.note(f"{title}: porosity {reference.porosity:.4f}, conductivity K_11, K_22, K_33 = {diagonal}")
+    for warning in broken_by_the_mesh(reference.response, config.cell.point_group):
+        console.warn(folder.said_of_cell(warning))
+
+
+def tell_drainage(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
+    """Warn of surfaces through which nothing leaves, whichever of the cells lies there; the cells are solved."""
+    found = [load_reference(*each).conductivity for each in folder.of_each_cell(config)]
+    for warning in undrained(config.macro, np.max(found, axis=0)):
         console.warn(warning)
 
 

@@ -20,18 +20,17 @@ from porocore.sampling.execution.interrupts import listening
 from porocore.sampling.forecast import Guess
 from porocore.sampling.warm_starts import WarmStarts
 from porocore.states import Array, Status
-from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.guess import guessed_times
 from porocore.study.preflight.symmetry_notes import uncovered
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.run_folder.provenance import versions
 from porocore.study.run_folder.stage_times import timed
-from porocore.study.stages.exploration import inform
 from porocore.study.stages.stage_files import (
     drop_misplaced,
     factory_of,
     held_out_states,
+    informed_sampler,
     load_reference,
     prepare_undeformed,
     undeformed_members,
@@ -58,12 +57,9 @@ def sample(
     """
     inputs = config.input_space()
     for warning in uncovered(inputs, config.cell.point_group):
-        console.warn(warning)
-    sampler: Sampler = make_backend("sampler", config)
-    reference = load_reference(folder, config)
-    # Another closure than the one that the run began with learns from the same states.
-    inform(sampler, folder.written, reference, folder.remembered())
-    provenance = {"config": config.resolved_yaml(), **versions(), **reference.mesh}
+        console.warn(folder.said_of_cell(warning))
+    sampler = informed_sampler(folder, config)
+    provenance = {"config": config.resolved_yaml(), **versions(), **load_reference(folder, config).mesh}
     stages = [
         ("sampling", folder.dataset, config.stages.sampling),
         ("held-out states", folder.test_dataset, config.stages.test),
@@ -167,10 +163,11 @@ def _campaign(
     starts: WarmStarts | None = None,
 ) -> CampaignSummary:
     """Solve the states of a sampler with progress; record the time, and tell what came from the store."""
+    shown = folder.stage_of_cell(title)
     with (
         timed(folder.timings, title) as clock,
-        told(pool.known, title, console.note, clock.add, pool.workers),
-        console.task(title, "states") as task,
+        told(pool.known, shown, console.note, clock.add, pool.workers),
+        console.task(shown, "states") as task,
     ):
 
         def show(progress: CampaignProgress) -> None:
@@ -191,10 +188,11 @@ def _campaign(
 def _tell(
     title: str, summary: CampaignSummary, folder: RunFolder, console: Console, what: str = "states"
 ) -> None:
+    title = folder.stage_of_cell(title)
     counts = ", ".join(f"{n} {status.name.replace('_', ' ')}" for status, n in summary.counts.items())
     console.note(f"{title}: {sum(summary.counts.values())} {what}: {counts}")
     if lost := summary.counts.get(Status.lost, 0):
         console.warn(
             f"{title}: {lost} states were lost: on each, two workers died or exceeded the time limit. Lost states "
-            f"count as failed. To try them again: porocore sample {folder.path} --retry-lost"
+            f"count as failed. To try them again: porocore sample {folder.whole.path} --retry-lost"
         )

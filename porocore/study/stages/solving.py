@@ -132,13 +132,12 @@ def _solve_load(
             run.taken_told(path.stem, console, clock),
             body_progress(console, f"{name}, load {load:g}", problem, config.result_units) as (show, say),
         ):
-            if run.cells is not None:
-                run.cells.on_work = say
+            run.tell_work(say)
             words = solve_body(folder, config, run, problem, solver, prepared, backend, name, show)
         if words:
             console.note(f"{path.stem}: {words}")
-        if run.cells is not None:
-            console.note(f"{path.stem}: {run.cells.work.in_words()}")
+        for line in run.work_in_words():
+            console.note(f"{path.stem}: {line}")
 
 
 def prepared_body(

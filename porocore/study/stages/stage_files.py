@@ -13,11 +13,12 @@ from porocore.core.inputs.input_space import InputSpace
 from porocore.core.inputs.sampled_range import SampledRange
 from porocore.errors import DataError
 from porocore.interfaces.cell import CellSolver
+from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.rest_data import RestData
 from porocore.interfaces.sampler import Sampler
 from porocore.interfaces.solution import MacroSolution
 from porocore.interfaces.surrogate import MORE_STATES, Surrogate, TrainingSet, least_states
-from porocore.macro.laws.linear import LinearCoefficients
+from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.macro.reference import CellReference
 from porocore.plugins.registry import registry
 from porocore.sampling.campaign import is_complete
@@ -28,11 +29,12 @@ from porocore.sampling.execution.tasks import Factory
 from porocore.sampling.samplers.random_states import RandomStates
 from porocore.sampling.samplers.undeformed_members import UndeformedMembers
 from porocore.study.backends import make_backend
+from porocore.study.config.cells import with_fields_of
 from porocore.study.config.config import RunConfig
 from porocore.study.preflight.abilities import require_conductivity
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.run_folder.provenance import versions
-from porocore.study.stages.exploration import inform
+from porocore.study.stages.exploration import BodyAround, inform
 
 
 def prepare_cell(
@@ -111,7 +113,7 @@ def load_undeformed(folder: RunFolder, config: RunConfig) -> Dataset:
     path, members = folder.require(folder.undeformed, "sample"), undeformed_members(config)
     dataset = Dataset.open(path, inputs=members.inputs, identity=config.stages.cell)
     if not is_complete(members, dataset):
-        raise DataError(f"{path}: members are missing; run porocore sample {folder.path}")
+        raise DataError(f"{path}: members are missing; run porocore sample {folder.whole.path}")
     return dataset
 
 
@@ -119,6 +121,27 @@ def undeformed_members(config: RunConfig) -> UndeformedMembers:
     """Return the sampler of the undeformed members of the run's family."""
     ranges = {each.name: (each.lower, each.upper) for each in config.cell.parameters}
     return UndeformedMembers(InputSpace.from_ranges({}, ranges), undeformed_count(config.cell))
+
+
+def informed_sampler(folder: RunFolder, config: RunConfig) -> Sampler:
+    """Return the configured sampler with the facts of the study, if it takes them."""
+    sampler: Sampler = make_backend("sampler", config)
+
+    def around() -> BodyAround | None:
+        whole = folder.whole.written
+        if not whole.cells:
+            return None
+        others: dict[str | None, MacroLaw] = {}
+        for name in whole.cell_names:
+            if name != folder.cell:
+                one, study = folder.whole.of_cell(name), whole.of_cell(name)
+                linear = linear_coefficients(load_reference(one, study), study)
+                others[name] = LinearPoroelasticity(linear)
+        return BodyAround(with_fields_of(whole, folder.cell), folder.cell, others)
+
+    # Another closure than the one that the run began with learns from the same states.
+    inform(sampler, folder.written, load_reference(folder, config), folder.remembered(), around)
+    return sampler
 
 
 def linear_coefficients(reference: CellReference, config: RunConfig) -> LinearCoefficients:
@@ -143,15 +166,27 @@ def load_surrogate(folder: RunFolder, config: RunConfig) -> Surrogate:
     if surrogate.identity != config.stages.cell:
         raise DataError(
             f"{path}: trained for another cell (identity {surrogate.identity}, expected {config.stages.cell}); "
-            f"delete it and run porocore train {folder.path}"
+            f"delete it and run porocore train {folder.whole.path}"
         )
     expected = config.input_space()
     if surrogate.inputs != expected:
         raise DataError(
             f"{path}: trained on other inputs ({describe(surrogate.inputs)}, expected {describe(expected)}); "
-            f"delete it and run porocore train {folder.path}"
+            f"delete it and run porocore train {folder.whole.path}"
         )
     return surrogate
+
+
+def require_samples(folder: RunFolder) -> None:
+    """Refuse a run without the samples of one of its cells."""
+    for files, _ in folder.of_each_cell(folder.config):
+        files.require(files.dataset, "sample")
+
+
+def require_surrogates(folder: RunFolder, config: RunConfig) -> None:
+    """Refuse a run without the surrogate of one of its cells that ``config`` needs."""
+    for files, one in folder.of_each_cell(config):
+        files.require(files.surrogate_of(one), train_command(files, one))
 
 
 def train_command(folder: RunFolder, config: RunConfig) -> str:
@@ -173,7 +208,7 @@ def load_solution(folder: RunFolder, law: str, load: float) -> MacroSolution:
     if (solution.law, solution.load) != (law, load):
         raise DataError(
             f"{path}: holds the solution of law '{solution.law}' under load {solution.load:g}, expected "
-            f"'{law}' under {load:g}; delete it and run porocore solve {folder.path}"
+            f"'{law}' under {load:g}; delete it and run porocore solve {folder.whole.path}"
         )
     return solution
 
@@ -202,9 +237,7 @@ def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
     DataError
         Sampling is not finished, or there are too few of them.
     """
-    sampler: Sampler = make_backend("sampler", config)
-    reference = load_reference(folder, config)
-    inform(sampler, folder.written, reference, folder.remembered())
+    sampler, reference = informed_sampler(folder, config), load_reference(folder, config)
     dataset = finished(folder, folder.dataset, config.stages.sampling, sampler)
     responses = dataset.responses()
     good = np.flatnonzero(responses.stable)
@@ -242,6 +275,6 @@ def finished(folder: RunFolder, path: Path, identity: str, sampler: Sampler) -> 
     dataset = Dataset.open(path, inputs=folder.config.input_space(), identity=identity)
     if not is_complete(sampler, dataset):
         raise DataError(
-            f"{path}: sampling was interrupted and is not finished; run porocore sample {folder.path}"
+            f"{path}: sampling was interrupted and is not finished; run porocore sample {folder.whole.path}"
         )
     return dataset

@@ -43,7 +43,7 @@ from porocore.study.findings.held_out import output_checks
 from porocore.study.findings.parameters import family_summary
 from porocore.study.findings.publication import crease_line, published_values
 from porocore.study.findings.reach import MORE, flagged_place, left_out_shear, shears
-from porocore.study.preflight.at_rest import edges
+from porocore.study.outline.at_rest import edges
 from porocore.study.run_folder.files import LINEAR, direct_law, fallback_law
 from porocore.study.run_folder.provenance import versions
 from porocore.study.stages.results import RunResults

@@ -41,10 +41,10 @@ def train(
 
     ``begun`` is the call of :func:`begin_training` that does so in another process.
     """
-    path = folder.surrogate_of(config)
+    path, title = folder.surrogate_of(config), folder.stage_of_cell("training")
     if begun is None and path.exists():
         load_surrogate(folder, config)
-        console.note(f"training: {path.name} is there already")
+        console.note(f"{title}: {path.name} is there already")
         return
     data, stage = training_set(folder, config), training_stage(folder, config)
     checkpoint = folder.training_checkpoint_of(config)
@@ -54,14 +54,14 @@ def train(
     if saved is not None:
         with timed(folder.timings, stage) as clock:
             clock.add(saved)
-        console.note(f"training: {path.name} came from the store, which saved {duration(saved)}")
+        console.note(f"{title}: {path.name} came from the store, which saved {duration(saved)}")
         return
     if begun is not None:
         begun.begin()
     now = None if begun is None else begun.time
     with (
         timed(folder.timings, stage, now and StageClock(now)) as clock,
-        console.task("training", "epochs", clock=now) as task,
+        console.task(title, "epochs", clock=now) as task,
     ):
 
         def show(progress: TrainingProgress) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 
 import numpy as np
 
@@ -21,15 +21,17 @@ from porocore.macro.boundary.drainage import (
     relaxation_time,
 )
 from porocore.macro.composition.linearised_law import RestCoefficients
+from porocore.macro.composition.region_law import RegionLaw
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.macro.problem import body_mesh
 from porocore.plugins import registry
 from porocore.report.format import number
 from porocore.states import Array
+from porocore.study.config.cells import keys_of, lines_of_cell
 from porocore.study.config.config import RunConfig
 from porocore.study.findings.body_members import BodyMembers, linear_in_body
 from porocore.study.magnitudes.run_times import run_times
-from porocore.study.preflight.reach_notes import predicted_reach, prescribed_reach
+from porocore.study.outline.reach_notes import predicted_reach, prescribed_reach
 from porocore.study.stages.reference import undeformed
 from porocore.study.stages.stage_files import linear_coefficients
 
@@ -51,35 +53,56 @@ def at_rest(config: RunConfig, store: ResultStore | None = None) -> Iterator[str
     PorocoreError
         The undeformed cell cannot be solved.
     """
-    yield from thin_fluid(config)
+    for name in config.cell_names:
+        yield from lines_of_cell(name, thin_fluid(config.of_cell(name)))
     try:
         registry.get("cell solver", config.fem.backend)
     except PluginError:
         yield from _prescribed(config)
         return
-    cell = config.cell
-    part: Domain = "eighth" if cell.mirrored else "whole"
-    count = len(cell.make_mesh("solid", part).cells) + len(cell.make_mesh("fluid", part).cells)
-    if count > MOST_TETRAHEDRA:
-        yield (
-            f"at rest: not solved here, since the cell has {count:,} tetrahedra, and a check solves up to "
-            f"{MOST_TETRAHEDRA:,}; 'porocore cell' solves it"
-        )
+    found = []
+    for name in config.cell_names:
+        with keys_of(config, name):
+            of_cell = yield from _cell_at_rest(config, name, store)
+            if of_cell is not None:
+                found.append(of_cell)
+    if len(found) < len(config.cell_names):  # the body is of larger cells too
         yield from _prescribed(config)
         return
-    reference = undeformed(cell, config.fem, config.conductivity, store)
-    coefficients = linear_coefficients(reference, config)
-    yield "at rest, drained, in the middle of the ranges:" if cell.is_family else "at rest, drained:"
-    yield from (f"  {line}" for line in cell_lines(coefficients, cell.viscosity, config.result_units))
-    if axes := drained_axes(config.macro):
-        yield f"  {coefficients_of_consolidation(coefficients, axes, config.result_units)}"
-    law: MacroLaw = LinearPoroelasticity(coefficients)
-    if cell.is_family:
-        members = BodyMembers.solved(config, store, most=max(1, MOST_TETRAHEDRA // count))
-        yield from members.as_lines(config)
-        law = members.law
+    (coefficients, rest), *others = found
+    laws = {name: law for name, (_, law) in zip(config.cells, others, strict=True)}
+    law = RegionLaw.by_cell(config.macro.regions, rest, laws)
     yield from _consolidation(config, linear_in_body(config, law, coefficients))
     yield from predicted_reach(config, law)
+
+
+def _cell_at_rest(
+    config: RunConfig, name: str | None, store: ResultStore | None
+) -> Generator[str, None, tuple[LinearCoefficients, MacroLaw] | None]:
+    """Yield what is known of a cell at rest, and return linear poroelasticity and law; None for a cell that is large.
+
+    Those of a family are of its middle, and of the nearest of some of its members.
+    """
+    one, units = config.of_cell(name), config.result_units
+    head, of = ("at rest", "the cell") if name is None else (f"cell {name} at rest", f"the cell {name}")
+    part: Domain = "eighth" if one.cell.mirrored else "whole"
+    count = len(one.cell.make_mesh("solid", part).cells) + len(one.cell.make_mesh("fluid", part).cells)
+    if count > MOST_TETRAHEDRA:
+        yield (
+            f"at rest: not solved here, since {of} has {count:,} tetrahedra, and a check solves up to "
+            f"{MOST_TETRAHEDRA:,}; 'porocore cell' solves it"
+        )
+        return None
+    coefficients = linear_coefficients(undeformed(one.cell, one.fem, one.conductivity, store), one)
+    yield f"{head}, drained, in the middle of the ranges:" if one.cell.is_family else f"{head}, drained:"
+    yield from (f"  {line}" for line in cell_lines(coefficients, one.cell.viscosity, units))
+    if axes := drained_axes(config.macro):
+        yield f"  {coefficients_of_consolidation(coefficients, axes, units)}"
+    if not one.cell.is_family:
+        return coefficients, LinearPoroelasticity(coefficients)
+    members = BodyMembers.solved(config, store, most=max(1, MOST_TETRAHEDRA // count), cell=name)
+    yield from members.as_lines(one)
+    return coefficients, members.law
 
 
 def _prescribed(config: RunConfig) -> Iterator[str]:
@@ -144,8 +167,9 @@ def coefficients_of_consolidation(c: LinearCoefficients, axes: tuple[int, ...], 
 
 def _consolidation(config: RunConfig, coefficients: LinearCoefficients | RestCoefficients) -> Iterator[str]:
     nodes, units = len(body_mesh(config.macro).points), config.result_units
+    head = "consolidation" if config.cells else "  consolidation"  # else below the lines of the cell
     if nodes > MOST_NODES:
-        yield f"  consolidation: not computed, since the body has more than {MOST_NODES:,} nodes, {nodes:,}"
+        yield f"{head}: not computed, since the body has more than {MOST_NODES:,} nodes, {nodes:,}"
         return
     time = drainage_time(config.macro, coefficients)
     if time is None:
@@ -154,7 +178,7 @@ def _consolidation(config: RunConfig, coefficients: LinearCoefficients | RestCoe
         "; within a factor of two where it gives way sideways" if held_sideways(config.macro) is None else ""
     )
     yield (
-        f"  consolidation: after {units.text(time, 'time', 3)}, 95 % of the fluid that a sudden load drives out has "
+        f"{head}: after {units.text(time, 'time', 3)}, 95 % of the fluid that a sudden load drives out has "
         f"left this body through {', '.join(drained_surfaces(config.macro))} (by the confined moduli{sideways})"
     )
     one_cell = coefficients if isinstance(coefficients, LinearCoefficients) else None

@@ -17,11 +17,13 @@ from porocore.errors import SolveError
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.composition.regions import regions_of_cell
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.problem import body_mesh
 from porocore.report.format import percent
 from porocore.report.words.warnings import LEAST_FLAGGED
 from porocore.states import MacroState
+from porocore.study.config.cells import lines_of_cell
 from porocore.study.config.config import RunConfig
 from porocore.study.findings.reach import (
     LEAST_STRETCH,
@@ -36,7 +38,7 @@ from porocore.study.findings.reach import (
     written,
 )
 from porocore.study.magnitudes.prescribed import known, prescribed_times
-from porocore.study.preflight.linear_reach import linear_solutions, too_large
+from porocore.study.outline.linear_reach import linear_solutions, too_large
 from porocore.study.preflight.workload import sheared
 
 #: States, and place and time of each.
@@ -56,12 +58,13 @@ UNLIKELY = {"H": 0.5, "p": 1.0}
 def predicted_reach(config: RunConfig, linear: LinearCoefficients | MacroLaw) -> Iterator[str]:
     """Yield which components leave the sampled ranges by the linear solution of the body, one line for each.
 
-    ``linear`` are the coefficients of its cell, or the linear law of a body of many cells.
+    ``linear`` are the coefficients of its cell, or the linear law of a body of many cells. Several cells are looked at
+    one after the other, each where it is.
 
     Where the body is too large for a check, or its linear solution fails, that is said, and what is prescribed is
     looked at alone.
     """
-    why, units = too_large(config), config.result_units
+    why = too_large(config)
     solutions = []
     try:
         solutions = [] if why else linear_solutions(config, linear)
@@ -71,27 +74,45 @@ def predicted_reach(config: RunConfig, linear: LinearCoefficients | MacroLaw) ->
         yield from (f"note: {note}" for note in prescribed_reach(config, body_mesh(config.macro)))
         yield f"reach of the body: not predicted, since {why}"
         return
+    if not config.cells:
+        yield from _reach(config, solutions, "sampling.inputs", body_mesh(config.macro))
+        return
+    for name in config.cell_names:
+        one, regions = config.of_cell(name), regions_of_cell(config.macro.regions, name)
+        key = "sampling.inputs" if name is None else f"sampling.cells.{name}.inputs"
+        names = [parameter.name for parameter in one.cell.parameters]
+        parts = [solution.of_regions(regions, names) for solution in solutions]
+        yield from lines_of_cell(name, _reach(one, parts, key))
+    yield from (f"note: {note}" for note in prescribed_reach(config, body_mesh(config.macro)))
+
+
+def _reach(
+    config: RunConfig, solutions: Sequence[MacroSolution], key: str, mesh: BodyMesh | None = None
+) -> Iterator[str]:
+    """Yield what the solutions say of the ranges under ``key``; what is prescribed, only with the mesh of the body."""
+    units = config.result_units
     found = [_of_solution(solution, units) for solution in solutions]
     share = max(map(partial(_share, config), solutions, [states for states, _ in found]))
     reached = _beyond(config, found) if share >= LEAST_FLAGGED else []
     if not reached:
         yield "reach of the body: by linear poroelasticity it stays within the sampled ranges"
-        yield from (f"note: {note}" for note in prescribed_reach(config, body_mesh(config.macro)))
+        if mesh is not None:
+            yield from (f"note: {note}" for note in prescribed_reach(config, mesh))
         yield from _crushed(found)
-        yield from _too_wide(config, found, [])
+        yield from _too_wide(config, found, [], key)
         return
     unlikely = list(_unlikely(config, reached))
     yield from unlikely
     yield (
         f"note: by linear poroelasticity up to {percent(share)} of the body leaves the sampled ranges at one time; "
-        f"{'only if all of these are meant, ' if unlikely else ''}write under 'sampling.inputs:'"
+        f"{'only if all of these are meant, ' if unlikely else ''}write under '{key}:'"
     )
     yield from (f"  {each.line(units, LINEAR_MARGIN)}, since {each.in_words(units)}" for each in reached)
     yield from _crushed(found)
     nodes = len(config.cell.make_mesh("solid", "whole").points)
     for note in sheared(config, nodes, [each.name for each in reached]):
         yield f"note: {note}{_without(config, reached, found)}"
-    yield from _too_wide(config, found, [each.name for each in reached])
+    yield from _too_wide(config, found, [each.name for each in reached], key)
 
 
 def _unlikely(config: RunConfig, reached: Sequence[Reach]) -> Iterator[str]:
@@ -133,7 +154,7 @@ def _crushed(found: Sequence[Found]) -> Iterator[str]:
     )
 
 
-def _too_wide(config: RunConfig, found: Sequence[Found], left: Sequence[str]) -> Iterator[str]:
+def _too_wide(config: RunConfig, found: Sequence[Found], left: Sequence[str], key: str) -> Iterator[str]:
     """Yield a note on ranges that are much wider than what the body reaches, and lines to write; not on those ``left``.
 
     A component that stays zero is sampled for another reason.
@@ -159,7 +180,7 @@ def _too_wide(config: RunConfig, found: Sequence[Found], left: Sequence[str]) ->
     if lines:
         yield (
             f"note: by linear poroelasticity the body uses less than one part in {WIDE:g} of a range, and states are "
-            "spent where it never comes; write under 'sampling.inputs:'"
+            f"spent where it never comes; write under '{key}:'"
         )
         yield from lines
 
@@ -178,8 +199,12 @@ def _without(config: RunConfig, reached: Sequence[Reach], found: Sequence[Found]
 
 
 def prescribed_reach(config: RunConfig, mesh: BodyMesh) -> list[str]:
-    """Return a note of the components that what is prescribed takes out of the sampled ranges, none without such."""
-    reached = _beyond(config, [_prescribed(config, mesh)])
+    """Return a note of the components that what is prescribed takes out of the sampled ranges, none without such.
+
+    Of several cells it is not known which of them reaches it, so it is noted where it leaves the ranges of all.
+    """
+    each = [_beyond(config.of_cell(name), [_prescribed(config, mesh)]) for name in config.cell_names]
+    reached = min(each, key=len)
     if not reached:
         return []
     said = advice(reached, config.result_units)

@@ -1,0 +1,159 @@
+"""Bodies of several cells, each with samples and a surrogate of its own: closed forms, the plain study, resuming."""
+
+from __future__ import annotations
+
+import copy
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from porocore import Study
+from porocore.core.files.plain_data import merged
+from porocore.errors import ConfigurationError, RunFolderError
+from porocore.macro.analytic.layered import LayeredConsolidation, SoilLayer
+from porocore.study.stages.stage_files import linear_coefficients, load_reference, load_solution
+
+pytest.importorskip("porocore_fem_skfem")
+
+SIDE = {"displacement": [0, None, 0]}
+HEIGHTS = (1.0, 1.0)
+COARSE = {"size": 0.5, "fluid_size": 0.5, "element": "linear"}
+#: The upper layer is soft and open, the lower one stiff and dense.
+UPPER = {"geometry": {"kind": "orthogonal-channels", "radius": 0.3}, "mesh": COARSE}
+LOWER = {
+    "geometry": {"kind": "orthogonal-channels", "radius": 0.2},
+    "material": {"kind": "neo-hookean", "poisson_ratio": 0.2},
+    "mesh": COARSE,
+}
+LOAD = 2e-5
+STUDY: dict[str, Any] = {
+    "cell": UPPER,
+    "cells": {"clay": LOWER},
+    "sampling": {
+        "sampler": "sobol",
+        "inputs": {"H22": {"range": [-1e-3, 5e-4]}, "p": {"range": [-1e-4, 5e-4]}},
+        "options": {"count": 8},
+        "test": {"count": 3},
+        "workers": 1,
+    },
+    "surrogate": {"backend": "polynomial"},
+    "closure": "potential",
+    "macro": {
+        "body": {"kind": "box", "size": [0.1, sum(HEIGHTS), 0.1], "elements": [1, 16, 1]},
+        "regions": {"deep": {"below": HEIGHTS[0], "cell": "clay"}},
+        "boundary": {
+            **dict.fromkeys(("x-", "x+", "z-", "z+"), SIDE),
+            "y-": {"displacement": [0, 0, 0]},
+            "y+": {"traction": [0, 1, 0], "pressure": 0},
+        },
+        "loads": [-LOAD],
+        "time": {
+            "end": 2,
+            "step": 0.2,
+            "tolerance": 1e-4,
+            "ramp_increments": 10,
+            "ramp_step": 0.01,
+            "profiles": [0.3, 1],
+        },
+    },
+}
+
+
+def study_in(folder: Path, **changes: Any) -> Study:
+    return Study(merged(STUDY, changes), out=folder, progress=False, store=False)
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory: pytest.TempPathFactory) -> Study:
+    study = study_in(tmp_path_factory.mktemp("layers") / "run")
+    study.solve()
+    return study
+
+
+def closed_form(study: Study) -> LayeredConsolidation:
+    layers = []
+    for name, height in (("clay", HEIGHTS[0]), (None, HEIGHTS[1])):
+        files, one = study.folder.of_cell(name), study.config.of_cell(name)
+        coefficients = linear_coefficients(load_reference(files, one), one)
+        layers.append(SoilLayer.from_coefficients(coefficients, height))
+    time = study.config.macro.time
+    return LayeredConsolidation(layers, LOAD, ramp=time.ramp_increments * time.ramp_step)
+
+
+@pytest.mark.parametrize("law", ["potential", "linear"])
+def test_two_layers_consolidate_as_the_closed_form_says(solved: Study, law: str) -> None:
+    """At small strain, within 0.5 % of the final settlement and of the largest pressure."""
+    exact, found = closed_form(solved), solved.solve()[-LOAD][law]
+    final = exact.settlement(1e6)
+    for time in (0.2, 0.5, 1.0, 1.5, 2.0):
+        settlement = float(np.interp(time, found.time, found.settlement))
+        assert settlement == pytest.approx(exact.settlement(time), abs=0.005 * final)
+    assert exact.settlement(0.2) < 0.6 * final < exact.settlement(1.5)
+    heights = load_solution(solved.folder, law, -LOAD).points[:, 1]
+    for time in (0.3, 1.0):
+        pressure = exact.pressure(heights, time)
+        assert found.profile(time).p == pytest.approx(pressure, abs=0.005 * pressure.max())
+        assert pressure.max() > 0.1 * LOAD
+
+
+def test_each_cell_has_samples_and_a_surrogate_of_its_own(solved: Study) -> None:
+    rest, clay = solved.sample(), solved.sample(cell="clay")
+    assert (rest.x == clay.x).all()
+    assert not np.allclose(rest.responses.potential, clay.responses.potential, rtol=0.1)
+    H = np.diag([0.0, -1e-4, 0.0])
+    for name in (None, "clay"):
+        files, one = solved.folder.of_cell(name), solved.config.of_cell(name)
+        exact = linear_coefficients(load_reference(files, one), one)
+        law = solved.law(cell=name)
+        assert law.porosity == load_reference(files, one).porosity
+        assert law.response([H]).stress[0, 1, 1] == pytest.approx(
+            -1e-4 * exact.stiffness[1, 1, 1, 1], rel=0.01
+        )
+    assert solved.train(cell="clay").identity == solved.config.of_cell("clay").stages.cell
+    with pytest.raises(ConfigurationError, match="cell: the study has no cell 'caly'; did you mean 'clay'"):
+        solved.law(cell="caly")
+
+
+def test_a_run_that_lacks_a_part_is_completed_to_the_same_answer(solved: Study, tmp_path: Path) -> None:
+    shutil.copytree(solved.path, tmp_path / "run")
+    samples = tmp_path / "run" / "cells" / "clay" / "samples.h5"
+    before = samples.stat().st_mtime_ns
+    for name in ("cells/clay/surrogate.h5", f"solutions/potential_load{-LOAD!r}.h5"):
+        (tmp_path / "run" / name).unlink()
+    again = study_in(tmp_path / "run")
+    one, other = (each.solve()[-LOAD]["potential"] for each in (solved, again))
+    assert (one.settlement == other.settlement).all()
+    assert samples.stat().st_mtime_ns == before
+    with pytest.raises(RunFolderError, match=r"holds another run; this one has cells\.clay\.viscosity"):
+        study_in(tmp_path / "run", cells={"clay": {"viscosity": 2}}).sample()
+
+
+SHORT = {"tolerance": None, "end": 2, "step": 1, "ramp_increments": 2, "ramp_step": 0.5, "profiles": []}
+FEW = {"body": {"elements": [1, 2, 1]}, "time": SHORT}
+
+
+def test_regions_of_equal_cells_are_the_plain_study(tmp_path: Path) -> None:
+    """With every law, to round-off: each point has the law of its region, and all of these are the same."""
+    laws = ("surrogate", "linear", "direct", "fallback")
+    parts = study_in(
+        tmp_path / "parts", cells={"clay": UPPER | {"material": {"poisson_ratio": 0.35}}}, macro=FEW
+    )
+    plain = copy.deepcopy(merged(STUDY, {"macro": FEW}))
+    del plain["cells"], plain["macro"]["regions"]
+    one, other = (
+        each.solve(laws)[-LOAD]
+        for each in (parts, Study(plain, out=tmp_path / "plain", progress=False, store=False))
+    )
+    assert parts.config.cells["clay"].specification() == parts.config.cell.specification()
+    assert list(one) == list(other) == ["potential", "linear", "direct-potential", "potential-fallback"]
+    for law in one:
+        assert one[law].settlement == pytest.approx(other[law].settlement, rel=1e-9, abs=1e-16)
+        assert one[law].pressure == pytest.approx(other[law].pressure, rel=1e-9, abs=1e-16)
+    work = [
+        json.loads((path / "direct.json").read_text()) for path in (parts.path, parts.path / "cells" / "clay")
+    ]
+    assert all(record[f"direct-potential_load{-LOAD!r}"]["solves"] > 0 for record in work)
