@@ -11,6 +11,8 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -68,38 +70,44 @@ def of_family(inputs: InputSpace) -> TrainingSet:
     return replace(data, responses=replace(data.responses, conductivity=None), rests=rest_data(20, inputs))
 
 
-def law_of(surrogate: Surrogate) -> ClosedLaw:
-    """The potential closure."""
+def law_of(surrogate: Surrogate, folder: Path) -> ClosedLaw:
+    """The potential closure of a copy, which keeps what it knows of its own parameters."""
+    surrogate.save(folder / "surrogate.h5")
+    surrogate = type(surrogate).load(folder / "surrogate.h5")
     K = np.eye(3) * 0.01
     return ClosedLaw(surrogate, make_closure("potential", float(1 - porosity(MIDDLE[0])), NeoHookean(), K))
 
 
 def calls(
-    cell: MacroLaw, family: MacroLaw, states: MacroState, grad_p: Array
+    cell: Surrogate, family: Surrogate, states: MacroState, grad_p: Array, folder: Path
 ) -> dict[str, Callable[[], Any]]:
     """What is compared, by name."""
     random = np.random.default_rng(3)
     low, high = np.array(list(PARAMETERS.values())).T
     sets = low + (high - low) * random.random((N, 2))
     region = np.arange(N) * REGIONS // N
-    regions = RegionLaw([family] * REGIONS)
     placed = replace(states.with_parameters(sets[region]), place=BodyPlace(region))
 
-    def call(law: MacroLaw, at: MacroState) -> Callable[[], Any]:
+    def call(at: MacroState, surrogate: Surrogate = family) -> Callable[[], Any]:
+        law: MacroLaw = law_of(surrogate, folder)
+        if at.place is not None:
+            law = RegionLaw([law] * REGIONS)
         memory = law.initial_at(at)
         return lambda: law.respond(at, grad_p, memory)
 
+    changed = law_of(family, folder)
+    start = changed.initial_at(states.with_parameters(MIDDLE))
+
     def changing() -> Any:
         at = states.with_parameters(low + (high - low) * random.random((N, 2)))
-        return family.respond(at, grad_p, start)
+        return changed.respond(at, grad_p, start)
 
-    start = family.initial_at(states.with_parameters(MIDDLE))
     return {
-        "no parameters": call(cell, states),
-        "the same everywhere": call(family, states.with_parameters(MIDDLE)),
-        "ten sets": call(family, states.with_parameters(sets[region])),
-        "ten regions": call(regions, placed),
-        "of each point": call(family, states.with_parameters(sets)),
+        "no parameters": call(states, cell),
+        "the same everywhere": call(states.with_parameters(MIDDLE)),
+        "ten sets": call(states.with_parameters(sets[region])),
+        "ten regions": call(placed),
+        "of each point": call(states.with_parameters(sets)),
         "others at every call": changing,
     }
 
@@ -110,10 +118,11 @@ def main() -> int:
         for title, ranges in RANGES.items():
             plain, inputs = InputSpace.from_ranges(ranges), InputSpace.from_ranges(ranges, PARAMETERS)
             make = registry().get("surrogate", backend)
-            laws = [law_of(make(**options).fit(data, seed=0)) for data in (alone(plain), of_family(inputs))]
+            fitted = [make(**options).fit(data, seed=0) for data in (alone(plain), of_family(inputs))]
             random = np.random.default_rng(2)
             states = plain.scatter(random.uniform(plain.lower, plain.upper, (N, len(plain))))
-            works = calls(laws[0], laws[1], states, random.normal(size=(N, 3)))
+            with TemporaryDirectory() as folder:
+                works = calls(*fitted, states, random.normal(size=(N, 3)), Path(folder))
             times, _ = in_turn(list(works.values()), 20)
             names = list(works)
             shares = [time / times[0] for time in times]

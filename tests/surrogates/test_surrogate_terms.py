@@ -207,9 +207,13 @@ def test_polynomials_bound_to_coordinates_are_those_of_all_variables(sets):
     assert not VaryingPolynomial(whole, inner).at(x).entries(t, second=False)[2]
 
 
-def test_a_polynomial_is_bound_once_to_the_same_coordinates():
-    whole = VaryingPolynomial(random_polynomial(plain((0, 1, 2))), 2)
-    x, other = np.ones((1, 4)), np.ones((1, 4))
-    first = whole.at(x)
-    assert whole.at(other) is not first
-    assert whole.at(x) is first
+def test_coordinates_of_all_points_and_a_unit_are_given_once():
+    random, whole = np.random.default_rng(6), random_polynomial(plain((0, 1, 2)))
+    t, x, unit = random.uniform(-1, 1, (2, 40)), random.uniform(-1, 1, (1, 1)), 3.0
+    one = VaryingPolynomial(whole, 2).at(x, unit)
+    every = VaryingPolynomial(whole, 2).at(np.tile(x, 40))
+    np.testing.assert_allclose(one.entries(t)[0], unit * every.entries(t)[0], atol=1e-13)
+    points = np.array([3, 7, 3])
+    for bound, by in ((one, unit), (every, 1.0)):
+        near = bound.take(points).entries(t[:, points])
+        np.testing.assert_allclose(near[0], by * every.entries(t)[0][:, points], atol=1e-13)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from porocore.states import Array
+from porocore.states import Array, IntArray
 from porocore.surrogates.polynomial.monomials import Polynomial
 
 
@@ -55,13 +55,17 @@ class ErrorEstimate:
         found : (c, n)
             The surrogate's judged quantities there.
         """
-        low, high = self.safe[:, :, None]
-        there = np.flatnonzero(~((variables >= low) & (variables <= high)).all(axis=0))
+        there = self.beyond_safe(variables)
         flagged = np.zeros(variables.shape[1], dtype=bool)
         if len(there):
             # NaN compares as false, and is flagged.
             flagged[there] = ~(self.error(variables[:, there], found[:, there]) <= self.tolerance)
         return flagged
+
+    def beyond_safe(self, variables: Array) -> IntArray:
+        """Return which of n states (v, n) lie outside the box in which no estimate has to be made."""
+        low, high = self.safe[:, :, None]
+        return np.flatnonzero(~((variables >= low) & (variables <= high)).all(axis=0))
 
     def error(self, variables: Array, found: Array) -> Array:
         """Return the estimate (n,), that of the worst quantity; parameters as in :meth:`flagged`."""

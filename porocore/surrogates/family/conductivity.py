@@ -20,11 +20,12 @@ from porocore.states import Array, IntArray, MacroState
 from porocore.surrogates.conductivity.model import triangle
 from porocore.surrogates.family.derivatives import Scaling
 from porocore.surrogates.family.fit import beside
+from porocore.surrogates.family.joint import Latest
 from porocore.surrogates.family.regression import JointData, Weights, fit_joint
 from porocore.surrogates.family.rest import RestModel, RestValues
 from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import plain
-from porocore.surrogates.polynomial.varying import VaryingPolynomial
+from porocore.surrogates.polynomial.varying import BoundPolynomial, VaryingPolynomial
 from porocore.surrogates.potential.data import STILL, variables
 from porocore.surrogates.potential.training_box import TrainingBox
 from porocore.surrogates.stretch.log_stretch import LogStretch
@@ -140,7 +141,8 @@ class FamilyConductivity:
         t = scaling.inner(variables(stretch, states.p))[list(self.active)]
         missing = ~np.isfinite(t).all(axis=0)
         t[:, missing] = 0.0
-        return stretch, t, self.rest.at(theta, slopes=slopes), scaling, missing
+        at = self.rest.at(theta, slopes=True) if slopes else self.rest.together(theta)
+        return stretch, t, at, scaling, missing
 
     def _beyond(
         self, t: Array, at: RestValues, by_coordinates: bool = False
@@ -154,8 +156,9 @@ class FamilyConductivity:
         if by_coordinates:
             value, first, _ = self.polynomial.entries(np.concatenate([t, at.x]), second=False)
         else:
-            value, first, _ = self._by_y.at(at.x).entries(t, second=False)
-        d, (n, r) = len(t), at.log_conductivity.shape[:2]
+            bound = self._latest.of(at, lambda: self._by_y.at(at.x))
+            value, first, _ = bound.entries(t, second=False)
+        (d, n), r = t.shape, at.log_conductivity.shape[1]
         gradients = np.zeros((n, d + (len(at.x) if by_coordinates else 0), r, r))
         triangles: dict[int, Array] = {}
         for (o, a), row in first:
@@ -163,6 +166,10 @@ class FamilyConductivity:
         for a, components in triangles.items():
             gradients[:, a] = self._matrices(components)
         return at.log_conductivity + self._matrices(value), gradients[:, :d], gradients[:, d:], steepness
+
+    @cached_property
+    def _latest(self) -> Latest[RestValues, BoundPolynomial]:
+        return Latest()
 
     @cached_property
     def _by_y(self) -> VaryingPolynomial:

@@ -102,6 +102,12 @@ class ParameterMap:
                 J[:, c, c] += by_poisson
         return x, J
 
+    @cached_property
+    def unscaled(self) -> bool:
+        """True where neither the modulus nor the stretch of the whole solid is other than 1."""
+        young = self.young if isinstance(self.young, float | int) else 1.0
+        return young == self.stretch == 1.0 and not {"modulus", "swelling"} & set(self.kinds)
+
     def factors(self, theta: Array) -> tuple[Array, Array, Array]:
         """Return E (n,), the swelling stretch λ (n,) and the viscosity (n,), each 1 where it is no parameter."""
         found = []

@@ -37,6 +37,8 @@ class Scaling:
         λ.
     viscosity : (n,)
         Viscosity of the fluid.
+    trivial
+        True where E and λ are 1 whatever the parameters are.
     """
 
     factor: Array
@@ -44,6 +46,7 @@ class Scaling:
     shift: Array
     stretch: Array
     viscosity: Array
+    trivial: bool = False
 
     @classmethod
     def from_parameters(cls, parameters: ParameterMap, theta: Array) -> Scaling:
@@ -51,7 +54,7 @@ class Scaling:
         E, stretch, viscosity = parameters.factors(theta)
         by, shift = np.ones((7, len(theta))), np.zeros((7, len(theta)))
         by[6], shift[:3] = 1 / E, np.log(stretch)
-        return cls(E * stretch**3, by, shift, stretch, viscosity)
+        return cls(E * stretch**3, by, shift, stretch, viscosity, parameters.unscaled)
 
     def inner(self, y: Array) -> Array:
         """Return the variables of w (7, n) from y (7, n)."""

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from porocore.states import Array, IntArray
+from porocore.surrogates.network.network import Derivatives
+from porocore.surrogates.network.separable import FactoredNetwork
+from porocore.surrogates.polynomial.composition import TermSum
 from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to
 from porocore.surrogates.polynomial.terms import VARIABLES, Terms
-from porocore.surrogates.polynomial.varying import VaryingPolynomial
+from porocore.surrogates.polynomial.varying import BoundPolynomial, VaryingPolynomial
+
+K, V = TypeVar("K"), TypeVar("V")
 
 
 def joint_exponents(terms: Terms, l: int, lowest: int, degree: int, more: int) -> IntArray:
@@ -161,3 +168,69 @@ def summed(one: Polynomial, other: Polynomial, factor: float = 1.0) -> Polynomia
     total = np.zeros((len(every), len(coefficients)))
     np.add.at(total, number.reshape(-1), coefficients.T)
     return Polynomial(every, total.T.copy())
+
+
+@dataclass(frozen=True, eq=False)
+class BoundParts:
+    """Parts of R at the θ̂ of n points, or of one for all.
+
+    Attributes
+    ----------
+    terms
+        Those of the polynomials.
+    whole, coarse, fine
+        Both polynomials as one, and each; None where there is none.
+    network
+        The network; None where there is none.
+    """
+
+    terms: Terms | None
+    whole: BoundPolynomial | None
+    coarse: BoundPolynomial | None
+    fine: BoundPolynomial | None
+    network: FactoredNetwork | None
+
+    def take(self, points: IntArray) -> BoundParts:
+        """Return the parts at some of the points."""
+        parts = (self.whole, self.coarse, self.fine)
+        whole, coarse, fine = (None if part is None else part.take(points) for part in parts)
+        network = None if self.network is None else self.network.take(points)
+        return BoundParts(self.terms, whole, coarse, fine, network)
+
+    def add(
+        self,
+        y: Array,
+        found: Derivatives,
+        polynomial: BoundPolynomial | None,
+        network: FactoredNetwork | None,
+    ) -> None:
+        """Add a polynomial, a network and their derivatives by y (7, n) to ``found``, in place."""
+        sums, rows = [], None
+        if network is not None:
+            own = network.whole.terms
+            rows = self.terms.rows_of(own) if self.terms is not None and polynomial is not None else None
+            if rows is None:
+                count = len(own.weights)
+                sums.append(TermSum(own, Polynomial.zero(count, 1), network, tuple(range(count))))
+        if polynomial is not None and self.terms is not None:
+            # Terms that both have are differentiated once.
+            sums.append(TermSum(self.terms, polynomial, None if rows is None else network, rows or ()))
+        for add_to in [each.start(y) for each in sums]:
+            add_to(*found)
+
+
+class Latest(Generic[K, V]):
+    """Values of the last keys that were asked for, which are told apart by identity."""
+
+    def __init__(self, count: int = 4) -> None:
+        self._count = count
+        self._found: list[tuple[K, V]] = []
+
+    def of(self, key: K, make: Callable[[], V]) -> V:
+        """Return the value of a key; if it is not there, ``make`` returns it."""
+        for known, value in self._found:
+            if known is key:
+                return value
+        value = make()
+        self._found = [(key, value), *self._found[: self._count - 1]]
+        return value

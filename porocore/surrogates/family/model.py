@@ -17,11 +17,10 @@ from porocore.core.inputs.sampled_range import SampledRange
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
 from porocore.surrogates.error_estimate.estimate import ErrorEstimate
 from porocore.surrogates.family.derivatives import Scaling
-from porocore.surrogates.family.joint import JointPolynomial, summed
+from porocore.surrogates.family.joint import BoundParts, JointPolynomial, Latest, summed
 from porocore.surrogates.family.rest import RestModel, RestValues
 from porocore.surrogates.network.network import Derivatives
-from porocore.surrogates.network.separable import FactoredNetwork, SeparableNetwork
-from porocore.surrogates.polynomial.composition import TermSum
+from porocore.surrogates.network.separable import SeparableNetwork
 from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.terms import VARIABLES
 from porocore.surrogates.polynomial.varying import BoundPolynomial, VaryingPolynomial
@@ -70,42 +69,51 @@ class FamilyModel:
 
     def potential(self, y: Array, at: RestValues) -> Derivatives:
         """Return w (n,), ∂w/∂y (7, n) and ∂²w/∂y² (7, 7, n) at y (7, n) of a cell of unit modulus."""
-        value, gradient, hessian = self.beyond_rest(y, at.x)
-        value *= at.scale
-        gradient *= at.scale
-        hessian *= at.scale
-        linear = np.einsum("abn,bn->an", at.matrix, y)
-        value += at.value + ((at.gradient + linear / 2) * y).sum(axis=0)
-        gradient += at.gradient + linear
-        hessian += at.matrix
+        gradient, hessian = rest_gradient(y, at), np.empty((VARIABLES, VARIABLES, y.shape[1]))
+        hessian[:] = at.matrix
+        value = at.value + ((gradient + at.gradient) / 2 * y).sum(axis=0)
+        parts = self._latest.of(at, lambda: self._parts_at(at.x, at.scale))
+        self._add_beyond(y, parts, (value, gradient, hessian))
         return value, gradient, hessian
 
     def beyond_rest(self, y: Array, x: Array) -> Derivatives:
         """Return R and its derivatives by y, as :meth:`potential`, at θ̂ (l, n)."""
-        found = _zeros(y.shape[1])
-        part = None if self.network is None else self.network.at(x)
-        whole = self._whole
-        _add(whole, None if whole is None else whole.by_terms.at(x), part, y, found)
-        if self.fine is None and part is None:
-            return found
-        beyond = self.training_box.beyond(y)
-        if len(beyond):
-            (value, gradient, hessian), there = found, _zeros(len(beyond))
-            z, first, second = self.training_box.saturated(y[:, beyond])
-            _add(
-                self.fine,
-                _bound(self.fine, x[:, beyond]),
-                None if part is None else part.take(beyond),
-                z,
-                there,
-            )
-            _, g, h = there
-            h *= first[:, None] * first[None]
-            h[range(VARIABLES), range(VARIABLES)] += second * g
-            g *= first
-            _add(self.coarse, _bound(self.coarse, x[:, beyond]), None, y[:, beyond], there)
-            value[beyond], gradient[:, beyond], hessian[:, :, beyond] = there
+        n = y.shape[1]
+        found = np.zeros(n), np.zeros((VARIABLES, n)), np.zeros((VARIABLES, VARIABLES, n))
+        self._add_beyond(y, self._parts_at(x), found)
         return found
+
+    def _add_beyond(self, y: Array, parts: BoundParts, found: Derivatives) -> None:
+        """Add all parts of R and their derivatives by y to ``found``, in place."""
+        fine = parts.fine is not None or parts.network is not None
+        beyond = self.training_box.beyond(y) if fine else ()
+        if not len(beyond):
+            parts.add(y, found, parts.whole, parts.network)
+            return
+        before = [array[..., beyond].copy() for array in found]
+        parts.add(y, found, parts.whole, parts.network)
+        near, count = parts.take(beyond), len(beyond)
+        z, first, second = self.training_box.saturated(y[:, beyond])
+        there = np.zeros(count), np.zeros((VARIABLES, count)), np.zeros((VARIABLES, VARIABLES, count))
+        parts.add(z, there, near.fine, near.network)
+        _, g, h = there
+        h *= first[:, None] * first[None]
+        h[range(VARIABLES), range(VARIABLES)] += second * g
+        g *= first
+        parts.add(y[:, beyond], there, near.coarse, None)
+        for array, start, more in zip(found, before, there, strict=True):
+            array[..., beyond] = start + more
+
+    @cached_property
+    def _latest(self) -> Latest[RestValues, BoundParts]:
+        return Latest()
+
+    def _parts_at(self, x: Array, unit: Array | float = 1.0) -> BoundParts:
+        polynomials = self._whole, self.coarse, self.fine
+        whole, coarse, fine = (None if p is None else p.by_terms.at(x, unit) for p in polynomials)
+        network = None if self.network is None else self.network.at(x, unit)
+        terms = None if self._whole is None else self._whole.terms
+        return BoundParts(terms, whole, coarse, fine, network)
 
     @cached_property
     def _whole(self) -> JointPolynomial | None:
@@ -120,20 +128,22 @@ class FamilyModel:
         """Return all responses of n states and, if ``tangent``, their exact derivatives by (H, p)."""
         _, stretch, y, at, scaling = self.at_states(states)
         value, gradient, hessian = self.potential(y, at)
-        by, c = scaling.variables, scaling.factor
-        gradient_y = gradient * by * c
+        outside = self._outside(states, y, at, gradient)
+        if not scaling.trivial:
+            by, c = scaling.variables, scaling.factor
+            value, gradient = value * c, gradient * by * c
+            hessian *= by * c
+            hessian *= by[:, None]
         mean_grad, derivatives = self._mean_grad(stretch, y, at, scaling, tangent)
         found = None
         if not tangent:
-            stress = stretch.stress(gradient_y[:6])
+            stress = stretch.stress(gradient[:6])
         else:
-            hessian *= by * c
-            hessian *= by[:, None]
-            stress, stress_p = stretch.stresses(gradient_y[:6], hessian[:6, 6])
+            stress, stress_p = stretch.stresses(gradient[:6], hessian[:6, 6])
             found = CellTangent(
                 mean_grad_grad_u=derivatives[0],
                 mean_grad_p=derivatives[1],
-                stress_grad_u=stretch.tangent(gradient_y[:6], hessian[:6, :6]),
+                stress_grad_u=stretch.tangent(gradient[:6], hessian[:6, :6]),
                 stress_p=stress_p,
                 fluid_volume_grad_u=-stress_p,
                 fluid_volume_p=-hessian[6, 6],
@@ -141,11 +151,11 @@ class FamilyModel:
         return CellResponse(
             mean_grad=mean_grad,
             status=np.full(len(states), int(Status.converged), dtype=np.int64),
-            potential=c * value,
+            potential=value,
             stress=stress,
-            fluid_volume=-gradient_y[6],
+            fluid_volume=-gradient[6],
             tangent=found,
-            outside_training_range=self._outside(states, y, at, gradient),
+            outside_training_range=outside,
         )
 
     def at_states(
@@ -157,14 +167,17 @@ class FamilyModel:
         stretch = LogStretch.from_gradient(states.grad_u)
         scaling = Scaling.from_parameters(self.rest.parameters, theta)
         y = scaling.inner(variables(stretch, states.p))
-        return theta, stretch, y, self.rest.at(theta, slopes=slopes), scaling
+        at = self.rest.at(theta, slopes=True) if slopes else self.rest.together(theta)
+        return theta, stretch, y, at, scaling
 
-    def mean_part(self, y: Array, at: RestValues, by_coordinates: bool = False) -> tuple[Array, Array]:
-        """Return Rᵀ⟨∇u¹⟩ (9, n) and its derivatives by y (9, 7, n) at a stretch λ of 1, rest left alone.
+    def mean_part(
+        self, y: Array, at: RestValues, by_coordinates: bool = False
+    ) -> tuple[Array, dict[tuple[int, int], Array]]:
+        """Return Rᵀ⟨∇u¹⟩ (9, n) and its derivatives by component and variable at a stretch λ of 1, rest left alone.
 
-        With ``by_coordinates`` the derivatives by θ̂ follow those by y, (9, 7 + l, n).
+        With ``by_coordinates`` θ̂ follow the seven variables.
         """
-        active, more = list(self.active), len(at.x) if by_coordinates else 0
+        active = list(self.active)
         t, steepness = y[active], None
         beyond = self.training_box.beyond_active(t)
         if len(beyond):
@@ -172,39 +185,49 @@ class FamilyModel:
         if by_coordinates:
             found, first, _ = self.mean_grad.entries(np.concatenate([t, at.x]), second=False)
         else:
-            found, first, _ = self._mean_by_y.at(at.x).entries(t, second=False)
+            bound = self._latest_means.of(at, lambda: self._mean_by_y.at(at.x))
+            found, first, _ = bound.entries(t, second=False)
         found += at.mean_value
-        slopes = np.zeros((9, VARIABLES + more, y.shape[1]))
-        slopes[:, :VARIABLES] = at.mean
-        for o, a in at.mean_places:
-            found[o] += at.mean[o, a] * y[a]
+        slopes = dict(at.mean_linear)
+        for (o, a), slope in at.mean_linear.items():
+            found[o] += slope * y[a]
         for (o, i), row in first:
             if i >= len(active):
-                slopes[o, VARIABLES + i - len(active)] += row
+                slopes[o, VARIABLES + i - len(active)] = row
                 continue
             if steepness is not None:
                 row[beyond] *= steepness[i]
-            slopes[o, active[i]] += row
+            place = o, active[i]
+            if place in slopes:
+                row += slopes[place]
+            slopes[place] = row
         return found, slopes
 
     @cached_property
     def _mean_by_y(self) -> VaryingPolynomial:
         return VaryingPolynomial(self.mean_grad, len(self.active))
 
+    @cached_property
+    def _latest_means(self) -> Latest[RestValues, BoundPolynomial]:
+        return Latest()
+
     def _mean_grad(
         self, stretch: LogStretch, y: Array, at: RestValues, scaling: Scaling, tangent: bool
     ) -> tuple[Array, tuple[Array, Array]]:
         n, R = y.shape[1], stretch.rotations
         unrotated, slopes = self.mean_part(y, at)
-        unrotated *= scaling.stretch
+        if not scaling.trivial:
+            unrotated *= scaling.stretch
+            slopes = {at: row * scaling.variables[at[1]] * scaling.stretch for at, row in slopes.items()}
         turned = np.ascontiguousarray(unrotated.T).reshape(n, 3, 3)
         turned = turned if R is None else R @ turned
         if not tangent:
             return turned, (turned, turned)
-        slopes = slopes[:, :VARIABLES] * scaling.variables * scaling.stretch
-        rows = {(int(o), int(a)): slopes[o, a] for o, a in np.argwhere(slopes[:, :6].any(axis=2))}
-        by_p = np.ascontiguousarray(slopes[:, 6].T).reshape(n, 3, 3)
-        by_H = stretch.rotated_gradient(unrotated.reshape(3, 3, n), rows)
+        by_p = np.zeros((n, 3, 3))
+        for o in range(9):
+            if (o, 6) in slopes:
+                by_p[:, o // 3, o % 3] = slopes.pop((o, 6))
+        by_H = stretch.rotated_gradient(unrotated.reshape(3, 3, n), slopes)
         return turned, (by_H.reshape(n, 3, 3, 3, 3), by_p if R is None else R @ by_p)
 
     # ---- flags -----------------------------------------------------------------------------------
@@ -214,8 +237,8 @@ class FamilyModel:
         if self.estimate is None:
             return np.full(len(states), np.nan)
         _, _, y, at, _ = self.at_states(states)
-        judged = list(self.estimate.judged)
-        return self.estimate.error(np.concatenate([y, at.x]), self.beyond_rest(y, at.x)[1][judged])
+        found = self.potential(y, at)[1] - rest_gradient(y, at)
+        return self.estimate.error(_with_coordinates(y, at), (found / at.scale)[list(self.estimate.judged)])
 
     def _outside(
         self, states: MacroState, y: Array, at: RestValues, gradient: Array
@@ -224,38 +247,26 @@ class FamilyModel:
         unrotated = self.sampled.inputs.without_rotation(states)
         if self.estimate is None:
             return self.sampled.outside(unrotated)
-        linear = at.gradient + np.einsum("abn,bn->an", at.matrix, y)
-        found = ((gradient - linear) / at.scale)[list(self.estimate.judged)]
-        return self.sampled.far(unrotated) | self.estimate.flagged(np.concatenate([y, at.x]), found)
+        flagged, variables = self.sampled.far(unrotated), _with_coordinates(y, at)
+        there = self.estimate.beyond_safe(variables)
+        if len(there):
+            if at.x.shape[1] > 1:
+                at = at.take(there)
+            found = (gradient[:, there] - rest_gradient(y[:, there], at)) / at.scale
+            flagged[there] |= self.estimate.flagged(variables[:, there], found[list(self.estimate.judged)])
+        return flagged
 
 
-def _zeros(n: int) -> Derivatives:
-    """Return a value (n,), a gradient (7, n) and a Hessian (7, 7, n) of zeros."""
-    return np.zeros(n), np.zeros((VARIABLES, n)), np.zeros((VARIABLES, VARIABLES, n))
+def _with_coordinates(y: Array, at: RestValues) -> Array:
+    """Return y and θ̂ (7 + l, n)."""
+    return np.concatenate([y, np.broadcast_to(at.x, (len(at.x), y.shape[1]))])
 
 
-def _bound(polynomial: JointPolynomial | None, x: Array) -> BoundPolynomial | None:
-    return None if polynomial is None else BoundPolynomial(polynomial.by_terms, x)
-
-
-def _add(
-    polynomial: JointPolynomial | None,
-    bound: BoundPolynomial | None,
-    part: FactoredNetwork | None,
-    y: Array,
-    found: Derivatives,
-) -> None:
-    """Add a polynomial that is bound to θ̂, a network, and their derivatives by y (7, n) to ``found``, in place."""
-    sums = []
-    rows = None
-    if part is not None:
-        own = part.whole.terms
-        rows = None if polynomial is None else polynomial.terms.rows_of(own)
-        if rows is None:
-            count = len(own.weights)
-            sums.append(TermSum(own, Polynomial.zero(count, 1), part, tuple(range(count))))
-    if polynomial is not None and bound is not None:
-        # Terms that both have are differentiated once.
-        sums.append(TermSum(polynomial.terms, bound, None if rows is None else part, rows or ()))
-    for add_to in [each.start(y) for each in sums]:
-        add_to(*found)
+def rest_gradient(y: Array, at: RestValues) -> Array:
+    """Return ∂W₂/∂y (7, n)."""
+    if at.matrix.shape[2] == 1:
+        return at.gradient + at.matrix[:, :, 0] @ y
+    gradient = at.gradient.copy()
+    for (a, b), entry in at.linear.items():
+        gradient[a] += entry * y[b]
+    return gradient

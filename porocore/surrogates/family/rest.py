@@ -17,16 +17,13 @@ from porocore.core.tensors.point_group import PointGroup
 from porocore.core.tensors.symmetric_functions import exponential, symmetric_exponential
 from porocore.states import Array, IntArray
 from porocore.surrogates.family.coordinates import Bounds, ParameterMap, bounds
+from porocore.surrogates.family.identities import normaliser, tied
 from porocore.surrogates.polynomial.monomials import Polynomial
-from porocore.surrogates.stretch.components import PLACES
 
-#: Mandel's factors of the six components of a stress that counts a shear in both places.
-MANDEL = np.array([1.0, 1.0, 1.0, *[1 / np.sqrt(2)] * 3])
-#: Volumetric and deviatoric projector in Mandel's components.
-VOLUMETRIC = np.outer([1, 1, 1, 0, 0, 0], [1, 1, 1, 0, 0, 0]) / 3
-DEVIATORIC = np.eye(6) - VOLUMETRIC
 #: Sets of parameters whose rest is kept.
 KEPT = 4
+#: Entries (n,) of matrices at n points by their row and column.
+Places = dict[tuple[int, int], Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +62,14 @@ class RestValues:
     slopes: RestValues | None = None
 
     @cached_property
-    def mean_places(self) -> list[tuple[int, int]]:
-        """Places (component of ⟨∇u¹⟩, variable) of ``mean`` that are not zero everywhere."""
-        return [(int(o), int(a)) for o, a in np.argwhere(self.mean.any(axis=2))]
+    def linear(self) -> Places:
+        """Entries of ``matrix`` that are not zero everywhere."""
+        return _places(self.matrix)
+
+    @cached_property
+    def mean_linear(self) -> Places:
+        """Entries of ``mean`` that are not zero everywhere."""
+        return _places(self.mean)
 
     def take(self, rows: IntArray) -> RestValues:
         """Return the values of some points, which may be repeated."""
@@ -75,6 +77,28 @@ class RestValues:
         found = {name: getattr(self, name)[..., rows] for name in names}
         K, slopes = self.log_conductivity, None if self.slopes is None else self.slopes.take(rows)
         return RestValues(**found, log_conductivity=K[rows] if K.ndim == 3 else K[:, rows], slopes=slopes)
+
+
+@dataclass(frozen=True, eq=False)
+class KnownRest:
+    """Undeformed members at parameters that were asked for.
+
+    Attributes
+    ----------
+    theta : (n, m)
+        θ.
+    values, rows
+        Members, and which of them the points have; None: one each.
+    """
+
+    theta: Array
+    values: RestValues
+    rows: IntArray | None = None
+
+    @cached_property
+    def at_points(self) -> RestValues:
+        """The members at the n points."""
+        return self.values if self.rows is None else self.values.take(self.rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,21 +146,30 @@ class RestModel:
 
     def at(self, theta: Array, *, slopes: bool = False) -> RestValues:
         """Return the undeformed members at θ (n, m); those of the last parameters are kept."""
+        return self._known(theta, slopes).at_points
+
+    def together(self, theta: Array) -> RestValues:
+        """Return the same without slopes; of one point, n = 1, where all parameters are the same."""
+        known = self._known(theta, False)
+        return known.values if known.values.x.shape[1] == 1 else known.at_points
+
+    def _known(self, theta: Array, slopes: bool) -> KnownRest:
         kept = self._kept
-        for i, (known, found) in enumerate(kept):
-            if (not slopes or found.slopes is not None) and np.array_equal(known, theta):
+        for i, known in enumerate(kept):
+            if (not slopes or known.values.slopes is not None) and np.array_equal(known.theta, theta):
                 kept.insert(0, kept.pop(i))
-                return found
+                return known
         unique, rows = np.unique(theta, axis=0, return_inverse=True)
-        few = len(unique) <= len(theta) // 2
-        found = self._compute(unique if few else theta, slopes)
-        found = found.take(rows.reshape(-1)) if few else found
-        kept.insert(0, (theta.copy(), found))
+        if len(unique) <= len(theta) // 2:
+            found = KnownRest(theta.copy(), self._compute(unique, slopes), rows.reshape(-1))
+        else:
+            found = KnownRest(theta.copy(), self._compute(theta, slopes))
+        kept.insert(0, found)
         del kept[KEPT:]
         return found
 
     @cached_property
-    def _kept(self) -> list[tuple[Array, RestValues]]:
+    def _kept(self) -> list[KnownRest]:
         return []
 
     def coordinates(self, theta: Array) -> tuple[Array, Array, Array, Array]:
@@ -173,6 +206,8 @@ class RestModel:
 
     def _compute(self, theta: Array, slopes: bool) -> RestValues:
         x, J, phi, phi_slopes = self.coordinates(theta)
+        if not slopes:
+            J, phi_slopes = J[:, :0], phi_slopes[:0]
         solid = self.solid(theta, phi, phi_slopes) if self.parameters.isotropic else None
         C, C_slopes = self._stiffness(x, J, solid)
         wave = np.einsum("aan->n", C) / 6 if solid is None else solid[0].wave
@@ -201,11 +236,11 @@ class RestModel:
         return RestValues(x, phi, affine[0], affine[1:], A, mean[:9], m, wave, log_K, found)
 
     def solid(self, theta: Array, phi: Array, phi_slopes: Array) -> tuple[Bounds, Bounds]:
-        """Return the bounds (n,) and their derivatives (l, n) by θ."""
+        """Return the bounds (n,) and their derivatives (l, n) by θ, as many as those of φ_f."""
         nu, nu_slopes = self.parameters.poisson_ratio(theta)
         values, by_phi, by_nu = bounds(phi, nu)
         by = [
-            getattr(by_phi, name) * phi_slopes + getattr(by_nu, name) * nu_slopes.T
+            getattr(by_phi, name) * phi_slopes + getattr(by_nu, name) * nu_slopes.T[: len(phi_slopes)]
             for name in ("bulk", "shear", "drained", "wave")
         ]
         return values, Bounds(*by)
@@ -214,7 +249,7 @@ class RestModel:
         """Return the stiffness in Mandel's components (6, 6, n) and its derivatives (6, 6, l, n)."""
         n = x.shape[1]
         S, S_slopes = _chained(self.stiffness, x, J)
-        S_slopes = S_slopes.reshape(6, 6, len(x), n)
+        S_slopes = S_slopes.reshape(6, 6, J.shape[1], n)
         E, E_slopes = symmetric_exponential(
             np.moveaxis(S.reshape(6, 6, n), -1, 0), np.moveaxis(S_slopes, (2, 3), (1, 0))
         )
@@ -227,73 +262,13 @@ class RestModel:
         return np.moveaxis(C, 0, -1), np.moveaxis(C_slopes, (0, 1), (3, 2))
 
 
-def normaliser(values: Bounds, slopes: Bounds) -> tuple[Array, Array]:
-    """Return N^½ (n, 6, 6) of the bounds, and its derivatives (n, l, 6, 6)."""
-    a, b = np.sqrt(3 * values.drained), np.sqrt(values.wave)
-    root = a[:, None, None] * VOLUMETRIC + b[:, None, None] * DEVIATORIC
-    by_a, by_b = (1.5 * slopes.drained / a).T[..., None, None], (0.5 * slopes.wave / b).T[..., None, None]
-    return root, by_a * VOLUMETRIC + by_b * DEVIATORIC
-
-
 def _chained(polynomial: Polynomial, x: Array, J: Array) -> tuple[Array, Array]:
-    """Return values (o, n) of polynomials of θ̂, and derivatives (o, l, n) by θ."""
+    """Return values (o, n) of polynomials of θ̂, and derivatives (o, l, n) by as many of θ as those of θ̂, (l, l, n)."""
+    if not J.shape[1]:
+        return polynomial.evaluate(x), np.zeros((len(polynomial.coefficients), 0, x.shape[1]))
     value, by_x, _ = polynomial.derivatives(x, second=False)
     return value, np.einsum("ocn,cln->oln", by_x, J)
 
 
-def tied(
-    C: Array, C_slopes: Array, phi: Array, phi_slopes: Array, solid: tuple[Bounds, Bounds] | None
-) -> tuple[Array, Array, Array, Array]:
-    """Return A (7, 7, n) and ∂⟨∇u¹⟩/∂y (9, 7, n), each with its derivatives, as far as the stiffness ties them."""
-    n, l = len(phi), len(phi_slopes)
-    A, A_slopes = np.zeros((7, 7, n)), np.zeros((7, 7, l, n))
-    factor = np.outer(MANDEL, MANDEL)
-    A[:6, :6], A_slopes[:6, :6] = C / factor[:, :, None], C_slopes / factor[:, :, None, None]
-    m, m_slopes = np.zeros((9, 7, n)), np.zeros((9, 7, l, n))
-    if solid is None:
-        return A, A_slopes, m, m_slopes
-    values, slopes = solid
-    bulk, shear = values.bulk, values.shear
-    # With H = −p/(3 K_s) I and p in the pores, solid and fluid bear the same pressure, and nothing fluctuates.
-    sums = A[:6, :3].sum(axis=1)
-    A[6, :6] = sums / (3 * bulk)
-    A[6, :3] -= 1.0
-    A_slopes[6, :6] = A_slopes[:6, :3].sum(axis=1) / (3 * bulk) - sums[:, None] * slopes.bulk / (3 * bulk**2)
-    A[:6, 6], A_slopes[:6, 6] = A[6, :6], A_slopes[6, :6]
-    normal = A[6, :3].sum(axis=0)
-    A[6, 6] = normal / (3 * bulk) + phi / bulk
-    A_slopes[6, 6] = (A_slopes[6, :3].sum(axis=0) + 3 * phi_slopes) / (3 * bulk)
-    A_slopes[6, 6] -= (normal + 3 * phi) / (3 * bulk**2) * slopes.bulk
-    for a in range(6):
-        strain, strain_slopes = _strain(A[:6, a], A_slopes[:6, a], bulk, shear, slopes)
-        i, j = PLACES[a]
-        m[:, a], m_slopes[:, a] = strain, strain_slopes
-        for place in {3 * i + j, 3 * j + i}:
-            m[place, a] -= 1 - phi
-            m_slopes[place, a] += phi_slopes
-    trace = m[:, :3].sum(axis=1)
-    m[:, 6] = trace / (3 * bulk)
-    m_slopes[:, 6] = m_slopes[:, :3].sum(axis=1) / (3 * bulk)
-    m_slopes[:, 6] -= trace[:, None] * slopes.bulk / (3 * bulk**2)
-    return A, A_slopes, m, m_slopes
-
-
-def _strain(
-    stress: Array, stress_slopes: Array, bulk: Array, shear: Array, slopes: Bounds
-) -> tuple[Array, Array]:
-    """Return the strain (9, n) of the solid for six stresses, shears counted twice, and its derivatives (9, l, n)."""
-    deviator = 1 / (2 * shear)
-    volume = 1 / (9 * bulk) - 1 / (6 * shear)
-    by_deviator = -slopes.shear / (2 * shear**2)
-    by_volume = -slopes.bulk / (9 * bulk**2) + slopes.shear / (6 * shear**2)
-    trace, trace_slopes = stress[:3].sum(axis=0), stress_slopes[:3].sum(axis=0)
-    strain, strain_slopes = np.zeros((9, len(bulk))), np.zeros((9, *stress_slopes.shape[1:]))
-    for b, (i, j) in enumerate(PLACES):
-        half = 1.0 if i == j else 0.5
-        for place in {3 * i + j, 3 * j + i}:
-            strain[place] = half * stress[b] * deviator
-            strain_slopes[place] = half * (stress_slopes[b] * deviator + stress[b] * by_deviator)
-            if i == j:
-                strain[place] += trace * volume
-                strain_slopes[place] += trace_slopes * volume + trace * by_volume
-    return strain, strain_slopes
+def _places(matrices: Array) -> Places:
+    return {(int(i), int(j)): matrices[i, j] for i, j in np.argwhere(matrices.any(axis=2))}

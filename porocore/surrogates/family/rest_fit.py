@@ -13,13 +13,14 @@ from porocore.core.tensors.point_group import PointGroup
 from porocore.core.tensors.symmetric_functions import symmetric_logarithm
 from porocore.errors import DataError
 from porocore.interfaces.rest_data import RestData
-from porocore.states import Array
+from porocore.states import Array, IntArray
 from porocore.surrogates.conductivity.model import conducting_basis
 from porocore.surrogates.family.coordinates import Bounds, ParameterMap
 from porocore.surrogates.family.derivatives import PotentialSlopes, Scaling
-from porocore.surrogates.family.functions import fit_functions
-from porocore.surrogates.family.rest import MANDEL, RestModel, normaliser, tied
-from porocore.surrogates.polynomial.monomials import Polynomial
+from porocore.surrogates.family.identities import MANDEL, normaliser, tied
+from porocore.surrogates.family.rest import RestModel
+from porocore.surrogates.polynomial.least_squares import FOLDS, held_out, least_squares
+from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to
 from porocore.surrogates.stretch.components import PLACES
 from porocore.surrogates.symmetry import on_one, on_places, on_variables
 
@@ -29,6 +30,14 @@ NOTHING = 1e-7
 SINGULAR = 1e-9
 #: Learned parameters of which all combinations of ends are looked at.
 MOST_CORNERS = 10
+#: Of the polynomials of the coordinates.
+LARGEST_DEGREE = 8
+#: Relative ridge for data without noise: a larger one would be seen in the fit.
+EXACT_RIDGE = 1e-15
+#: Equations for each coefficient: members are solved exactly, so that hardly more than one is enough.
+LEAST_EQUATIONS = 1.25
+#: Outputs that vary less than this share of the largest weigh no more.
+SMALL = 1e-3
 
 
 def fit_rest(rests: RestData, inputs: InputSpace, symmetry: PointGroup) -> RestModel:
@@ -194,3 +203,50 @@ def _conductivity(
     logs, log_slopes = symmetric_logarithm(inside, ways)
     by_theta = np.moveaxis(log_slopes.reshape(k, -1, r * r), (0, 1), (2, 1))
     return basis, fit_functions(x, logs.reshape(k, -1).T, by_x(by_theta))
+
+
+def fit_functions(x: Array, values: Array, slopes: Array | None) -> Polynomial:
+    """Return polynomials of coordinates.
+
+    Parameters
+    ----------
+    x : (l, k)
+        Coordinates, about [−1, 1], of k points.
+    values : (o, k)
+        Values of o functions there.
+    slopes : (o, l, k) or None
+        Their derivatives by the coordinates; NaN where one is not known.
+    """
+    l, k = x.shape
+    size = values.std(axis=1)
+    size = np.maximum(size, SMALL * size.max(initial=0.0))
+    size[size == 0] = 1.0
+    values = values / size[:, None]
+    known = slopes is not None and bool(np.isfinite(slopes).all()) and l > 0
+    gradients = (
+        slopes / size[:, None, None] if known and slopes is not None else np.zeros((len(values), 0, k))
+    )
+    rows_each = 1 + gradients.shape[1]
+    errors: dict[int, float] = {}
+    for degree in range(LARGEST_DEGREE + 1):
+        exponents = exponents_up_to((1,) * l, 0, degree)
+        if errors and len(exponents) * LEAST_EQUATIONS > k * rows_each * (1 - 1 / FOLDS):
+            break
+        squares = 0.0
+        for test in held_out(k):
+            found = _solve(x[:, ~test], values[:, ~test], gradients[:, :, ~test], exponents)
+            squares += float(((found.evaluate(x[:, test]) - values[:, test]) ** 2).sum())
+        errors[degree] = squares
+        if l == 0:
+            break
+    best = min(errors, key=lambda degree: errors[degree])
+    found = _solve(x, values, gradients, exponents_up_to((1,) * l, 0, best))
+    return Polynomial(found.exponents, found.coefficients * size[:, None])
+
+
+def _solve(x: Array, values: Array, gradients: Array, exponents: IntArray) -> Polynomial:
+    value, slopes, _ = Polynomial.monomials(exponents).derivatives(x, second=False)
+    rows = [value, *(slopes[:, a] for a in range(gradients.shape[1]))]
+    right = [values, *(gradients[:, a] for a in range(gradients.shape[1]))]
+    system, sides = np.concatenate(rows, axis=1).T, np.concatenate(right, axis=1)
+    return Polynomial(exponents, least_squares(system, sides.T, EXACT_RIDGE).T.copy())

@@ -20,7 +20,10 @@ def family_slopes(model: FamilyModel, states: MacroState) -> CellSlopes:
     value, gradient, hessian = model.potential(y, at)
     by, c = scaling.variables, scaling.factor
     W, T = np.zeros((m, n)), np.zeros((7, m, n))
-    mean, mean_slopes = model.mean_part(y, at, by_coordinates=True)
+    mean, rows = model.mean_part(y, at, by_coordinates=True)
+    mean_slopes = np.zeros((9, VARIABLES + len(at.x), n))
+    for place, row in rows.items():
+        mean_slopes[place] = row
     more, porosity = np.zeros((9, m, n)), np.zeros((m, n))
     learned = parameters.learned
     W[learned], T[:, learned], more[:, learned] = _learned(model, y, at, mean_slopes)

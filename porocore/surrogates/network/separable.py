@@ -37,12 +37,9 @@ class SeparableNetwork:
     factors: Network
     terms: Terms
 
-    def at(self, x: Array) -> FactoredNetwork:
-        """Return the function of the terms at θ̂ (l, n); that of the last θ̂ is kept."""
-        known = self._known
-        if not known or known[0][0] is not x:
-            known[:] = [(x, FactoredNetwork(self, self.factors.evaluate(x.T)))]
-        return known[0][1]
+    def at(self, x: Array, unit: Array | float = 1.0) -> FactoredNetwork:
+        """Return the function of the terms at θ̂ (l, n), multiplied by ``unit`` (n,); (l, 1) is that of all points."""
+        return FactoredNetwork(self, self.factors.evaluate(x.T) * np.reshape(unit, (-1, 1)))
 
     def by_coordinates(self, y: Array, x: Array) -> tuple[Array, Array, Array, Array]:
         """Return R (n,), ∂R/∂y (7, n), ∂R/∂θ̂ (l, n) and ∂²R/∂y∂θ̂ (7, l, n) at y (7, n) and θ̂ (l, n)."""
@@ -72,10 +69,6 @@ class SeparableNetwork:
         first, second = low_orders(self.terms)
         return found[0], found[1] * first[:, None], found[2] * second[:, :, None]
 
-    @cached_property
-    def _known(self) -> list[tuple[Array, FactoredNetwork]]:
-        return []
-
 
 @dataclass(frozen=True, eq=False)
 class FactoredNetwork:
@@ -86,7 +79,7 @@ class FactoredNetwork:
     whole
         R.
     factors : (n, o)
-        c(θ̂).
+        c(θ̂); (1, o) where they are those of all points.
     """
 
     whole: SeparableNetwork
@@ -94,12 +87,13 @@ class FactoredNetwork:
 
     def start(self, t: Array) -> Callable[[], Derivatives]:
         """Start the evaluation of R and its derivatives at the terms t (k, n); return a function that waits for it."""
-        pending = self.whole.network.start(np.ascontiguousarray(t.T), self.factors)
+        factors = np.broadcast_to(self.factors, (t.shape[1], self.factors.shape[1]))
+        pending = self.whole.network.start(np.ascontiguousarray(t.T), factors)
         return partial(self._finished, t, pending)
 
     def take(self, rows: IntArray) -> FactoredNetwork:
         """Return the function at some of the points."""
-        return FactoredNetwork(self.whole, self.factors[rows])
+        return self if len(self.factors) == 1 else FactoredNetwork(self.whole, self.factors[rows])
 
     def _finished(self, t: Array, pending: Callable[[], Derivatives]) -> Derivatives:
         value, gradient, hessian = pending()

@@ -24,8 +24,8 @@ from porocore.surrogates.polynomial.monomials import (
 
 #: As many sets of coordinates are evaluated one after the other, if each has so many points.
 MOST_SETS, LEAST_POINTS = 32, 16
-#: Points of which many sets of coordinates are evaluated together, and sets of points that are kept.
-BLOCK, KEPT = 512, 2
+#: Points of which many sets of coordinates are evaluated together.
+BLOCK = 512
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,23 +83,13 @@ class VaryingPolynomial:
     polynomial: Polynomial
     inner: int
 
-    def at(self, x: Array) -> BoundPolynomial:
-        """Return the polynomials in t at the coordinates x (l, n) of n points; those of the last x are kept."""
-        for known, found in self._known:
-            if known is x:
-                return found
-        found = BoundPolynomial(self, x)
-        self._known.insert(0, (x, found))
-        del self._known[KEPT:]
-        return found
+    def at(self, x: Array, unit: Array | float = 1.0) -> BoundPolynomial:
+        """Return the polynomials in t at the coordinates of points; see :class:`BoundPolynomial`."""
+        return BoundPolynomial(self, x, unit)
 
     def coefficients_at(self, x: Array) -> Array:
         """Return the coefficients (P, n) in t of those outputs and monomials that have any, at x (l, n)."""
         return self._outer[1] @ self._outer[0].evaluate(x)
-
-    @cached_property
-    def _known(self) -> list[tuple[Array, BoundPolynomial]]:
-        return []
 
     @cached_property
     def monomials_of_t(self) -> Polynomial:
@@ -170,12 +160,20 @@ class BoundPolynomial:
     whole
         The polynomial.
     x : (l, n)
-        Coordinates.
+        Coordinates; (l, 1) where they are those of all points.
+    unit : (n,)
+        Numbers by which all is multiplied, the same where the coordinates are.
     """
 
-    def __init__(self, whole: VaryingPolynomial, x: Array) -> None:
-        self.whole, self.x = whole, x
+    def __init__(self, whole: VaryingPolynomial, x: Array, unit: Array | float = 1.0) -> None:
+        self.whole, self.x, self.unit = whole, x, np.broadcast_to(unit, x.shape[1])
         self.exponents = whole.monomials_of_t.exponents
+
+    def take(self, points: IntArray) -> BoundPolynomial:
+        """Return the polynomials of some of the points."""
+        if self.x.shape[1] == 1:
+            return self
+        return BoundPolynomial(self.whole, self.x[:, points], self.unit[points])
 
     def entries(self, t: Array, *, second: bool = True) -> tuple[Array, list[Entry], list[Entry]]:
         """Return values (o, n) and derivatives by t that are not zero everywhere; see :meth:`Polynomial.entries`."""
@@ -220,10 +218,11 @@ class BoundPolynomial:
     def _coefficients(self) -> Array:
         """Coefficients (P, sets) of each set of coordinates, or (P, n) of each point."""
         if self._sets is None:
-            return self.whole.coefficients_at(self.x)
+            return self.unit * self.whole.coefficients_at(self.x)
+        if not self.x.shape[1]:
+            return self.whole.coefficients_at(np.zeros((len(self.x), 1)))
         first = [0 if isinstance(points, slice) else points[0] for points in self._sets]
-        known = self.x if self.x.shape[1] else np.zeros((len(self.x), 1))
-        return self.whole.coefficients_at(known[:, first])
+        return self.unit[first] * self.whole.coefficients_at(self.x[:, first])
 
     @cached_property
     def _matrices(self) -> list[Array]:
