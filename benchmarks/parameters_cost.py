@@ -32,7 +32,6 @@ from porocore.testing.synthetic.porous_family import (
     porosity,
     porous_training_set,
     respond,
-    rest_data,
 )
 
 N, REGIONS = 2862, 10
@@ -61,13 +60,13 @@ def alone(inputs: InputSpace) -> TrainingSet:
         replace(respond(each.with_parameters(MIDDLE)), slopes=None, conductivity=None)
         for each in (states, rest)
     )
-    return TrainingSet(states, responses, inputs, reference, "made-up", {}, CUBIC)
+    return TrainingSet(states, responses, inputs, reference, "made-up", {}, CUBIC, 0.01)
 
 
 def of_family(inputs: InputSpace) -> TrainingSet:
     """States of all members."""
     data = porous_training_set(STATES, seed=1, inputs=inputs)
-    return replace(data, responses=replace(data.responses, conductivity=None), rests=rest_data(20, inputs))
+    return replace(data, responses=replace(data.responses, conductivity=None), tolerance=0.01)
 
 
 def law_of(surrogate: Surrogate, folder: Path) -> ClosedLaw:

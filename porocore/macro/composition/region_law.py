@@ -102,9 +102,9 @@ class RegionLaw(MacroLaw):
         found: list[list[tuple[IntArray, MacroResponse]]] = [[] for _ in gradients]
         for k, law, rows in self._regions(states):
             responses = law.respond_to_each(
-                self._seen(states[rows], k),
-                [grad_p[rows] for grad_p in gradients],
-                self._memory_seen(memory[rows], k),
+                self._seen(_chosen(states, rows, len(states)), k),
+                [grad_p if len(rows) == len(states) else grad_p[rows] for grad_p in gradients],
+                self._memory_seen(_chosen(memory, rows, len(states)), k),
                 tangent=tangent,
             )
             for parts, response in zip(found, responses, strict=True):
@@ -160,12 +160,19 @@ class RegionLaw(MacroLaw):
     def _seen(self, states: MacroState, k: int) -> MacroState:
         """Return the states with the parameters of law ``k`` alone, in its order."""
         theta = states.parameters
+        if theta is not None and self._columns[k] == list(range(theta.shape[1])):
+            return states
         return replace(
             states, parameters=theta[:, self._columns[k]] if theta is not None and self._columns[k] else None
         )
 
     def _memory_seen(self, memory: LawMemory, k: int) -> LawMemory:
         return replace(memory, states=self._seen(memory.states, k))
+
+
+def _chosen(batch: T, rows: IntArray, n: int) -> T:
+    """Return some of n points of a batch, and the batch itself where these are all."""
+    return batch if len(rows) == n else batch[rows]
 
 
 def _with_states(memory: LawMemory, states: MacroState) -> LawMemory:

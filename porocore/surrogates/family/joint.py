@@ -17,7 +17,8 @@ from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to
 from porocore.surrogates.polynomial.terms import VARIABLES, Terms
 from porocore.surrogates.polynomial.varying import BoundPolynomial, VaryingPolynomial
 
-K, V = TypeVar("K"), TypeVar("V")
+K = TypeVar("K")
+V = TypeVar("V")
 
 
 def joint_exponents(terms: Terms, l: int, lowest: int, degree: int, more: int) -> IntArray:

@@ -85,8 +85,8 @@ class FamilyModel:
 
     def _add_beyond(self, y: Array, parts: BoundParts, found: Derivatives) -> None:
         """Add all parts of R and their derivatives by y to ``found``, in place."""
-        fine = parts.fine is not None or parts.network is not None
-        beyond = self.training_box.beyond(y) if fine else ()
+        nowhere = parts.fine is None and parts.network is None
+        beyond = np.zeros(0, dtype=np.int64) if nowhere else self.training_box.beyond(y)
         if not len(beyond):
             parts.add(y, found, parts.whole, parts.network)
             return
