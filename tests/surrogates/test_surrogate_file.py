@@ -21,6 +21,7 @@ from porocore.surrogates.file.archive import read_archive, write_archive
 from porocore.surrogates.file.file import FORMAT, VERSION, SurrogateMetadata, read, write
 from porocore.surrogates.mean_gradient.model import AnchoredModel
 from porocore.surrogates.network.network import Network
+from porocore.surrogates.network.separable import SeparableNetwork
 from porocore.surrogates.polynomial.fit import polynomial_model
 from porocore.surrogates.polynomial.monomials import Polynomial
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
@@ -30,6 +31,7 @@ from porocore.surrogates.potential.model import NetworkPart, PotentialModel
 from porocore.surrogates.potential.training_box import TrainingBox
 from porocore.testing.compare import assert_identical
 from porocore.testing.synthetic.cell import synthetic_training_set
+from porocore.testing.synthetic.porous_family import porous_training_set
 from porocore.testing.synthetic.potential_cell import potential_training_set
 
 RECORD = SurrogateMetadata("torch", {"hidden": [6]}, "cell-7", {"porocore": "0.1"}, {"stress": 0.1 + 0.2})
@@ -74,6 +76,12 @@ def models():
 
 
 MODELS = models()
+
+
+def entries(path):
+    """Keys of the header and names of the arrays of a file."""
+    header, arrays = read_archive(path, FORMAT, VERSION, "")
+    return set(header) | {re.sub(r"/\d+/", "/l/", name) for name in arrays}
 
 
 @pytest.fixture(params=MODELS)
@@ -333,8 +341,16 @@ def test_the_documentation_lists_the_file(tmp_path):
         )
         model = replace(model, estimate=estimate)
         write(tmp_path / "surrogate.h5", model, replace(RECORD, conductivity=conductivity))
-        header, arrays = read_archive(tmp_path / "surrogate.h5", FORMAT, VERSION, "")
-        found |= set(header) | {re.sub(r"/\d+/", "/l/", name) for name in arrays}
+        found |= entries(tmp_path / "surrogate.h5")
+    family = PolynomialSurrogate(degree=5).fit(porous_training_set(30, 1, tolerance=0.01), seed=0)
+    model = family._fitted()
+    part = SeparableNetwork(network(2, 3), network(2, 3), plain(model.active))
+    write(
+        tmp_path / "family.h5",
+        replace(model, network=part),
+        replace(RECORD, conductivity=family.conductivity),
+    )
+    found |= entries(tmp_path / "family.h5")
     listed = page.read_text(encoding="utf-8").split("## The file")[1]
     cells = [line.split("|")[1] for line in listed.splitlines() if line.startswith("| `")]
     assert {name for cell in cells for name in re.findall(r"`([\w/]+)`", cell)} == found
