@@ -182,7 +182,6 @@ ROWS: list[Row] = [
             "macro.fields": {"radius": 0.2, "poisson_ratio": 0.3},
         },
         f"{CONFIG}:",
-        "closure: 'mean-gradient' takes one strain energy for the whole solid, but cell.material.poisson_ratio is a "
-        "range; choose closure: potential",
+        "but cell.material.poisson_ratio is a range, which gives each point its own; choose closure: potential",
     ),
 ]  # fmt: skip

@@ -14,7 +14,7 @@ from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.states import MacroState
 from porocore.study.findings import body_members
 from porocore.study.findings.body_members import BodyMembers, linear_in_body, parameters_in_body, spread
-from porocore.study.preflight.reach_notes import predicted_reach
+from porocore.study.outline.reach_notes import predicted_reach
 from porocore.testing.synthetic import porous_family
 
 RANGES = {"radius": (0.15, 0.3), "poisson_ratio": (0.2, 0.4)}

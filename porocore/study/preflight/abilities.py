@@ -12,7 +12,6 @@ from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.composition.body_fields import require_composition
 from porocore.macro.composition.regions import region_numbers, regions_of_cell
-from porocore.macro.laws import MeanGradientClosure
 from porocore.macro.problem import MacroSetup
 from porocore.study.config.cells import cell_ranges
 from porocore.study.config.config import RunConfig
@@ -121,22 +120,6 @@ def require_learner(surrogate: Surrogate, name: str, cell: Cell) -> None:
         f"surrogate.backend: '{name}' learns no cells with parameters, but {key} is a range; choose one that does, "
         "such as --surrogate polynomial, or give one number"
     )
-
-
-def require_closure(closure: str, cell: Cell) -> None:
-    """Refuse a closure that takes one strain energy for the whole solid where the solid has parameters.
-
-    Raises
-    ------
-    ConfigurationError
-        A number of the solid is a range.
-    """
-    varied = [parameter.key for parameter in cell.parameters if parameter.solid_key is not None]
-    if closure == MeanGradientClosure.name and varied:
-        raise ConfigurationError(
-            f"closure: '{closure}' takes one strain energy for the whole solid, but {varied[0]} is a range; choose "
-            "closure: potential"
-        )
 
 
 def require_cells(config: RunConfig, problem: MacroSetup, mesh: BodyMesh) -> None:

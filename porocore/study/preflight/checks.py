@@ -22,12 +22,7 @@ from porocore.study import backends
 from porocore.study.config.cells import keys_of
 from porocore.study.config.config import RunConfig
 from porocore.study.magnitudes.prescribed import require_right_side_out
-from porocore.study.preflight.abilities import (
-    require_cells,
-    require_closure,
-    require_fields,
-    require_without_swelling,
-)
+from porocore.study.preflight.abilities import require_cells, require_fields, require_without_swelling
 from porocore.study.preflight.limits import require_memory, unit_of_the_modulus
 from porocore.study.preflight.time_functions import check_time_functions
 
@@ -63,8 +58,6 @@ def _check(config: RunConfig, needed: Collection[Kind]) -> None:
     for name, one in cells.items():
         with keys_of(config, name):
             require_without_swelling(one.cell)
-            if "surrogate" in needed:
-                require_closure(one.closure, one.cell)
     find_backends(config, needed)
     for name, one in cells.items():
         with keys_of(config, name):
