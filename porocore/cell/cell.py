@@ -126,6 +126,17 @@ class Cell(Family, metaclass=CalledByUsers):
         return self.model_copy(update={"material": self.material.model_copy(update={SWELLING: 1.0})})
 
     @property
+    def unstressed(self) -> Self:
+        """The cell at rest without stress: before its whole solid swells, with the stretch no parameter any more.
+
+        Itself where its regions have stretches of their own, since no state of it is without stress.
+        """
+        if self.materials is not None:
+            return self
+        stretch = [each.name for each in self.parameters if each.path == ("material", SWELLING)]
+        return self.before_swelling.fixed(stretch)
+
+    @property
     def symmetric(self) -> bool:
         """True where the mirrors of the pores are used; the flow is then solved on the eighth."""
         return self.symmetry == "auto" and self._generic.geometry.unfolding != "whole"

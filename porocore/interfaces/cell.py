@@ -135,7 +135,8 @@ class CellSolver(ABC, Generic[Prepared]):
     def hessian_slopes_at_rest(self, prepared: Prepared) -> Array:
         """Return the slopes (10, 10, m) of the Hessian of W of the undeformed cell by its m parameters.
 
-        They are those of :attr:`~porocore.CellTangent.hessian`. A solver whose :attr:`slopes` are false leaves it out.
+        They are those of :attr:`~porocore.CellTangent.hessian`, or NaN for a cell that has a stress at rest by any of
+        its parameters. A solver whose :attr:`slopes` are false leaves it out.
         """
         raise NotImplementedError(f"{type(self).__name__} computes no slopes by parameters")
 

@@ -16,7 +16,7 @@ from porocore.core.files.reading import read_json
 from porocore.errors import ConfigurationError, DataError, PorocoreError
 from porocore.interfaces.cell import CellSolver
 from porocore.macro.laws import Closure, make_closure
-from porocore.macro.laws.pull_back import ConductivityLaw
+from porocore.macro.laws.pull_back import ConductivityLaw, PulledBack
 from porocore.plugins.border import conductivity_of, solution_of
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
 
@@ -71,6 +71,18 @@ class CellReference:
         if law != "deformed" or self.before_swelling is not None:  # which holds that of its own pores
             return self.response
         return replace(self.response, conductivity=self.conductivity[None], min_fluid_jacobian=np.ones(1))
+
+    def conductivity_at_rest(self, law: ConductivityLaw) -> Array:
+        """Return the conductivity (3, 3) of the flux at H = 0: K, or K_ref of pores that a swelling has deformed."""
+        if self.before_swelling is None:
+            return self.conductivity
+        rest = self.resting(law)
+        deformed = rest.conductivity if law == "deformed" else None
+        still, K = np.zeros((1, 3)), self.conductivity
+        found = PulledBack.from_states(
+            MacroState.zeros(1), rest.mean_grad, still, self.solid_fraction, K, law, deformed
+        )
+        return np.asarray(found.conductivity[0])
 
     def closure(self, name: str, material: Solid, law: ConductivityLaw) -> Closure:
         """Return the closure of that name with the constants of this cell."""

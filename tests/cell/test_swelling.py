@@ -7,10 +7,14 @@ import pytest
 
 from porocore import MacroState, Status
 from porocore.cell.cell import Cell
+from porocore.core.files.store import ResultStore
 from porocore.errors import ConfigurationError
 from porocore.macro.laws import MeanGradientClosure, make_closure
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.macro.reference import CellReference
+from porocore.study.config.examples import benchmark_path
+from porocore.study.config.loading import load_config
+from porocore.study.stages.reference import solve_cell
 from porocore.verification.local_fields.points import PointFields
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 
@@ -95,6 +99,8 @@ def test_the_reference_of_a_swollen_cell_is_held_and_has_the_porosity_of_the_dry
     assert np.allclose(wet.conductivity, dry.conductivity, rtol=1e-12)
     pores = wet.resting("deformed")
     assert pores.conductivity[0, 0, 0] < 0.5 * dry.conductivity[0, 0]  # the solid has swollen into them
+    assert np.array_equal(wet.conductivity_at_rest("deformed"), pores.conductivity[0])
+    assert np.array_equal(dry.conductivity_at_rest("piola"), dry.conductivity)
     wet.save(tmp_path / "cell.json")
     again = CellReference.load(tmp_path / "cell.json", "cell")
     assert again.porosity == wet.porosity
@@ -124,6 +130,26 @@ def test_linear_poroelasticity_of_a_swollen_cell_is_its_tangent_with_its_stress(
     assert np.allclose(
         found[0].storage - found[1].storage, up.fluid_volume - down.fluid_volume, atol=1e-6 * h
     )
+
+
+def test_the_linear_flux_of_a_swollen_cell_is_that_of_its_closure_at_rest():
+    at_rest = reference(Cell(mesh=COARSE, material={"swelling": 1.1}))
+    closure = at_rest.closure("potential", Cell().solid, "piola")
+    pore = closure.pull_back(MacroState.zeros(1), at_rest.response, np.array([[0.0, 1.0, 0.0]]))
+    assert np.allclose(-at_rest.conductivity_at_rest("piola")[:, 1], pore.flux[0], rtol=1e-14)
+    assert abs(at_rest.conductivity_at_rest("piola")[1, 1] / at_rest.conductivity[1, 1] - 1) > 0.05
+
+
+def test_a_state_of_a_swollen_cell_tells_the_porosity_of_the_dry_one(tmp_path):
+    """Also where the store holds the state of either cell already."""
+    store = ResultStore(tmp_path)
+    study = load_config(benchmark_path())
+    cells = [Cell(mesh=COARSE, material={"swelling": s}) for s in (1.0, 1.1)]
+    configs = [study.model_copy(update={"cell": cell}) for cell in cells]
+    for _ in range(2):
+        dry, wet = (solve_cell(config, np.zeros((3, 3)), 0.0, store=store) for config in configs)
+        assert wet["porosity"] == pytest.approx(dry["porosity"], rel=1e-12)
+        assert wet["fluid_volume"] < dry["fluid_volume"] - 0.1
 
 
 def test_a_cell_that_cannot_be_held_is_refused():

@@ -25,6 +25,7 @@ from porocore.cell.family.slopes import (
     response_slopes,
     with_viscosity,
 )
+from porocore.cell.materials.energy import SWELLING
 from porocore.cell.meshing.connectivity import blocked, pieces
 from porocore.cell.meshing.mesh import CellMesh, Domain
 from porocore.cell.meshing.quadrature import LARGEST_DEGREE
@@ -166,8 +167,10 @@ class EquilibriumCellSolver(CellSolver[PreparedCell]):
         return prepared.conductivity
 
     def hessian_slopes_at_rest(self, prepared: PreparedCell) -> Array:
-        """Return the slopes (10, 10, m) of ∂²W by H, row by row, and p at rest; a solid that swells has none."""
-        solid = prepared.solid_for(np.zeros((3, 3)))
+        """Return the slopes (10, 10, m) of ∂²W by H, row by row, and p at rest; NaN for a solid that swells."""
+        cell, solid = prepared.cell, prepared.solid_for(np.zeros((3, 3)))
+        if cell.solid.swells or any(parameter.path[-1] == SWELLING for parameter in cell.parameters):
+            return np.full((10, 10, len(cell.parameters)), np.nan)
         return hessian_slopes_at_rest(solid, prepared.dependences(solid))
 
     def remark(self, prepared: PreparedCell) -> str:

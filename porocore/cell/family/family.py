@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
@@ -99,6 +99,14 @@ class Family(StrictModel):
         family.__dict__.pop("point_group", None)
         family._parameters, family._values = parameters, None
         return family
+
+    def fixed(self, names: Collection[str]) -> Self:
+        """Return the family or the member without the named parameters, which keep the numbers that they have."""
+        kept = [k for k, parameter in enumerate(self._parameters) if parameter.name not in names]
+        found = self.with_parameters(tuple(self._parameters[k] for k in kept))
+        if self._values is not None and kept:
+            found._values = tuple(self._values[k] for k in kept)
+        return found
 
     def _member(self, numbers: tuple[float, ...]) -> Self:
         paths = [parameter.path for parameter in self._parameters]

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
 from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 from annotated_types import Ge, Gt
 from pydantic.fields import FieldInfo
 
 from porocore.cell.materials.energy import SWELLING
 from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.meshing.tetrahedra import volume
 from porocore.core.models.walk import Place, walk
 from porocore.core.units.dimensions import Unit
 from porocore.interfaces.rest_data import ParameterKind, RestData, rest_count
@@ -68,6 +72,36 @@ def undeformed_count(cell: Cell) -> int:
     return rest_count(len(learned), isotropic=isotropic_solid(cell)[1] is not None)
 
 
+@dataclass(frozen=True)
+class UnstressedFamily:
+    """Family of the members as they are before their whole solid swells, which is no parameter of theirs.
+
+    Where regions have swelling stretches of their own they stay, and the members have a stress.
+
+    Attributes
+    ----------
+    family
+        The family, whose values of parameters choose the members.
+    """
+
+    family: Cell
+
+    @property
+    def parameters(self) -> tuple[CellParameter, ...]:
+        """Parameters of the family."""
+        return self.family.parameters
+
+    def at(self, values: npt.ArrayLike) -> Cell:
+        """Return the member with the parameters (m,), without stress if there is such a state.
+
+        Raises
+        ------
+        ConfigurationError
+            There is none.
+        """
+        return self.family.at(values).unstressed
+
+
 def rest_data(cell: Cell, states: MacroState, responses: CellResponse) -> RestData:
     """Return the solved undeformed members of a family, and what the cell tells of its parameters.
 
@@ -76,20 +110,37 @@ def rest_data(cell: Cell, states: MacroState, responses: CellResponse) -> RestDa
     cell
         The family.
     states, responses
-        Its undeformed members with their conductivity and the slopes of the Hessian; those without a stable response
-        are left out.
+        Its undeformed members, before their whole solid swells, with their conductivity and the slopes of the
+        Hessian; those without a stable response are left out.
     """
     good = np.flatnonzero(responses.stable)
     states, responses = states[good], responses[good]
-    slopes = responses.slopes
-    young, poisson = isotropic_solid(cell)
-    assert responses.fluid_volume is not None
+    hessian = None if responses.slopes is None else responses.slopes.hessian
+    kinds, (young, poisson) = parameter_kinds(cell), isotropic_solid(cell)
+    theta, fluid = states.parameters, responses.fluid_volume
+    assert theta is not None
+    assert fluid is not None
+    stressed = cell.materials is not None and (cell.solid.swells or any(map(_swells, cell.parameters)))
+    dry = theta.copy()
+    dry[:, [kind == "swelling" for kind in kinds]] = 1.0
+    varied = "swelling" in kinds or cell.material is None
     return RestData(
-        states,
+        states.with_parameters(dry),
         responses,
-        responses.fluid_volume,
-        parameter_kinds(cell),
+        np.array([_porosity(cell.at(values)) for values in theta]) if stressed else fluid,
+        kinds,
         young,
         poisson,
-        None if slopes is None else slopes.hessian,
+        hessian if hessian is None or np.isfinite(hessian).all() else None,
+        1.0 if varied or cell.material is None else cell.material.swelling,
     )
+
+
+def _swells(parameter: CellParameter) -> bool:
+    return parameter.path[-1] == SWELLING
+
+
+def _porosity(member: Cell) -> float:
+    """Return φ_f of the mesh of a member whose fluid volume at rest is another one, since it is stressed."""
+    solid = member.make_mesh("solid", "whole")
+    return 1 - volume(solid.points, solid.cells) / math.prod(solid.periods)

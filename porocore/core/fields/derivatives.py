@@ -91,10 +91,12 @@ class CellSlopes(Batch):
         default=None,
         metadata=row(
             "E",
-            "∂³W / ∂(H, p)_k ∂(H, p)_l ∂θ_m of the undeformed cell, with H row by row and p in k and l.",
+            "∂³W / ∂(H, p)_k ∂(H, p)_l ∂θ_m of the undeformed cell, with H row by row and p in k and l. NaN where it "
+            "has a stress.",
             10,
             10,
             "m",
             flag="undeformed",
+            gaps=True,
         ),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +31,7 @@ def read_mesh(path: Path) -> Any:
     import meshio  # heavy, and needed here only
 
     try:
-        with redirect_stdout(io.StringIO()) as said, redirect_stderr(said):
+        with redirect_stdout(io.StringIO()) as said:
             mesh = meshio.read(path)
     # meshio's readers raise whatever the file makes them stumble over; some of them print and end the process.
     except (Exception, SystemExit) as error:

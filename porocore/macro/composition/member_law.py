@@ -11,9 +11,6 @@ from porocore.interfaces.law import MacroLaw, fingerprint
 from porocore.macro.composition.region_law import RegionLaw
 from porocore.states import Array, IntArray, MacroState
 
-#: Digits of a squared distance, as a share of the ranges, that count.
-DIGITS = 9
-
 
 class NearestMemberLaw(RegionLaw):
     """A law that asks at each point the law of the member whose parameters lie nearest.
@@ -57,8 +54,7 @@ class NearestMemberLaw(RegionLaw):
         if states.parameters is None:
             raise ValueError("expected states with parameters")
         away = (states.parameters[:, None, :] - self._values) / self._spans
-        # Points midway between two members take the first of them, whatever round-off says.
-        nearest = np.round((away**2).sum(axis=2), DIGITS).argmin(axis=1)
+        nearest = (away**2).sum(axis=2).argmin(axis=1)
         return [(int(k), self.laws[k], np.flatnonzero(nearest == k)) for k in np.unique(nearest)]
 
     def _seen(self, states: MacroState, k: int) -> MacroState:

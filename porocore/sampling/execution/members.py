@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from porocore.core.fields.declaration import provided_fields
 from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.records import failed_response
 from porocore.plugins.border import conductivity_of, solution_of
-from porocore.states import Array, CellResponse, MacroState, Status
+from porocore.states import Array, CellResponse, CellSlopes, MacroState, Status
 
 #: Prepared members that are kept, those that were used last: meshes and factors of each take memory.
 MOST_MEMBERS = 4
@@ -161,7 +162,10 @@ class MemberSolver(CellSolver[PreparedFamily]):
 
 
 class UndeformedMemberSolver(MemberSolver):
-    """Cell solver of the members of a family at rest: their responses hold K of the undeformed pore as well."""
+    """Cell solver of the members of a family at rest: their responses hold K of the undeformed pore as well.
+
+    Members may lack parameters of the family, which they do not depend on: slopes by those are zero.
+    """
 
     def solve(
         self,
@@ -187,15 +191,32 @@ class UndeformedMemberSolver(MemberSolver):
         response, theta = found.response, _parameters(states)
         K, volume = np.full((len(states), 3, 3), np.nan), np.full(len(states), np.nan)
         slopes = response.slopes
-        hessian = None if slopes is None else np.full((len(states), 10, 10, theta.shape[1]), np.nan)
+        own = self._own(prepared.cell) if slopes is not None else []
+        hessian = None if slopes is None else np.full((len(states), 10, 10, len(own)), np.nan)
         for i in np.flatnonzero(response.valid):
             K[i], volume[i] = self.conductivity_at(prepared, theta[i]), 1.0
             if hessian is not None:
                 hessian[i] = self._solver.hessian_slopes_at_rest(self.member(prepared, theta[i]))
         if slopes is not None:
-            slopes = replace(slopes, hessian=hessian)
+            slopes = _among(replace(slopes, hessian=hessian), own, len(prepared.cell.parameters))
         whole = replace(response, conductivity=K, min_fluid_jacobian=volume, slopes=slopes)
         return CellSolution(whole, found.fields)
+
+    @staticmethod
+    def _own(family: Any) -> list[int]:
+        """Return the places of the parameters of the members among those of the family."""
+        names = [one.name for one in family.parameters]
+        member = family.at([(one.lower + one.upper) / 2 for one in family.parameters])
+        return [names.index(one.name) for one in member.parameters]
+
+
+def _among(slopes: CellSlopes, own: Sequence[int], m: int) -> CellSlopes:
+    """Return slopes by m parameters from those by some; by the others they are zero, or NaN where there are none."""
+    found: dict[str, Array] = {}
+    for name, value in provided_fields(slopes).items():
+        found[name] = np.zeros(m) * value[..., :1]
+        found[name][..., own] = value
+    return CellSlopes(**found)
 
 
 def _parameters(states: MacroState) -> Array:

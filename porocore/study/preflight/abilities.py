@@ -77,22 +77,6 @@ def require_parts(solver: type[MacroSolver], name: str, problem: MacroSetup) -> 
         )
 
 
-def require_without_swelling(cell: Cell) -> None:
-    """Refuse to sample a family whose solid swells, whose undeformed members are not solved yet.
-
-    Raises
-    ------
-    ConfigurationError
-        The swelling stretch of a material is a range.
-    """
-    ranges = [parameter.key for parameter in cell.parameters if parameter.path[-1] == "swelling"]
-    if ranges:
-        raise ConfigurationError(
-            f"{ranges[0]}: expected a number, got a range, of which no surrogate learns yet; single states of such a "
-            "cell are solved: porocore cell state"
-        )
-
-
 def require_learner(surrogate: Surrogate, name: str, cell: Cell) -> None:
     """Refuse a surrogate that cannot learn a cell with parameters.
 

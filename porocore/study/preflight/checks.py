@@ -22,7 +22,7 @@ from porocore.study import backends
 from porocore.study.config.cells import keys_of
 from porocore.study.config.config import RunConfig
 from porocore.study.magnitudes.prescribed import require_right_side_out
-from porocore.study.preflight.abilities import require_cells, require_fields, require_without_swelling
+from porocore.study.preflight.abilities import require_cells, require_fields
 from porocore.study.preflight.limits import require_memory, unit_of_the_modulus
 from porocore.study.preflight.time_functions import check_time_functions
 
@@ -47,7 +47,7 @@ def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) ->
     ConfigurationError
         Options are unusable, the box reaches det F ≤ 0, states are too few or too many, nobody listens at the
         scheduler's address, a function of time has no value somewhere, there is no such surface, boundary conditions
-        contradict each other, do not hold the body or turn it inside out, or a probe lies outside; its solid swells.
+        contradict each other, do not hold the body or turn it inside out, or a probe lies outside.
     """
     with speaking(config.result_units):
         _check(config, KINDS if needed is None else needed)
@@ -55,9 +55,6 @@ def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) ->
 
 def _check(config: RunConfig, needed: Collection[Kind]) -> None:
     cells = {name: config.of_cell(name) for name in config.cell_names}
-    for name, one in cells.items():
-        with keys_of(config, name):
-            require_without_swelling(one.cell)
     find_backends(config, needed)
     for name, one in cells.items():
         with keys_of(config, name):

@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 
 from porocore.cell.cell import Cell
+from porocore.cell.family.parameters import base_values
+from porocore.cell.family.undeformed import UnstressedFamily
 from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
 from porocore.macro.boundary.drainage import undrained
@@ -90,7 +92,7 @@ def _solve_rest(
 ) -> str:
     """Solve the undeformed cell and save it, or take it from the store; return the solver's remark.
 
-    That of a family is the one in the middle of the ranges.
+    That of a family is the one in the middle of the ranges, before its whole solid swells.
     """
     files = {"cells": path}
     key = "" if store is None else cell_key(fem.backend, fem.options, cell, conductivity)
@@ -98,7 +100,7 @@ def _solve_rest(
         clock.add(saved)
         return ""
     begin()
-    one = cell.at([parameter.base for parameter in cell.parameters]) if cell.is_family else cell
+    one = UnstressedFamily(cell).at(base_values(cell.parameters)) if cell.is_family else cell
     solver, prepared = prepare_cell(fem.backend, fem.options, one, conductivity)
     CellReference.compute(solver, prepared, one, cell_identity(cell, fem)).save(path)
     keep_files(store, key, files, clock.seconds)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from porocore.cell.cell import Cell
-from porocore.cell.family.undeformed import rest_data, undeformed_count
+from porocore.cell.family.undeformed import UnstressedFamily, rest_data, undeformed_count
 from porocore.core.inputs.input_space import InputSpace
 from porocore.core.inputs.sampled_range import SampledRange
 from porocore.errors import DataError
@@ -82,7 +82,7 @@ def prepare_undeformed(
     solver: CellSolver = registry().get("cell solver", backend)(**options)
     require_conductivity(type(solver), backend, "piola")
     members = UndeformedMemberSolver(solver)
-    return members, members.prepare(cell)
+    return members, members.prepare(UnstressedFamily(cell))
 
 
 def factory_of(cell: Cell) -> Factory:
@@ -146,9 +146,9 @@ def informed_sampler(folder: RunFolder, config: RunConfig) -> Sampler:
 
 def linear_coefficients(reference: CellReference, config: RunConfig) -> LinearCoefficients:
     """Return linear poroelasticity of the run's cell."""
-    return LinearCoefficients.from_reference(
-        reference.response, reference.solid_fraction, config.cell.solid, reference.conductivity
-    )
+    cell = config.cell.unstressed if config.cell.is_family else config.cell  # whose reference it is
+    K = reference.conductivity_at_rest(config.conductivity)
+    return LinearCoefficients.from_reference(reference.response, reference.solid_fraction, cell.solid, K)
 
 
 def load_surrogate(folder: RunFolder, config: RunConfig) -> Surrogate:
