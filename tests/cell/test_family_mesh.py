@@ -187,6 +187,12 @@ def test_a_kind_that_cannot_be_moved_is_refused_but_for_the_base():
         family.mesh("solid", "eighth", CHANNELS)
 
 
+def test_what_a_geometry_has_computed_is_none_of_its_numbers():
+    base = geometry("tpms", surface="gyroid", void_fraction=0.6)
+    assert base.wall_level > 0  # kept with the geometry from here on
+    assert changed_numbers(base, at(base, "void_fraction", 0.62)) == {"void_fraction": (0.6, 0.62)}
+
+
 def test_numbers_are_found_by_their_keys():
     assert number_at(UNEQUAL, "radii.y") == number_at(UNEQUAL, "radii.1") == 0.24
     assert changed_numbers(UNEQUAL, at(UNEQUAL, "radii.y", 0.23)) == {"radii.1": (0.24, 0.23)}

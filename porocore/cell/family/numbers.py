@@ -103,7 +103,8 @@ def _is_number(value: Any) -> bool:
 def _leaves(value: Any, key: str) -> Iterator[tuple[str, Any]]:
     """Yield all values below a model with their keys."""
     if isinstance(value, BaseModel):
-        parts = list(value)
+        # The fields alone: a model iterates over its cached properties too.
+        parts = [(name, getattr(value, name)) for name in type(value).model_fields]
     elif isinstance(value, tuple):
         parts = [(str(i), part) for i, part in enumerate(value)]
     else:
