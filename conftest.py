@@ -2,6 +2,7 @@
 
 import os
 import signal
+import sys
 from collections import Counter
 
 import pytest
@@ -9,6 +10,10 @@ import pytest
 # A shell that starts the tests in the background has Ctrl-C ignored, and so it would be in all that tests start.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# Hundreds of processes are started, each of which would compile every module anew, and pytest every test.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 # Every state that a test asks for is solved, and nothing is put into the store of the user.
 os.environ["POROCORE_STORE"] = "none"
@@ -29,6 +34,7 @@ TOGETHER = {
         "tests/e2e/test_python.py",
         "tests/e2e/test_refusals.py",
         "tests/e2e/test_run.py",
+        "tests/e2e/test_side_by_side.py",
         "plugins/fem_dolfinx/tests/test_macro_mpi.py",
     ),
 }

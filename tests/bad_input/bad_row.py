@@ -49,6 +49,8 @@ STUDY: dict[str, Any] = {
         "time": {"end": 12, "step": 6, "ramp_increments": 2, "ramp_step": 3, "profiles": [10]},
     },
 }
+#: Hundreds of studies are written while the tests are collected: in C, where PyYAML has it.
+FAST_DUMPER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 #: The name under which most rows give their configuration.
 CONFIG = "study.yaml"
 
@@ -124,7 +126,7 @@ def study(changes: Mapping[str, Any] | None = None, **others: Any) -> str:
             part.pop(last, None)
         else:
             part[last] = value
-    return yaml.safe_dump(data, allow_unicode=True, sort_keys=False)
+    return yaml.dump(data, Dumper=FAST_DUMPER, allow_unicode=True, sort_keys=False)
 
 
 def faulty(

@@ -15,6 +15,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import IO
@@ -76,7 +77,13 @@ def serve(orders: IO[str], answers: IO[str]) -> None:
         with suppress(ImportError):
             importlib.import_module(name)
 
+    import typer.main
     from matplotlib.figure import Figure
+
+    from porocore.cli.entry import app
+
+    typer.main.get_command = cache(typer.main.get_command)
+    typer.main.get_command(app)
 
     def too_late(number: int, frame: object) -> None:
         raise TimeoutError

@@ -19,7 +19,7 @@ def run_pytest(folder: Path, root: Path, nodes: Iterable[str]) -> Outcomes:
     report = folder / "report.xml"
     done = subprocess.run(
         [
-            *(sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-c", os.devnull),
+            *(sys.executable, "-m", "pytest", "-q", "--tb=line", "-p", "no:cacheprovider", "-c", os.devnull),
             *("--rootdir", str(root), f"--junitxml={report}", "--import-mode=importlib", *nodes),
         ],
         env={**os.environ, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "OMP_NUM_THREADS": "1"},

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from porocore.states import Array, IntArray
-from porocore_fem_dolfinx.elements import lagrange_element
+from porocore_fem_dolfinx.elements import coordinate_element
 from porocore_fem_dolfinx.form_cache import compiling, folder
 from porocore_fem_dolfinx.library import PETSc, dolfinx, fem, fem_petsc, mesh, ufl
 from porocore_fem_dolfinx.types import (
@@ -80,7 +80,7 @@ def function_space(domain: Mesh, element: Element) -> FunctionSpace:
 
 def make_mesh(comm: MPI.Intracomm, cell: str, degree: int, points: Array, cells: IntArray) -> Mesh:
     """Return a mesh of Lagrange cells, their nodes in dolfinx's (not VTK's) order; see :func:`from_vtk`."""
-    domain = ufl.Mesh(lagrange_element(cell, degree, (3,)))
+    domain = ufl.Mesh(coordinate_element(cell, degree))
     parameters = inspect.signature(mesh.create_mesh).parameters
     name = "domain" if "domain" in parameters else "e"
     with quiet():

@@ -27,6 +27,17 @@ def lagrange_element(
     return _old("DG" if discontinuous else "Lagrange", cell, degree, shape)
 
 
+def coordinate_element(cell: str, degree: int) -> Element:
+    """Return the element of the nodes of a mesh.
+
+    FFCx 0.5 exchanges that of any other variant for this one when it first compiles a form on the mesh, so that forms
+    had two names in the cache, and each was compiled twice.
+    """
+    if MODERN:
+        return lagrange_element(cell, degree, (3,))
+    return _old("Lagrange", cell, degree, (3,), variant="equispaced")
+
+
 def quadrature_points(cell: str, degree: int) -> Array:
     """Return the points (q, 3) of the default rule of this degree, in the order of :func:`quadrature_element`."""
     return np.asarray(basix.make_quadrature(getattr(basix.CellType, cell), degree)[0])

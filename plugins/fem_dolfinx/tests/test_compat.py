@@ -84,14 +84,22 @@ def test_lagrange_elements_hold_a_linear_field_of_every_shape(cell, shape):
     assert function.ufl_shape == shape
     slopes = np.arange(1.0, 1 + max(1, int(np.prod(shape))))
     function.interpolate(lambda x: np.outer(slopes, x[0]) if shape else x[0])
-    integrals = np.array([integral(part, mesh) for part in parts(function)])
+    integrals = integrals_of_parts(function, mesh)
     first_moment = {"tetrahedron": 1 / 24, "hexahedron": 1 / 2}[cell]
     np.testing.assert_allclose(integrals, slopes * first_moment, rtol=1e-13)
 
 
-def parts(function):
-    """Components, last index fastest."""
-    return [function[index] if index else function for index in np.ndindex(function.ufl_shape)]
+def integrals_of_parts(function, mesh, **metadata):
+    """Integrals of the components, last index fastest; one form, with the unit tensors as a constant."""
+    units = np.eye(max(1, int(np.prod(function.ufl_shape)))).reshape(-1, *function.ufl_shape)
+    unit = compat.constant(mesh, units[0])
+    dx = ufl.Measure("dx", domain=mesh, metadata=metadata)
+    compiled = compat.form(ufl.inner(function, unit) * dx)
+    found = []
+    for value in units:
+        unit.value = value
+        found.append(compat.fem.assemble_scalar(compiled))
+    return found
 
 
 @pytest.mark.parametrize("shape", [(), (3,), (3, 3)])
@@ -107,7 +115,7 @@ def test_quadrature_functions_carry_their_values_to_the_points_of_the_rule(shape
     values = np.arange(1.0, 1 + size)[None, :] * (x[:, 0] * x[:, 1])[:, None]
     table = compat.cell_dofs(space.dofmap)[0]
     function.x.array.reshape(-1, size)[table] = values
-    integrals = [integral(part, mesh, quadrature_degree=2) for part in parts(function)]
+    integrals = integrals_of_parts(function, mesh, quadrature_degree=2)
     # ∫ x y over the tetrahedron with legs of 2
     np.testing.assert_allclose(integrals, np.arange(1.0, 1 + size) * 32 / 120, rtol=1e-13)
 
@@ -194,3 +202,18 @@ def test_the_mass_matrix_and_the_load_of_a_hexahedron():
     assert compat.assemble_matrix(mass, matrix) is matrix
     np.testing.assert_allclose(matrix.getValues(table, table), 3 * cube, rtol=1e-13)
     np.testing.assert_allclose(compat.assemble_vector(compat.form(v * ufl.dx)), np.full(8, 1 / 8), rtol=1e-13)
+
+
+@pytest.mark.parametrize(("cell", "degree"), [("tetrahedron", 2), ("hexahedron", 1)])
+def test_a_form_has_one_name_whatever_was_compiled_before_it(tmp_path, monkeypatch, cell, degree):
+    """Else a process compiles anew what another one has put into the cache."""
+    monkeypatch.setattr(compat, "FORMS", tmp_path)
+    mesh = one_cell(cell, degree)
+
+    def name():
+        return (ufl.SpatialCoordinate(mesh)[0] * ufl.dx(domain=mesh)).signature()
+
+    before = name()
+    compat.form(compat.constant(mesh, 1.0) * ufl.dx(domain=mesh))
+    assert len(list(tmp_path.glob("libffcx_forms_*.cached"))) == 1
+    assert name() == before

@@ -90,6 +90,7 @@ class TestHoldsAPath(Law):
     """Its file says where the numbers lie, which it keeps in memory too."""
 
     caught_by = "test_a_file_that_was_moved_is_enough"
+    slow = True
 
     class surrogate(Altered):
         kept: ClassVar = {}
