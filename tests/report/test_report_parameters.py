@@ -153,6 +153,10 @@ def test_errors_are_grouped_by_output_and_binned():
     np.testing.assert_allclose(figure.axes[0].get_lines()[0].get_xdata(), groups[0].parameters[:, 0])
     assert figure.axes[0].get_xlim() == (0.1, pytest.approx(0.3))
     assert labels(figure)[0] == "error of $P_E$\n[% of range]"
+    # Whole decades, so that each panel has two numbers at least.
+    low, high = figure.axes[0].get_ylim()
+    assert np.log10([low, high]) == pytest.approx(np.round(np.log10([low, high])))
+    assert high / low >= 10 - 1e-9
 
 
 def test_states_over_a_parameter_stand_beside_the_body():
@@ -228,7 +232,11 @@ def test_fields_in_a_section_have_a_common_scale_and_units(solution, body):
     shown = regions.axes[0].get_images()[0].get_array()
     assert set(np.unique(shown).tolist()) == {0.0, 1.0}
     lines = axes_in_section(among, cells.axes_at(0), cells, NONE)
-    assert legend(lines) == ["material axis 1", "material axis 2", "material axis 3"]
+    assert legend(lines) == ["axis 1", "axis 2", "axis 3"]
+    # A turn about y is seen from above.
+    turned = Rotation.from_rotvec(np.outer(np.linspace(0, 0.6, len(cells.region)), [0, 1.0, 0])).as_matrix()
+    seen = axes_in_section(among, turned, cells, NONE).axes[0]
+    assert (seen.get_xlabel(), seen.get_ylabel()) == ("$X_1$", "$X_3$")
 
 
 def test_the_page_has_the_cell_over_its_parameters_and_the_cells_of_the_body(context, solution, body, family):
@@ -273,9 +281,9 @@ def test_the_page_has_the_cell_over_its_parameters_and_the_cells_of_the_body(con
 def test_k_is_compared_with_the_cell_of_its_own_place(context, solution, body):
     last = solution.profiles[-1].reference_conductivity
     case = LoadCase(solution, None)
-    assert "Compared with the cell of its own place, K_ref,22 is unchanged" in conductivity_sentence(
+    assert "Compared with the cell of its own place at t = 0, K_ref,22 is unchanged" in conductivity_sentence(
         case, context.cell, replace(body, conductivity=last)
     )
     said = conductivity_sentence(case, context.cell, replace(body, conductivity=2 * last))
     assert "K_ref,22 is lowered." in said
-    assert "In the undeformed cells, both are" in said
+    assert "In the undeformed cells at t = 0, both are" in said

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -83,11 +83,15 @@ def sections(points: Array, cells: IntArray) -> tuple[Section, ...]:
     return tuple(found)
 
 
-def most_telling(among: Sequence[Section], values: Array) -> Section:
-    """Return the section in which the values (elements, ...) vary most, the first of those that are alike."""
+def most_telling(among: Sequence[Section], values: Array | Callable[[Section], Array]) -> Section:
+    """Return the section in which the values (elements, ...) vary most, the first of those that are alike.
+
+    They may be those that a section shows, such as components of a vector along its sides.
+    """
     spreads = []
     for section in among:
-        inside = np.asarray(values, float).reshape(len(values), -1)[section.element[section.element >= 0]]
+        shown = np.asarray(values(section) if callable(values) else values, float)
+        inside = shown.reshape(len(shown), -1)[section.element[section.element >= 0]]
         spreads.append(float(np.nan_to_num(inside).std(axis=0).sum()) if len(inside) else -1.0)
     most = max(spreads)
     return next(s for s, spread in zip(among, spreads, strict=True) if spread >= most * (1 - 1e-2) - 1e-300)

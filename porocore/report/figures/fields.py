@@ -144,7 +144,7 @@ def axes_in_section(
 
     A line is the projection of an axis onto the section: one across it is a dot.
     """
-    section = most_telling(among, axes_of)
+    section = most_telling(among, lambda each: axes_of[:, list(each.sides)])
     figure, (axes,) = _panels(section, 1)
     count = len(cells.regions) + 1
     colours = ListedColormap([lighter(_colour(number), 0.5) for number in range(count)])
@@ -168,7 +168,7 @@ def axes_in_section(
         for first, last in ends:
             axes.plot(*np.stack([first, last]).T, color=colour, lw=1.4, solid_capstyle="round")
         axes.plot(*places[np.linalg.norm(along, axis=1) < 0.15].T, "o", ms=2.2, color=colour, mew=0)
-        axes.plot([], [], color=colour, lw=1.6, label=f"material axis {k + 1}")
+        axes.plot([], [], color=colour, lw=1.6, label=f"axis {k + 1}")
     legend_above(figure, axes, columns=3)
     _labels([axes], section, units)
     return figure

@@ -94,7 +94,7 @@ def error_figure(parameter: ParameterRange, k: int, errors: Sequence[GroupErrors
         )
         axes.set_ylabel(f"error of {group.label}\n[% of range]")
         axes.set_xlim(edges[0], edges[-1])
-        axes.margins(y=0.1)
+        axes.set_ylim(_decades(shown))
     panels[-1].set_xlabel(parameter_label(parameter, units))
     legend_above(figure, panels[0], columns=2)
     return figure
@@ -149,6 +149,15 @@ def spread_figure(
     axes.set_ylabel("share of states, of the body [%]" if body is not None else "share of states [%]")
     legend_above(figure, axes, columns=3)
     return figure
+
+
+def _decades(values: Array) -> tuple[float, float]:
+    """Return the powers of ten between which positive values lie; about 1 without any."""
+    known = values[values > 0]
+    if not len(known):
+        return 0.1, 10.0
+    low, high = np.floor(np.log10(known.min())), np.ceil(np.log10(known.max()))
+    return float(10.0**low), float(10.0 ** max(high, low + 1))
 
 
 def parameter_label(parameter: ParameterRange, units: ResultUnits) -> str:

@@ -147,7 +147,8 @@ def conductivity_sentence(case: LoadCase, cell: CellSummary, body: BodyCells | N
         return found
     last = case.nonlinear.profiles[-1]
     drained = drained_axes(case)
-    told = [_at_axis(i, last, K) for i in drained or ((1,) if is_isotropic(K) else range(3))]
+    at_first = " at t = 0" if body is not None and body.cells.varies else ""
+    told = [_at_axis(i, last, K, at_first) for i in drained or ((1,) if is_isotropic(K) else range(3))]
     if drained:
         found += " The body drains along " + " and ".join("xyz"[i] for i in drained) + "."
     return f"{found} At t = {measured(last.time, 'time', 3)}, {' '.join(told)}"
@@ -170,7 +171,7 @@ def _change(values: Array, rest: Array) -> str:
     return "lowered" if change.max() <= 1e-6 else "lowered in parts of the body and raised in others"
 
 
-def _at_axis(i: int, profile: Profile, K: Array) -> str:
+def _at_axis(i: int, profile: Profile, K: Array, at_first: str) -> str:
     """Return K_ref and K_t along an axis, from least to largest in the body, and K (1 or elements, 3, 3) at rest."""
     transformed, through_reference, undeformed = (
         " to ".join(
@@ -182,7 +183,8 @@ def _at_axis(i: int, profile: Profile, K: Array) -> str:
     if len(K) == 1:
         rest = f"In the undeformed cell, both are {measured(float(K[0, i, i]), 'conductivity', 3)}. Therefore"
     else:
-        rest = f"In the undeformed cells, both are {undeformed}{by}. Compared with the cell of its own place,"
+        rest = f"In the undeformed cells{at_first}, both are {undeformed}{by}. Compared with the cell of its own place"
+        rest += f"{at_first},"
     return (
         f"K_ref,{at} is {through_reference} in the body, and K_t,{at} is {transformed}{by}. "
         f"{rest} K_ref,{at} is {_change(profile.reference_conductivity[:, i, i], K[:, i, i])}."
