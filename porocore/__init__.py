@@ -61,12 +61,13 @@ if TYPE_CHECKING:
     from porocore.states import Status as Status
     from porocore.study.api.cells import CellProblem as CellProblem
     from porocore.study.api.solved import LawsSolved as LawsSolved
+    from porocore.study.api.solved import Samples as Samples
     from porocore.study.api.solved import Solutions as Solutions
     from porocore.study.api.solved import Solved as Solved
-    from porocore.study.api.study import Samples as Samples
     from porocore.study.api.study import Study as Study
     from porocore.study.config.config import RunConfig as RunConfig
     from porocore.study.config.loading import load_config as load_config
+    from porocore.study.sweep.results import ParameterSweep as ParameterSweep
     from porocore.verification.local_fields.solve import write_local_fields as write_local_fields
     from porocore.verification.representative.study import (
         study_representative_volume as study_representative_volume,
@@ -77,8 +78,9 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "porocore.study.api.cells": ["CellProblem"],
-    "porocore.study.api.solved": ["LawsSolved", "Solutions", "Solved"],
-    "porocore.study.api.study": ["Samples", "Study"],
+    "porocore.study.api.solved": ["LawsSolved", "Samples", "Solutions", "Solved"],
+    "porocore.study.api.study": ["Study"],
+    "porocore.study.sweep.results": ["ParameterSweep"],
     "porocore.cell.cell": ["Cell"],
     "porocore.study.config.config": ["RunConfig"],
     "porocore.study.config.loading": ["load_config"],

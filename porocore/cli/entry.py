@@ -25,6 +25,7 @@ from porocore.cli.commands import (
 )
 from porocore.cli.common import command_group
 from porocore.cli.ending import ending
+from porocore.cli.sweep import sweep
 from porocore.core.echo import without_long_words
 from porocore.core.parallel import launched
 from porocore.errors import PorocoreError
@@ -68,7 +69,7 @@ _STEPS = (study.sample, study.train, study.solve, study.report, tune.tune)
 _ALONG = (sensitivity.sensitivity, stability.stability)
 _PANELS: dict[str, tuple[Callable[..., None], ...]] = {
     "Your own configuration": (start.init, start.check, start.schema),
-    "A whole study": (study.run, verify.reproduce),
+    "A whole study": (study.run, sweep, verify.reproduce),
     "A study in steps, each from the files of the one before": _STEPS,
     _LOOK: (*_ALONG, units.units, plugins.plugins, crosscheck.crosscheck, verify.verify),
 }

@@ -150,6 +150,7 @@ FIGURES = {
     "time_of_largest_settlement": "time",
     "largest_heave": "displacement",
     "time_of_largest_heave": "time",
+    "time_to_50_percent": "time",
     "time_to_95_percent": "time",
     "time_to_99_percent": "time",
     "max_pressure": "pressure",

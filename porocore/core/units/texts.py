@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, get_args
 
 from pydantic import BaseModel
@@ -41,10 +41,7 @@ def resolved(
     """
     found: dict[Location, float] = {}
     faults: list[tuple[Location, str]] = []
-    #: By place, the dimension of its value, and that of the value to which its section belongs.
-    known: dict[Location, tuple[Dimension | None, Dimension | None]] = {}
-    for place in walk(model, data):
-        dimension, _ = known[place.path] = _dimension(place, known)
+    for place, dimension in dimensions(model, data):
         if not isinstance(place.value, str):
             continue
         dimension = dimension or _of_a_member(place.annotation)
@@ -54,6 +51,15 @@ def resolved(
             except UnitError as error:
                 faults.append((place.path, f"{dotted(place.path)}: {error}"))
     return _replaced(data, found, ()), faults
+
+
+def dimensions(model: type[BaseModel], data: Any) -> Iterator[tuple[Place, Dimension | None]]:
+    """Yield every declared value in a section with its dimension; see :func:`~porocore.core.models.walk.walk`."""
+    #: By place, the dimension of its value, and that of the value to which its section belongs.
+    known: dict[Location, tuple[Dimension | None, Dimension | None]] = {}
+    for place in walk(model, data):
+        dimension, _ = known[place.path] = _dimension(place, known)
+        yield place, dimension
 
 
 def _dimension(

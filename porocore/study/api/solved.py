@@ -1,4 +1,4 @@
-"""Macro solutions from Python (Solved, Solutions): arrays, xarray datasets, pyvista grids."""
+"""Results from Python (Samples, Solved, Solutions): arrays, xarray datasets, pyvista grids."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from porocore.interfaces.solution import MacroSolution, Profile, file_name
 from porocore.macro.series import HISTORY
 from porocore.report.dimensional import figures_with_units
 from porocore.report.loading_mode import reactions
-from porocore.states import Array
+from porocore.states import Array, CellResponse, MacroState
 from porocore.study.run_folder.files import LINEAR
 
 if TYPE_CHECKING:
@@ -25,6 +25,26 @@ T = TypeVar("T")
 #: VTK's numbers of the elements, by how many nodes they have.
 VTK_CELLS = {27: 29, 10: 24}
 COMPONENTS = ("x", "y", "z")
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Solved states of the cell.
+
+    Attributes
+    ----------
+    names
+        Names of the d inputs, in the order of the columns of ``x``.
+    x : (n, d)
+        Values of the inputs.
+    states, responses
+        n states and their responses.
+    """
+
+    names: tuple[str, ...]
+    x: Array
+    states: MacroState
+    responses: CellResponse
 
 
 @dataclass(frozen=True, eq=False)

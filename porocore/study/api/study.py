@@ -1,11 +1,10 @@
-"""A whole study from Python (Study): check, sample, train, tune, solve, law, report."""
+"""A whole study from Python (Study): check, sample, train, tune, solve, law, sweep, report."""
 
 from __future__ import annotations
 
 import io
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
@@ -18,9 +17,8 @@ from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.laws.point_law import Law
 from porocore.sampling.datasets.dataset import Dataset
-from porocore.states import Array, CellResponse, MacroState
 from porocore.study.api.settings import configured
-from porocore.study.api.solved import LawsSolved, Solutions, Solved
+from porocore.study.api.solved import LawsSolved, Samples, Solutions, Solved
 from porocore.study.config.config import RunConfig
 from porocore.study.config.errors import located
 from porocore.study.outline.at_rest import at_rest
@@ -31,28 +29,11 @@ from porocore.study.stages import pipeline
 from porocore.study.stages.laws import USUAL_LAWS, LawKind, macro_laws, porosity_of, require_laws
 from porocore.study.stages.stage_files import load_reference, load_solution, load_surrogate
 from porocore.study.store import chosen_store
+from porocore.study.sweep.plan import SweepPlan
+from porocore.study.sweep.results import ParameterSweep
+from porocore.study.sweep.run import run_sweep
 from porocore.study.tuning.candidates import DEPTHS, WIDTHS, candidates
 from porocore.study.tuning.tune import Tuning, tune
-
-
-@dataclass(frozen=True, eq=False)
-class Samples:
-    """Solved states of the cell.
-
-    Attributes
-    ----------
-    names
-        Names of the d inputs, in the order of the columns of ``x``.
-    x : (n, d)
-        Values of the inputs.
-    states, responses
-        n states and their responses.
-    """
-
-    names: tuple[str, ...]
-    x: Array
-    states: MacroState
-    responses: CellResponse
 
 
 class Study:
@@ -279,6 +260,46 @@ class Study:
             (run,) = macro_laws(files, one, stack, (kind,)).values()
             porosity = porosity_of(run.law, load_reference(files, one))
             return Law(run.law, porosity, self.units, one.cell.parameters)
+
+    def sweep(
+        self,
+        parameter: str | Mapping[str, Sequence[float]],
+        values: Sequence[float] | None = None,
+        *,
+        laws: Sequence[LawKind] = USUAL_LAWS,
+        out: str | Path | None = None,
+    ) -> ParameterSweep:
+        """Solve the body for each value of a parameter of its cell; the cells are solved and learned once.
+
+        A number of the cell becomes a range between the ends of its values. The run folder gets ``sweep.csv``,
+        ``sweep.png`` and ``sweep.svg``; values that it holds are not solved again.
+
+        Parameters
+        ----------
+        parameter, values
+            Name of a number of the cell, such as ``radius``, and its values; or values of one or two by name.
+        laws
+            Surrogate, and linear beside it.
+        out
+            Run folder of the family; by default that of the study where this is its study already, else one beside it.
+
+        Raises
+        ------
+        ConfigurationError
+            The number is unknown, or a value outside the range that the configuration gives.
+        """
+        over = {parameter: values} if isinstance(parameter, str) else parameter
+        if not isinstance(over, Mapping) or any(given is None for given in over.values()):
+            raise ConfigurationError(
+                "expected the name of a parameter and its values, such as sweep('radius', [0.16, 0.22, 0.28])"
+            )
+        plan = SweepPlan.over(self.config, {name: given for name, given in over.items() if given is not None})
+        beside = self.path if plan.family is self.config else Path(f"{self.path}{plan.suffix}")
+        with located(self._document):
+            check_backends(plan.family)
+            folder = RunFolder.claim(beside if out is None else out, plan.family, resume=True)
+            with one_blas_thread(), folder:
+                return run_sweep(folder, plan, console=self._console, laws=laws, store=self._store)
 
     def report(self, laws: Sequence[LawKind] = USUAL_LAWS) -> Path:
         """Write the report, and return the path of the page.

@@ -194,10 +194,13 @@ def processes_here(config: RunConfig) -> int:
     return 1 if alone else config.sampling.worker_count()
 
 
-def bodies_at_once(config: RunConfig, count: int) -> int:
-    """Return how many of ``count`` macro solves run at a time: as many as there are cores and memory for."""
+def bodies_at_once(config: RunConfig, count: int, work: float | None = None) -> int:
+    """Return how many of ``count`` macro solves run at a time: as many as there are cores and memory for.
+
+    ``work`` is the time of all where each process does several of them; by default each does one [s].
+    """
     load, most = config.macro.loads[0], min(processes_here(config), count)
-    if most < 2 or macro_time(config, load) < WORTHWHILE:
+    if most < 2 or (macro_time(config, load) if work is None else work / most) < WORTHWHILE:
         return 1
     each = cost.LIBRARIES + UNKNOWN * body_mesh(config.macro.problem(load)).size
     there = available_bytes()

@@ -1,0 +1,191 @@
+"""Plan of a sweep (SweepPlan): the family of cells that its values span, and the body at each of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise, product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from porocore.cell.cell import Cell
+from porocore.cell.family.parameters import number, possible_parameters, require_known
+from porocore.cell.family.ranges import replaced
+from porocore.core.echo import echo, joined
+from porocore.core.files.yaml_document import YamlDocument
+from porocore.core.units.texts import dimensions
+from porocore.errors import ConfigurationError
+from porocore.study.config.config import RunConfig
+from porocore.study.config.loading import validated
+
+#: Digits to which values are rounded, so that those of equal steps have short names.
+DIGITS = 12
+#: Values of a sweep at most, of two parameters together.
+MOST_VALUES = 10_000
+#: Folder of the values below that of the run.
+FOLDER = "sweep"
+
+
+@dataclass(frozen=True)
+class SweptParameter:
+    """A parameter of a sweep.
+
+    Attributes
+    ----------
+    name
+        Name of the parameter, as of ``Cell.parameters``.
+    values
+        Its values, ascending.
+    quantity
+        Quantity that it is, '' for a plain number.
+    """
+
+    name: str
+    values: tuple[float, ...]
+    quantity: str = ""
+
+
+@dataclass(frozen=True)
+class SweepPoint:
+    """Values of a sweep's parameters, by name."""
+
+    values: Mapping[str, float]
+
+    @property
+    def name(self) -> str:
+        """Name of the point and of its folder, such as ``radius=0.22,poisson_ratio=0.3``."""
+        return ",".join(f"{name}={value!r}" for name, value in self.values.items())
+
+
+@dataclass(frozen=True, eq=False)
+class SweepPlan:
+    """Values of one or two parameters, and the study of the family of cells that they span.
+
+    Attributes
+    ----------
+    family
+        Configuration of the run that samples and learns the family.
+    swept
+        The parameters with their values.
+    """
+
+    family: RunConfig
+    swept: tuple[SweptParameter, ...]
+
+    @classmethod
+    def over(cls, config: RunConfig, values: Mapping[str, Sequence[float]]) -> SweepPlan:
+        """Return the plan of a sweep of a study.
+
+        A number of the cell becomes a range between the ends of its values; a range that is there already stays.
+
+        Parameters
+        ----------
+        config
+            The study.
+        values
+            Values of one or two parameters of the cell, by name.
+
+        Raises
+        ------
+        ConfigurationError
+            A name is unknown, values are too few or too many, twice there or outside the range, or no cell has them.
+        """
+        if not 1 <= len(values) <= 2:
+            raise ConfigurationError(
+                f"expected one or two parameters, got {joined(map(str, values)) if values else 'none'}"
+            )
+        paths = {name: path for path, name in possible_parameters(config.cell).items()}
+        require_known(values, [*paths])
+        found = {name: _values(name, given) for name, given in values.items()}
+        if (count := math.prod(map(len, found.values()))) > MOST_VALUES:
+            raise ConfigurationError(f"expected at most {MOST_VALUES} values in all, got {count}")
+        ranges = {parameter.name: parameter for parameter in config.cell.parameters}
+        for name in found.keys() & ranges.keys():
+            for value in found[name]:
+                ranges[name].require_inside(value)
+        new = {paths[name]: {"range": [min(v), max(v)]} for name, v in found.items() if name not in ranges}
+        data = config.model_dump(mode="json")
+        data["cell"] = replaced(data["cell"], new)
+        for name, given in found.items():
+            middle = ranges[name].base if name in ranges else (min(given) + max(given)) / 2
+            data["macro"]["fields"].setdefault(name, middle)
+        family = config if data == config.model_dump(mode="json") else _validated(data)
+        quantities = quantities_of(config.cell)
+        return cls(family, tuple(SweptParameter(name, v, quantities[name]) for name, v in found.items()))
+
+    @property
+    def suffix(self) -> str:
+        """What the name of the family's folder has behind that of the study, such as ``-over-radius``."""
+        return f"-over-{'-'.join(each.name for each in self.swept)}"
+
+    @cached_property
+    def points(self) -> tuple[SweepPoint, ...]:
+        """All points, the values of the first parameter outermost."""
+        names = [each.name for each in self.swept]
+        return tuple(
+            SweepPoint(dict(zip(names, values, strict=True)))
+            for values in product(*(each.values for each in self.swept))
+        )
+
+    def at(self, point: SweepPoint) -> RunConfig:
+        """Return the study of the body whose cell has the values of a point everywhere."""
+        fields = {**self.family.macro.fields, **point.values}
+        return self.family.model_copy(
+            update={"macro": self.family.macro.model_copy(update={"fields": fields})}
+        )
+
+    def member(self, point: SweepPoint) -> np.ndarray[Any, np.dtype[np.float64]] | None:
+        """Return the values (1, m) of all parameters of the one cell of the body; None where it has several."""
+        macro = self.at(point).macro
+        names = [parameter.name for parameter in self.family.cell.parameters]
+        values = [macro.fields.get(name) for name in names]
+        if any(name in region.fields for region in macro.regions.values() for name in names):
+            return None
+        if not all(isinstance(value, float | int) for value in values):
+            return None
+        return np.array([values], dtype=float)
+
+
+def _validated(data: dict[str, Any]) -> RunConfig:
+    """Return the configuration of settings; its faults have keys and no place."""
+    try:
+        return validated(YamlDocument.of(data, Path.cwd()))
+    except ConfigurationError as error:
+        lines = (line.removeprefix("settings: ") for line in str(error).splitlines())
+        raise ConfigurationError("\n".join(lines)) from None
+
+
+def quantities_of(cell: Cell) -> dict[str, str]:
+    """Return the quantity of every number of a cell that may be a parameter, by name; '' for a plain number."""
+    names = possible_parameters(cell)
+    return {
+        names[place.path]: "" if dimension is None else dimension.quantity
+        for place, dimension in dimensions(type(cell), cell)
+        if place.path in names
+    }
+
+
+def _values(name: str, given: Sequence[float]) -> tuple[float, ...]:
+    """Return the values of a parameter in ascending order.
+
+    Raises
+    ------
+    ConfigurationError
+        They are no sequence of two different finite numbers or more.
+    """
+    try:
+        if isinstance(given, str | Mapping):
+            raise TypeError
+        values = sorted(float(f"{number(name, value):.{DIGITS}g}") for value in given)
+    except TypeError:
+        raise ConfigurationError(f"{name}: expected a sequence of values, got {echo(given)}") from None
+    if len(values) < 2:
+        raise ConfigurationError(f"{name}: expected at least two values, got {echo(values)}")
+    for one, other in pairwise(values):
+        if one == other:
+            raise ConfigurationError(f"{name}: the value {one:g} is there twice; keep one")
+    return tuple(values)
