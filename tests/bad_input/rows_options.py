@@ -28,6 +28,7 @@ NEEDED = {
     "sample": (CONFIG, "--out", "out"),
     "check": (CONFIG,),
     "cell rev": (CONFIG, "--out", "out"),
+    "sweep": (CONFIG, "--out", "out"),
     "store clear": ("--store", "none-there"),
 }
 #: Options of commands with a value that cannot be used, and a part of the message.
@@ -101,6 +102,15 @@ REFUSED = [
     ("stability", "--across", "p=" + "0," * 4000, "--across: expected"),
     ("stability", "--across", "p=" + ",".join(map(str, range(2000))), "at most 1000 are followed"),
     ("stability", "--across", "H22=1", "both along the lines and across"),
+    ("sweep", "--over", "radius=0.2:1e999:3", "expected a finite number"),
+    ("sweep", "--over", "radius=0.2:0.3:" + "9" * 400, "expected a COUNT from 2 to 10000"),
+    ("sweep", "--over", "radius=" + "0.2," * 4000, "radius: expected a number"),
+    ("sweep", "--over", "radius=" + ",".join(f"{0.2 + k * 1e-6:.6f}" for k in range(10001)), "at most 10000 values"),
+    ("sweep", "--over", "radius=nan,0.2", "expected a finite number"),
+    ("sweep", "--over", "r" * 5000 + "=0.2,0.3", "no parameter of the cell has this name"),
+    ("sweep", "--over", "r" * 5000, "expected a parameter and its values"),
+    ("sweep", "--over", "size=0.3,0.4", "no parameter of the cell has this name"),
+    ("sweep", "--over", "poisson_ratio=0.2,0.3", "closure 'mean-gradient' takes the stress"),
     ("tune", "--depths", "1000000", "--depths: expected whole numbers from 1 to 20"),
     ("tune", "--depths", "0", "--depths: expected whole numbers"),
     ("tune", "--depths", "1.5", "--depths: expected whole numbers"),

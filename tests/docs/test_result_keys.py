@@ -11,6 +11,7 @@ from porocore.macro.closure_error import ClosureError
 from porocore.macro.series import PROBE
 from porocore.report.context import AdaptiveSurrogateCost, DirectCost
 from porocore.report.words.statuses import SHARES
+from porocore.study.sweep.results import OF_ALL, OF_CELL, OF_FORCES, OF_SETTLEMENT
 
 PACKAGE = Path(porocore.__file__).parent
 PAGE = (PACKAGE.parent / "docs" / "results.md").read_text(encoding="utf-8")
@@ -59,6 +60,7 @@ def test_every_column_and_every_key_is_explained():
     columns = [file_name(field.name) for field in fields(History)] + [name for name, _ in PROBE]
     costs = [field.name for each in (DirectCost, AdaptiveSurrogateCost) for field in fields(each)]
     keys = [*columns, *costs, *ClosureError(0, 0, 0, 0).for_json(), *SHARES, *written()]
+    keys += [*OF_CELL, *OF_SETTLEMENT, *OF_ALL, *OF_FORCES]
     assert {"stress_spread", "wall_in_contact", "reactions", "relaxed_95_percent", "depth", "min_gap"} <= set(
         keys
     )

@@ -39,6 +39,7 @@ COMMANDS = [
         "need pyvista, which is not installed: pip install 'porocore[pictures]'",
     ),
     ("reproduce dehghani2022 --figure 13 --out new", BOTH),
+    ("sweep study.yaml --over radius=0.2:0.3:3 --out new", BOTH),
     ("sample study.yaml --out new", SKFEM),
     ("train run", TORCH),
     ("solve run", "macro solver 'skfem' is not installed; install it: pip install porocore-fem-skfem"),

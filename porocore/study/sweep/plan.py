@@ -26,6 +26,8 @@ from porocore.study.config.loading import validated
 DIGITS = 12
 #: Values of a sweep at most, of two parameters together.
 MOST_VALUES = 10_000
+#: Sampler that varies no parameters, and the design that samples the family of a study that has it.
+WITHOUT_PARAMETERS, DESIGN = "density-sweep", {"count": 64, "corners": True}
 #: Folder of the values below that of the run.
 FOLDER = "sweep"
 
@@ -71,16 +73,20 @@ class SweepPlan:
         Configuration of the run that samples and learns the family.
     swept
         The parameters with their values.
+    notes
+        Settings of the study that a family cannot have, and what stands in their place.
     """
 
     family: RunConfig
     swept: tuple[SweptParameter, ...]
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def over(cls, config: RunConfig, values: Mapping[str, Sequence[float]]) -> SweepPlan:
         """Return the plan of a sweep of a study.
 
-        A number of the cell becomes a range between the ends of its values; a range that is there already stays.
+        A number of the cell becomes a range between the ends of its values; a range that is there already stays. Where
+        the sampler of a study without ranges varies no parameters, a design samples the family.
 
         Parameters
         ----------
@@ -113,9 +119,11 @@ class SweepPlan:
         for name, given in found.items():
             middle = ranges[name].base if name in ranges else (min(given) + max(given)) / 2
             data["macro"]["fields"].setdefault(name, middle)
+        notes = () if config.cell.parameters else _sampled_by_a_design(data["sampling"])
         family = config if data == config.model_dump(mode="json") else _validated(data)
         quantities = quantities_of(config.cell)
-        return cls(family, tuple(SweptParameter(name, v, quantities[name]) for name, v in found.items()))
+        swept = tuple(SweptParameter(name, v, quantities[name]) for name, v in found.items())
+        return cls(family, swept, notes)
 
     @property
     def suffix(self) -> str:
@@ -148,6 +156,18 @@ class SweepPlan:
         if not all(isinstance(value, float | int) for value in values):
             return None
         return np.array([values], dtype=float)
+
+
+def _sampled_by_a_design(sampling: dict[str, Any]) -> tuple[str, ...]:
+    """Put a design in the place of a sampler that varies no parameters; return a note where that is so."""
+    if sampling["sampler"] != WITHOUT_PARAMETERS:
+        return ()
+    inputs = {name: {**swept, "step": None} for name, swept in sampling["inputs"].items()}
+    sampling |= {"sampler": "sobol", "options": dict(DESIGN), "inputs": inputs, "tolerance": None}
+    return (
+        f"sampling: {WITHOUT_PARAMETERS} varies no parameters of the cell; sobol samples the family with "
+        f"{DESIGN['count']} states",
+    )
 
 
 def _validated(data: dict[str, Any]) -> RunConfig:

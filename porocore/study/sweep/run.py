@@ -72,6 +72,8 @@ def run_sweep(
         The body could be solved for no value.
     """
     require_sweep_laws(laws)
+    for note in plan.notes:
+        console.note(note)
     learn(folder, plan, console=console, store=store)
     names = law_names(plan.family, laws, plan.family.closure)
     failures = solve_points(folder, plan, laws, names, console)
