@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
@@ -152,7 +153,10 @@ def _value(name: str, text: str, quantity: str, scales: Scales | None) -> float:
     from porocore.core.units.texts import value_of
 
     try:
-        return value_of(text, quantity, scales) if quantity else float(text)
+        value = value_of(text, quantity, scales) if quantity else float(text)
+        if not math.isfinite(value):
+            raise ConfigurationError(f"{name}: expected a finite number, got {echo(text.strip())}")
+        return value
     except UnitError as error:
         raise ConfigurationError(f"{name}: {error}") from None
     except ValueError:

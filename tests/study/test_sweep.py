@@ -357,7 +357,7 @@ def test_the_command_prints_and_writes_the_same(swept: ParameterSweep, tmp_path:
         (("radius=0.2:0.3:1",), "--over: radius: expected a COUNT from 2 to 10000, got 1"),
         (("radius=0.2:0.3:100000",), "--over: radius: expected a COUNT from 2 to 10000"),
         (("radius=0.3:0.2:3",), "--over: radius: expected LOW:HIGH:COUNT with LOW below HIGH"),
-        (("radius=0.2:nan:3",), "--over: radius: expected LOW:HIGH:COUNT with LOW below HIGH"),
+        (("radius=0.2:nan:3",), "--over: radius: expected a finite number, got 'nan'"),
         (("radius=0.2",), "--over: radius: expected at least two values, got [0.2]"),
         (("radius=0.2,0.3", "radius=0.2,0.3"), "--over: 'radius' is there twice"),
         (("radius=0.2,0.6",), "--over: cell.geometry.radius: expected"),
