@@ -29,6 +29,9 @@ def folder(tmp_path: Path) -> Path:
 
 def test_a_folder_that_nobody_touched_is_finished(folder: Path) -> None:
     (folder / ".lock").write_text("of another process")
+    (folder / "sweep" / "radius=0.2").mkdir(parents=True)
+    for name in ("sweep.csv", "sweep/radius=0.2/linear.h5"):
+        (folder / name).write_text("of a sweep")
     assert FinishedRun.find(folder) == RUN
     replace(RUN, title="C").keep(folder)
     found = FinishedRun.find(folder)

@@ -14,6 +14,8 @@ from porocore.core.files.reading import read_json
 FORMAT, VERSION = "porocore-finished", 1
 #: Files that are no part of what the run ended with; the lock is taken by every command.
 _LEFT_OUT = (".lock", "finished.json")
+#: What the names begin with that a sweep adds to the folder of its family.
+_OF_SWEEPS = "sweep"
 
 
 @dataclass(frozen=True)
@@ -69,7 +71,7 @@ def _stamps(folder: Path) -> dict[str, list[int]]:
     for above, _, names in os.walk(folder):
         for path in (Path(above, name) for name in names):
             relative = path.relative_to(folder).as_posix()
-            if relative not in _LEFT_OUT:
+            if relative not in _LEFT_OUT and not relative.startswith(_OF_SWEEPS):
                 status = path.stat()
                 found[relative] = [status.st_size, status.st_mtime_ns]
     return found
