@@ -1,4 +1,4 @@
-"""``porocore sweep`` as a process: killed and interrupted between two values it goes on, and ends with the same table."""
+"""``porocore sweep`` as a process: killed or interrupted between two values it goes on, to the same table."""
 
 from __future__ import annotations
 
