@@ -3,8 +3,8 @@
     python benchmarks/parameter_plane.py --out DIR [--plot docs/images/parameter-plane.png]
 
 One family of cells, r from 0.15 to 0.3 and ν from 0.2 to 0.45, is sampled and learned; then the column is solved for
-each pair of values. Three points are held against studies of their own: one cell with these numbers, meshed, sampled and
-learned alone. DIR keeps everything, and an interrupted script goes on.
+each pair of values. Three points are held against studies of their own: one cell with these numbers, meshed, sampled
+and learned alone. DIR keeps everything, and an interrupted script goes on.
 """
 
 from __future__ import annotations

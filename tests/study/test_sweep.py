@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import csv
 import io
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,6 @@ from porocore.study.sweep.results import ParameterSweep
 pytest.importorskip("porocore_fem_skfem")
 
 SIDE = {"displacement": [0, None, 0]}
-MATERIAL = {"kind": "mooney-rivlin", "c10": "20 kPa", "c01": "10 kPa", "bulk_modulus": "0.2 MPa"}
 STUDY: dict[str, Any] = {
     "cell": {
         "material": {"poisson_ratio": 0.3},
@@ -52,7 +52,7 @@ STUDY: dict[str, Any] = {
             "y+": {"traction": [0, 1, 0], "pressure": 0},
         },
         "loads": [-0.04],
-        "time": {"end": 200, "step": 20, "ramp_increments": 2, "ramp_step": 0.5},
+        "time": {"end": 400, "step": 20, "ramp_increments": 2, "ramp_step": 0.5},
     },
 }
 HEIGHT, LOAD = 7.5, -0.04
@@ -80,6 +80,13 @@ def ranged(ends: list[float]) -> dict[str, Any]:
 
 def made(out: Path, settings: dict[str, Any] = STUDY) -> porocore.Study:
     return porocore.Study(settings, out=out, progress=False, store=False)
+
+
+@pytest.fixture(autouse=True)
+def laid_out(recwarn: pytest.WarningsRecorder) -> Iterator[None]:
+    """Every figure finds a layout."""
+    yield
+    assert not [each for each in recwarn if "constrained_layout" in str(each.message)]
 
 
 @pytest.fixture(scope="module")
@@ -207,10 +214,10 @@ def test_processes_side_by_side_give_the_same(
 def test_a_value_without_solution_is_an_empty_row(
     study: porocore.Study, swept: ParameterSweep, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    solve = sweeping.solve_point
+    solve, failing = sweeping.solve_point, {0.24}
 
     def fails(tell: Any, folder: Any, config: Any, laws: Any) -> None:
-        if config.macro.fields["poisson_ratio"] < 0.26:
+        if config.macro.fields["poisson_ratio"] in failing:
             raise SolveError("the step failed")
         solve(tell, folder, config, laws)
 
@@ -221,6 +228,7 @@ def test_a_value_without_solution_is_an_empty_row(
     assert float(rows[1]["porosity"]) > 0.3
     with pytest.raises(ConfigurationError, match=r"poisson_ratio=0\.24: the body could not be solved"):
         found.solutions(poisson_ratio=0.24)
+    failing |= {0.2, 0.4}
     with pytest.raises(SolveError, match="no value could be solved; the step failed"):
         study.sweep("poisson_ratio", (0.2, 0.4), out=_another(swept))
     study.sweep("poisson_ratio", VALUES)
@@ -258,30 +266,28 @@ def test_a_plane_of_two_numbers_and_a_range_of_the_file(tmp_path: Path) -> None:
 
 
 def test_moved_surfaces_several_loads_and_units(tmp_path: Path) -> None:
-    boundary = {**STUDY["macro"]["boundary"], "y+": {"displacement": [0, 1, 0], "pressure": 0}}
+    """A thicker fluid resists a quick move more, and not the slow one."""
     settings = with_settings(
-        cell={
-            **STUDY["cell"],
-            "viscosity": "1 mPa s",
-            "material": MATERIAL,
-        },
-        macro={**STUDY["macro"], "boundary": boundary, "loads": [-0.1, -0.3]},
-        scales={"modulus": "0.5 MPa", "length": "1 mm", "pore": "50 nm"},
+        cell={**STUDY["cell"], "viscosity": "1 mPa s"},
+        macro__boundary={**STUDY["macro"]["boundary"], "y+": {"displacement": [0, 1, 0], "pressure": 0}},
+        macro__loads=[-0.1, -0.3],
+        scales={"modulus": "0.5 MPa", "length": "1 mm", "pore": "50 nm", "viscosity": "1 mPa s"},
         output_units={"length": "mm", "stress": "kPa", "force": "mN"},
     )
-    found = made(tmp_path / "units", settings).sweep("c10", [0.03, 0.05])
+    found = made(tmp_path / "units", settings).sweep("viscosity", [1, 4])
     rows = rows_of(found)
-    assert [float(row["c10 [kPa]"]) for row in rows] == [15.0, 25.0]
+    assert [float(row["viscosity [Pa s]"]) for row in rows] == [0.001, 0.004]
     peaks = [float(row["load -0.3: y+: peak [mN]"]) for row in rows]
-    assert peaks[1] > peaks[0] > float(rows[0]["load -0.1: y+: peak [mN]"]) > 0
-    solved, linear = (
-        found.solutions(c10=0.05)[-0.3].linear,
-        float(rows[1]["load -0.3: linear: y+: peak [mN]"]),
-    )
-    assert solved.forces["y+"]["peak"]["value"] == pytest.approx(linear, rel=1e-6)
+    assert peaks[1] > peaks[0] > 2 * float(rows[0]["load -0.1: y+: peak [mN]"]) > 0
+    times = [float(row["load -0.3: y+: relaxed_50_percent [s]"]) for row in rows]
+    assert times[1] > 2 * times[0]
+    ends = [float(row["load -0.3: y+: final [mN]"]) for row in rows]
+    assert ends[1] == pytest.approx(ends[0], rel=1e-2)
+    solved = found.solutions(viscosity=4)[-0.3].linear.forces["y+"]["peak"]
+    assert solved["value"] == pytest.approx(float(rows[1]["load -0.3: linear: y+: peak [mN]"]), rel=1e-6)
     assert not [name for name in rows[0] if "settlement" in name]
-    with pytest.raises(ConfigurationError, match=r"the sweep has no point at 0\.04; it has c10 0\.03, 0\.05"):
-        found.solutions(c10=0.04)
+    with pytest.raises(ConfigurationError, match="the sweep has no point at 2; it has viscosity 1, 4"):
+        found.solutions(viscosity=2)
 
 
 @pytest.mark.parametrize(
@@ -317,7 +323,7 @@ def test_what_the_family_lacks_is_told(tmp_path: Path) -> None:
         ConfigurationError, match=r"'mean-gradient' takes .* cell\.material\.poisson_ratio is a range"
     ):
         made(tmp_path / "none", with_settings(closure="mean-gradient")).sweep("poisson_ratio", [0.2, 0.3])
-    with pytest.raises(ConfigurationError, match="laws: expected some of surrogate, linear, got direct"):
+    with pytest.raises(ConfigurationError, match=r"laws: .* some of surrogate, linear, got .direct"):
         made(tmp_path / "none").sweep("radius", [0.2, 0.25], laws=("surrogate", "direct"))
     with pytest.raises(ConfigurationError, match="laws: expected surrogate among them, got linear"):
         made(tmp_path / "none").sweep("radius", [0.2, 0.25], laws=("linear",))
@@ -341,7 +347,7 @@ def test_the_command_prints_and_writes_the_same(swept: ParameterSweep, tmp_path:
     assert isinstance(done.exception, RunFolderError)
     assert "already holds this run; add --resume" in str(done.exception)
     done = invoke(*words[:3], "poisson_ratio=0.2,0.35", *words[4:], "--resume")
-    assert "poisson_ratio.range.1 (0.35, not 0.4)" in str(done.exception)
+    assert "poisson_ratio.range ([0.2, 0.35], not [0.2, 0.4])" in str(done.exception)
 
 
 @pytest.mark.parametrize(

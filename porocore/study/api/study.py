@@ -31,7 +31,7 @@ from porocore.study.stages.stage_files import load_reference, load_solution, loa
 from porocore.study.store import chosen_store
 from porocore.study.sweep.plan import SweepPlan
 from porocore.study.sweep.results import ParameterSweep
-from porocore.study.sweep.run import run_sweep
+from porocore.study.sweep.run import require_sweep_laws, run_sweep
 from porocore.study.tuning.candidates import DEPTHS, WIDTHS, candidates
 from porocore.study.tuning.tune import Tuning, tune
 
@@ -288,6 +288,7 @@ class Study:
         ConfigurationError
             The number is unknown, or a value outside the range that the configuration gives.
         """
+        require_sweep_laws(laws)
         over = {parameter: values} if isinstance(parameter, str) else parameter
         if not isinstance(over, Mapping) or any(given is None for given in over.values()):
             raise ConfigurationError(

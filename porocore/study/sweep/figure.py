@@ -204,13 +204,13 @@ def _from_zero(axes: Axes) -> None:
 def _over_both(sweep: ParameterSweep) -> Figure:
     names = [sweep.named(name) for row in _rows(sweep) for name in row]
     names += [name for name in ("porosity", "K_22") if name in sweep.figures] or [sweep.named("drained")]
-    names = [name for name in names if np.isfinite(sweep.figures.get(name, np.nan)).any()][:6]
+    names = [name for name in names if _varies(sweep.figures.get(name, np.zeros(1)))] or names[:1]
     figure = new_figure(12.0, 3.5 * -(-len(names) // 3))
     panels = figure.subplots(-(-len(names) // 3), min(3, len(names)), squeeze=False).ravel()
     for axes, name in zip(panels, names, strict=False):
         plane(sweep, figure, axes, name)
     for axes in panels[len(names) :]:
-        axes.set_visible(False)
+        axes.remove()
     said = [f"load {sweep.largest_load:g}"] if len(sweep.plan.family.macro.loads) > 1 else []
     if sweep.flagged.any():
         said.append("white: flagged somewhere")
@@ -219,12 +219,19 @@ def _over_both(sweep: ParameterSweep) -> Figure:
     return figure
 
 
+def _varies(values: Array) -> bool:
+    """Return True for results of which some differ by more than round-off."""
+    known = values[np.isfinite(values)]
+    return len(known) > 1 and bool(np.ptp(known) > SAME * np.abs(known).max())
+
+
 def plane(sweep: ParameterSweep, figure: Figure, axes: Axes, name: str) -> None:
     """Draw one result over the plane of two parameters."""
     shape = tuple(len(each.values) for each in sweep.plan.swept)
     x, y = (_places(sweep, k).reshape(shape) for k in range(2))
     values = sweep.figures[name].reshape(shape)
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    low, high = (low, high) if _varies(values) else (low - 1.0, high + 1.0)
     wide = low > 0 and high > WIDE * low
     levels = np.geomspace(low, high, LEVELS + 1) if wide else MaxNLocator(LEVELS).tick_values(low, high)
     norm = LogNorm(low, high) if wide else None
@@ -240,7 +247,8 @@ def plane(sweep: ParameterSweep, figure: Figure, axes: Axes, name: str) -> None:
             "clip_on": False,
             "zorder": 4,
         }
-        axes.plot(x.ravel()[rows], y.ravel()[rows], ls="", **look)
+        if rows.any():  # what is empty and not clipped leaves the layout no room
+            axes.plot(x.ravel()[rows], y.ravel()[rows], ls="", **look)
     bar = figure.colorbar(filled, ax=axes, pad=0.02)
     if wide:
         bar.set_ticks(list(levels[::3]), labels=[f"{level:.2g}" for level in levels[::3]])

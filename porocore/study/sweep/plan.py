@@ -118,7 +118,7 @@ class SweepPlan:
         data["cell"] = replaced(data["cell"], new)
         for name, given in found.items():
             middle = ranges[name].base if name in ranges else (min(given) + max(given)) / 2
-            data["macro"]["fields"].setdefault(name, middle)
+            data["macro"]["fields"].setdefault(name, _rounded(middle))
         notes = () if config.cell.parameters else _sampled_by_a_design(data["sampling"])
         family = config if data == config.model_dump(mode="json") else _validated(data)
         quantities = quantities_of(config.cell)
@@ -189,6 +189,10 @@ def quantities_of(cell: Cell) -> dict[str, str]:
     }
 
 
+def _rounded(value: float) -> float:
+    return float(f"{value:.{DIGITS}g}")
+
+
 def _values(name: str, given: Sequence[float]) -> tuple[float, ...]:
     """Return the values of a parameter in ascending order.
 
@@ -200,7 +204,7 @@ def _values(name: str, given: Sequence[float]) -> tuple[float, ...]:
     try:
         if isinstance(given, str | Mapping):
             raise TypeError
-        values = sorted(float(f"{number(name, value):.{DIGITS}g}") for value in given)
+        values = sorted(_rounded(number(name, value)) for value in given)
     except TypeError:
         raise ConfigurationError(f"{name}: expected a sequence of values, got {echo(given)}") from None
     if len(values) < 2:
