@@ -271,10 +271,10 @@ def test_moved_surfaces_several_loads_and_units(tmp_path: Path) -> None:
         cell={**STUDY["cell"], "viscosity": "1 mPa s"},
         macro__boundary={**STUDY["macro"]["boundary"], "y+": {"displacement": [0, 1, 0], "pressure": 0}},
         macro__loads=[-0.1, -0.3],
-        scales={"modulus": "0.5 MPa", "length": "1 mm", "pore": "50 nm", "viscosity": "1 mPa s"},
+        scales={"modulus": "0.5 MPa", "length": "1 mm", "pore": "50 nm", "viscosity": "1 Pa s"},
         output_units={"length": "mm", "stress": "kPa", "force": "mN"},
     )
-    found = made(tmp_path / "units", settings).sweep("viscosity", [1, 4])
+    found = made(tmp_path / "units", settings).sweep("viscosity", [0.001, 0.004])
     rows = rows_of(found)
     assert [float(row["viscosity [Pa s]"]) for row in rows] == [0.001, 0.004]
     peaks = [float(row["load -0.3: y+: peak [mN]"]) for row in rows]
@@ -283,11 +283,13 @@ def test_moved_surfaces_several_loads_and_units(tmp_path: Path) -> None:
     assert times[1] > 2 * times[0]
     ends = [float(row["load -0.3: y+: final [mN]"]) for row in rows]
     assert ends[1] == pytest.approx(ends[0], rel=1e-2)
-    solved = found.solutions(viscosity=4)[-0.3].linear.forces["y+"]["peak"]
+    solved = found.solutions(viscosity=0.004)[-0.3].linear.forces["y+"]["peak"]
     assert solved["value"] == pytest.approx(float(rows[1]["load -0.3: linear: y+: peak [mN]"]), rel=1e-6)
     assert not [name for name in rows[0] if "settlement" in name]
-    with pytest.raises(ConfigurationError, match="the sweep has no point at 2; it has viscosity 1, 4"):
-        found.solutions(viscosity=2)
+    with pytest.raises(
+        ConfigurationError, match=r"the sweep has no point at 0\.002; it has viscosity 0\.001, 0\.004"
+    ):
+        found.solutions(viscosity=0.002)
 
 
 @pytest.mark.parametrize(
