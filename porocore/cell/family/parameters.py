@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, get_args, get_origin
 
 import numpy as np
 
-from porocore.core.echo import echo, suggestion
+from porocore.core.echo import cut, echo, suggestion
 from porocore.core.files.yaml_document import Location, dotted
 from porocore.core.inputs.input_space import NAMES
 from porocore.core.models.walk import Place, is_number, walk
@@ -241,7 +241,7 @@ def require_known(given: Iterable[str], names: Sequence[str]) -> None:
             advice = (
                 suggestion(str(name), names, "the parameters are") if names else "the cell has no parameters"
             )
-            raise ConfigurationError(f"{name}: no parameter of the cell has this name; {advice}")
+            raise ConfigurationError(f"{cut(str(name))}: no parameter of the cell has this name; {advice}")
 
 
 def _plain(values: Any) -> Any:

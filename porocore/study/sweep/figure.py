@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -238,7 +239,7 @@ def plane(sweep: ParameterSweep, figure: Figure, axes: Axes, name: str) -> None:
     filled = axes.contourf(x, y, values, levels=levels, cmap="viridis", norm=norm, extend="neither")
     axes.contour(x, y, values, levels=levels, colors="white", linewidths=0.5)
     for rows, face in ((~sweep.flagged, BLACK), (sweep.flagged, "white")):
-        look = {
+        look: dict[str, Any] = {
             "marker": "o",
             "ms": 3.0,
             "mew": 0.6,
