@@ -1,12 +1,12 @@
-"""Settings of a study as Python users give them: a file, an example by name, nested settings, a configuration."""
+"""Settings as Python users give them: source of a study, name of a cell, values of a sweep."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from porocore.core.echo import did_you_mean, echo
+from porocore.core.echo import did_you_mean, echo, suggestion
 from porocore.core.files.plain_data import merged
 from porocore.core.files.yaml_document import YamlDocument
 from porocore.errors import ConfigurationError
@@ -42,3 +42,35 @@ def configured(
     if settings:
         document = YamlDocument.of(merged(document.data, settings), document.folder)
     return path.stem, validated(document), document
+
+
+def of_named_cell(config: RunConfig, name: str | None) -> RunConfig:
+    """Return the study of one cell alone; see :meth:`RunConfig.of_cell`.
+
+    Raises
+    ------
+    ConfigurationError
+        The study has no cell of this name.
+    """
+    if name is not None and name not in config.cells:
+        known = suggestion(str(name), config.cells, "the cells are") if config.cells else "it has one"
+        raise ConfigurationError(f"cell: the study has no cell {echo(name)}; {known}")
+    return config.of_cell(name)
+
+
+def values_over(
+    parameter: str | Mapping[str, Sequence[float]], values: Sequence[float] | None
+) -> Mapping[str, Sequence[float]]:
+    """Return the values of a sweep by the name of the parameter.
+
+    Raises
+    ------
+    ConfigurationError
+        A name has no values, or what is given are no names.
+    """
+    over = {parameter: values} if isinstance(parameter, str) else parameter
+    if not isinstance(over, Mapping) or any(given is None for given in over.values()):
+        raise ConfigurationError(
+            "expected the name of a parameter and its values, such as sweep('radius', [0.16, 0.22, 0.28])"
+        )
+    return {name: given for name, given in over.items() if given is not None}

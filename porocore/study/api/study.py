@@ -10,14 +10,14 @@ from pathlib import Path
 from typing import Any, Literal
 
 from porocore.core.console import Console
-from porocore.core.echo import echo, suggestion
+from porocore.core.echo import echo
 from porocore.core.parallel.threads import one_blas_thread
 from porocore.core.units.results import ResultUnits
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.laws.point_law import Law
 from porocore.sampling.datasets.dataset import Dataset
-from porocore.study.api.settings import configured
+from porocore.study.api.settings import configured, of_named_cell, values_over
 from porocore.study.api.solved import LawsSolved, Samples, Solutions, Solved
 from porocore.study.config.config import RunConfig
 from porocore.study.config.errors import located
@@ -113,17 +113,6 @@ class Study:
         """True if the surrogates of all cells are there."""
         return all(files.surrogate_of(one).exists() for files, one in self.folder.of_each_cell(self.config))
 
-    def _of_cell(self, name: str | None) -> RunConfig:
-        """Return the study of one cell alone; see :meth:`RunConfig.of_cell`."""
-        if name is not None and name not in self.config.cells:
-            known = (
-                suggestion(str(name), self.config.cells, "the cells are")
-                if self.config.cells
-                else "it has one"
-            )
-            raise ConfigurationError(f"cell: the study has no cell {echo(name)}; {known}")
-        return self.config.of_cell(name)
-
     @contextmanager
     def _at_work(self) -> Iterator[RunFolder]:
         """Hold the run folder, and compute on one thread."""
@@ -146,7 +135,7 @@ class Study:
 
         Of several ``cells`` those of the named ``cell`` are returned, by default of that of the rest of the body.
         """
-        one = self._of_cell(cell)
+        one = of_named_cell(self.config, cell)
         with self._at_work() as folder, located(self._document):
             pipeline.solve_reference(folder, self.config, console=self._console, store=self._store)
             pipeline.sample(
@@ -160,7 +149,7 @@ class Study:
 
         Of several ``cells`` that of the named ``cell`` is returned, by default that of the rest of the body.
         """
-        one = self._of_cell(cell)
+        one = of_named_cell(self.config, cell)
         if not self._trained:
             self.sample()
         with self._at_work() as folder:
@@ -248,7 +237,7 @@ class Study:
             raise ConfigurationError(
                 f"kind: expected 'surrogate' or 'linear', got {echo(kind)}; porocore.CellProblem solves the cell itself"
             )
-        one = self._of_cell(cell)
+        one = of_named_cell(self.config, cell)
         # Linear poroelasticity of a family is its surrogate's, at rest.
         learned = kind == "surrogate" or one.cell.is_family
         if learned and not self._trained:
@@ -289,12 +278,7 @@ class Study:
             The number is unknown, or a value outside the range that the configuration gives.
         """
         require_sweep_laws(laws)
-        over = {parameter: values} if isinstance(parameter, str) else parameter
-        if not isinstance(over, Mapping) or any(given is None for given in over.values()):
-            raise ConfigurationError(
-                "expected the name of a parameter and its values, such as sweep('radius', [0.16, 0.22, 0.28])"
-            )
-        plan = SweepPlan.over(self.config, {name: given for name, given in over.items() if given is not None})
+        plan = SweepPlan.over(self.config, values_over(parameter, values))
         beside = self.path if plan.family is self.config else Path(f"{self.path}{plan.suffix}")
         with located(self._document):
             check_backends(plan.family)

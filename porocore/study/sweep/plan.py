@@ -151,7 +151,8 @@ class SweepPlan:
         macro = self.at(point).macro
         names = [parameter.name for parameter in self.family.cell.parameters]
         values = [macro.fields.get(name) for name in names]
-        if any(name in region.fields for region in macro.regions.values() for name in names):
+        regions = macro.regions.values()
+        if any(region.cell is not None or any(name in region.fields for name in names) for region in regions):
             return None
         if not all(isinstance(value, float | int) for value in values):
             return None

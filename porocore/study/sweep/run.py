@@ -95,7 +95,7 @@ def run_sweep(
 def learn(folder: RunFolder, plan: SweepPlan, *, console: Console, store: ResultStore | None = None) -> None:
     """Sample the family and train its surrogate, unless the folder holds it."""
     config = plan.family
-    if folder.surrogate_of(config).exists():
+    if all(files.surrogate_of(one).exists() for files, one in folder.of_each_cell(config)):
         console.note(f"the family is learned already: {folder.surrogate_of(config).name}")
         return
     if isinstance(make_backend("sampler", config), MacroDriven):
