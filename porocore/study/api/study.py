@@ -271,11 +271,6 @@ class Study:
             Surrogate, and linear beside it.
         out
             Run folder of the family; by default that of the study where this is its study already, else one beside it.
-
-        Raises
-        ------
-        ConfigurationError
-            The number is unknown, or a value outside the range that the configuration gives.
         """
         require_sweep_laws(laws)
         plan = SweepPlan.over(self.config, values_over(parameter, values))

@@ -127,7 +127,7 @@ class SweepPlan:
 
     @property
     def suffix(self) -> str:
-        """What the name of the family's folder has behind that of the study, such as ``-over-radius``."""
+        """End of the name of the family's folder, behind that of the study, such as ``-over-radius``."""
         return f"-over-{'-'.join(each.name for each in self.swept)}"
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Results of a sweep (ParameterSweep): figures of each value, the table and the pictures; its solutions."""
+"""Results of a sweep (ParameterSweep): figures of each value, paths of table and picture, solutions."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from porocore.cell.family.parameters import number, require_known
-from porocore.core.files.atomic import atomic_path
-from porocore.core.files.plain_data import write_csv
 from porocore.core.units.results import ResultUnits
 from porocore.errors import ConfigurationError
 from porocore.interfaces.solution import MacroSolution
@@ -109,7 +107,7 @@ class ParameterSweep:
 
     @property
     def loading_mode(self) -> LoadingMode:
-        """Whether stresses or displacements load the body."""
+        """Loading by stresses or displacements."""
         return LoadingMode.from_setup(self.plan.family.macro)
 
     def solutions(self, values: Mapping[str, float] | None = None, /, **named: float) -> Solutions:
@@ -170,29 +168,6 @@ class ParameterSweep:
     def pictures(self) -> tuple[Path, ...]:
         """The picture, ``sweep.png`` and ``sweep.svg``."""
         return tuple(self.folder.path / name for name in PICTURES)
-
-    def write(self) -> None:
-        """Write table and picture.
-
-        Raises
-        ------
-        RunFolderError
-            A file cannot be written.
-        """
-        from porocore.report.figures.style import png_bytes, svg_bytes
-        from porocore.study.sweep.figure import sweep_figure
-
-        swept = [self.units.titled(each.name, each.quantity) for each in self.plan.swept]
-        header = [*swept, *(self.units.titled(name, self.quantity(name)) for name in self.figures)]
-        values = zip(self.values.T, self.plan.swept, strict=True)
-        columns = [[self.units.value(float(x), each.quantity) for x in column] for column, each in values]
-        columns += [column.tolist() for column in self.figures.values()]
-        rows = zip(*columns, strict=True)
-        write_csv(self.table, header, ([x if np.isfinite(x) else "" for x in row] for row in rows))
-        figure = sweep_figure(self)
-        for path, made in zip(self.pictures, (png_bytes, svg_bytes), strict=True):
-            with atomic_path(path) as part:
-                part.write_bytes(made(figure))
 
     @cached_property
     def _columns(self) -> dict[str, list[float]]:

@@ -1,4 +1,4 @@
-"""Run of a sweep: samples and surrogate of the family, then the body of each value, side by side where that pays."""
+"""Run of a sweep: samples and surrogate of the family, then the body of each value, side by side."""
 
 from __future__ import annotations
 
@@ -71,6 +71,8 @@ def run_sweep(
     SolveError
         The body could be solved for no value.
     """
+    from porocore.study.sweep.files import write_sweep  # matplotlib is slow to import
+
     require_sweep_laws(laws)
     for note in plan.notes:
         console.note(note)
@@ -83,7 +85,7 @@ def run_sweep(
         raise SolveError(f"no value could be solved; {next(iter(failures.values()))}")
     sweep = ParameterSweep(plan, folder, tuple(names), frozenset(failures))
     with speaking(plan.family.result_units):
-        sweep.write()
+        write_sweep(sweep)
     if flagged := int(sweep.flagged.sum()):
         console.warn(
             f"{flagged} of {len(plan.points)} values leave the states that the surrogate is trusted in "
