@@ -6,7 +6,6 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 
 from porocore.cli.common import chosen_store, claim, command, in_units_of, interruptible, located, read_config
@@ -144,7 +143,8 @@ def _values(name: str, text: str, quantity: str, scales: Scales | None) -> list[
     ends = [_value(name, end, quantity, scales) for end in (low, high)]
     if not ends[0] < ends[1]:
         raise ConfigurationError(f"{name}: expected LOW:HIGH:COUNT with LOW below HIGH, got {echo(text)}")
-    return [float(x) for x in np.linspace(ends[0], ends[1], number)]
+    low_end, high_end = ends
+    return [low_end + (high_end - low_end) * k / (number - 1) for k in range(number)]
 
 
 def _value(name: str, text: str, quantity: str, scales: Scales | None) -> float:
@@ -179,5 +179,5 @@ def print_sweep(sweep: ParameterSweep) -> None:
             f"{units.value(x, each.quantity):.6g}" for x, each in zip(values, sweep.plan.swept, strict=True)
         ]
         results = [float(sweep.figures[name][k]) for name in names]
-        table.add_row(*row, *(f"{x:.4g}" if np.isfinite(x) else "–" for x in results))
+        table.add_row(*row, *(f"{x:.4g}" if math.isfinite(x) else "–" for x in results))
     page().print(table)
