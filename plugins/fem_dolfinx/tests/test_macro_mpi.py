@@ -362,3 +362,8 @@ def test_two_processes_see_the_fields_of_their_elements(tmp_path):
         mine, theirs = getattr(two.profiles[-1], name), getattr(one.profiles[-1], name)
         np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-9 * max(abs(theirs).max(), 1e-3))
     assert abs(one.profiles[-1].u).max() > 1e-3
+    assert two.element_cells.regions == one.element_cells.regions == ("low",)
+    for name in ("region", "values", "axes"):
+        np.testing.assert_allclose(
+            getattr(two.element_cells, name), getattr(one.element_cells, name), rtol=0, atol=1e-13
+        )
