@@ -357,6 +357,22 @@ def test_the_documentation_lists_the_file(tmp_path):
     assert f"version {VERSION} of `{FORMAT}`" in listed
 
 
+@pytest.fixture(scope="module")
+def with_conductivity(tmp_path_factory):
+    """A whole file of a potential with a conductivity. Not to be changed."""
+    path = tmp_path_factory.mktemp("conductivity") / "surrogate.h5"
+    rest = potential_training_set(30, seed=1)
+    K = np.tile(2 * np.eye(3), (31, 1, 1))
+    data = replace(
+        rest,
+        responses=replace(rest.responses, conductivity=K[:30] * (1 + rest.states.p[:, None, None])),
+        reference=replace(rest.reference, conductivity=K[30:]),
+        tolerance=0.01,
+    )
+    PolynomialSurrogate(degree=3).fit(data, seed=0).save(path)
+    return path
+
+
 @pytest.mark.parametrize(
     "entry",
     [
@@ -369,18 +385,9 @@ def test_the_documentation_lists_the_file(tmp_path):
         "estimate/polynomials/coefficients",
     ],
 )
-def test_a_conductivity_of_wrong_shapes_is_refused(tmp_path, entry):
+def test_a_conductivity_of_wrong_shapes_is_refused(with_conductivity, tmp_path, entry):
     path = tmp_path / "surrogate.h5"
-    rest = potential_training_set(30, seed=1)
-    K = np.tile(2 * np.eye(3), (31, 1, 1))
-    data = replace(
-        rest,
-        responses=replace(rest.responses, conductivity=K[:30] * (1 + rest.states.p[:, None, None])),
-        reference=replace(rest.reference, conductivity=K[30:]),
-        tolerance=0.01,
-    )
-    PolynomialSurrogate(degree=3).fit(data, seed=0).save(path)
-    header, arrays = read_archive(path, FORMAT, VERSION, "")
+    header, arrays = read_archive(with_conductivity, FORMAT, VERSION, "")
     arrays[f"conductivity/{entry}"] = arrays[f"conductivity/{entry}"][:-1]
     write_archive(path, FORMAT, VERSION, header, arrays)
     with pytest.raises(DataError, match="not a complete surrogate"):
