@@ -202,3 +202,17 @@ def _without_parameters():
     from porocore.testing.synthetic.potential_cell import potential_training_set
 
     return potential_training_set(12, seed=1)
+
+
+def test_the_estimate_of_one_member_or_few_is_that_of_all_together():
+    """Its polynomials are bound to the members where these are few."""
+    surrogate = PolynomialSurrogate(degree=4).fit(porous_training_set(30, 1, tolerance=0.01), seed=0)
+    model = surrogate._fitted()
+    plain = replace(model, estimate=replace(model.estimate, coordinates=0))
+    assert model.estimate.coordinates == 2
+    states = porous_training_set(90, 5).states
+    for theta in (states.parameters[0], states.parameters[np.arange(90) % 3], states.parameters):
+        asked = states.with_parameters(theta)
+        np.testing.assert_allclose(model.error(asked), plain.error(asked), rtol=1e-9)
+        flags = [each.predict(asked, tangent=False).outside_training_range for each in (model, plain)]
+        np.testing.assert_array_equal(*flags)

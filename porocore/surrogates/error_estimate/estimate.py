@@ -7,12 +7,14 @@ of the surrogate from their mean is its bias; their scatter is the variance that
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
 from porocore.states import Array, IntArray
-from porocore.surrogates.polynomial.monomials import Polynomial
+from porocore.surrogates.polynomial.monomials import Entry, Polynomial
+from porocore.surrogates.polynomial.varying import VaryingPolynomial
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +37,8 @@ class ErrorEstimate:
         Standard deviation of the noise, as a share.
     safe : (2, v)
         Box of the variables in which no estimate comes near the tolerance, so that none has to be made there.
+    coordinates
+        Number of variables, the last, that are coordinates of parameters, which many states share.
     """
 
     tolerance: float
@@ -44,6 +48,7 @@ class ErrorEstimate:
     spread: Array
     nugget: float
     safe: Array
+    coordinates: int = 0
 
     def flagged(self, variables: Array, found: Array) -> npt.NDArray[np.bool_]:
         """Return which of n states have an estimated error beyond the tolerance, or none that is finite, (n,).
@@ -82,7 +87,7 @@ class ErrorEstimate:
         if self.terms is None:
             return self.polynomials.evaluate(variables).reshape(-1, c, n)
         t, by_variables, _ = self.terms.entries(variables, second=False)
-        _, by_terms, _ = self.polynomials.entries(t, second=False)
+        by_terms = self._by_terms(t)
         rows: dict[int, list[tuple[int, Array]]] = {}
         place = {variable: k for k, variable in enumerate(self.judged)}
         for (term, variable), row in by_variables:
@@ -93,3 +98,16 @@ class ErrorEstimate:
             for k, row in rows.get(term, ()):
                 answers[member, k] += gradient * row
         return answers
+
+    def _by_terms(self, t: Array) -> list[Entry]:
+        """Return the derivatives of all members by the terms (k, n); those by coordinates may be left out."""
+        if self.coordinates:
+            inner = len(t) - self.coordinates
+            bound = self._varying.at(t[inner:])
+            if bound.few:
+                return bound.entries(t[:inner], second=False)[1]
+        return self.polynomials.entries(t, second=False)[1]
+
+    @cached_property
+    def _varying(self) -> VaryingPolynomial:
+        return VaryingPolynomial(self.polynomials, self.polynomials.variables - self.coordinates)

@@ -64,7 +64,7 @@ def with_family_error(model: FamilyModel, data: FamilyData, tolerance: float | N
         judged=judged,
         active=(*data.active, *range(VARIABLES, VARIABLES + l)),
     )
-    return replace(model, estimate=found)
+    return replace(model, estimate=replace(found, coordinates=l))
 
 
 def _with_coordinates(terms: Terms, l: int) -> Polynomial:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -47,7 +48,8 @@ def unpack(
         raise ValueError(f"an estimate of the gradients by {judged}")
     inner = len(arrays["estimate/terms/coefficients"])
     terms = unpack_polynomial(arrays, "estimate/terms", variables, inner)
-    return _unpack(header, arrays, "estimate", (variables, inner, 1), (judged, terms))
+    found = _unpack(header, arrays, "estimate", (variables, inner, 1), (judged, terms))
+    return replace(found, coordinates=learned)
 
 
 def unpack_values(

@@ -198,18 +198,21 @@ class BoundPolynomial:
         entries = [list(zip(rows.places, out, strict=True)) for rows, out in zip(orders, found, strict=True)]
         return values, entries[1], entries[2] if second else []
 
+    @property
+    def few(self) -> bool:
+        """True where there are few sets of coordinates."""
+        return self._sets is not None
+
     @cached_property
     def _sets(self) -> list[IntArray | slice] | None:
         """Points of each set of coordinates where these are few; None where they are many."""
         n = self.x.shape[1]
-        if n == 0 or not len(self.x):
+        if n == 0 or (self.x == self.x[:, :1]).all():
             return [slice(None)]
         # The first points tell most fields without a sort of all.
         if len(np.unique(self.x[:, : 4 * MOST_SETS], axis=1).T) > MOST_SETS:
             return None
         unique, number = np.unique(self.x, axis=1, return_inverse=True)
-        if unique.shape[1] == 1:
-            return [slice(None)]
         if unique.shape[1] > min(MOST_SETS, n // LEAST_POINTS):
             return None
         return [np.flatnonzero(number.reshape(-1) == i) for i in range(unique.shape[1])]
