@@ -119,8 +119,12 @@ def told(
 def cell_key(backend: str, options: dict[str, Any], cell: Cell, conductivity: str) -> str:
     """Return the hash of all that the responses of a cell depend on, but the state."""
     solver = code_of(registry().get("cell solver", backend))
+    # Slopes are those by its parameters, which the numbers of a member do not tell.
+    varied = [parameter.key for parameter in cell.parameters]
     # The other laws of the flux change no response, only what is made of it.
-    return _hash(solver, options, cell.specification(), conductivity == "deformed")
+    return _hash(
+        solver, options, cell.specification(), conductivity == "deformed", *([varied] if varied else [])
+    )
 
 
 def training_key(backend: str, options: dict[str, Any], seed: int, data: TrainingSet) -> str:

@@ -42,3 +42,27 @@ def test_workers_solve_the_member_of_each_state_and_the_store_keeps_it(tmp_path:
         assert own.identity == cell_key("skfem", {}, member, "piola")
         assert own.find("", pressed, None) is not None
     assert not np.allclose(found["soft"].stress, found["stiff"].stress)
+
+
+def test_the_same_member_of_another_family_is_solved_again_for_its_slopes(tmp_path: Path) -> None:
+    """Its numbers are the same, but there is one parameter more to take slopes by."""
+    mesh = {"size": 0.5, "fluid_size": 0.5, "element": "linear"}
+    ratio = {"poisson_ratio": {"range": [0.2, 0.4]}}
+    one = Cell.model_validate({"mesh": mesh, "material": ratio})
+    other = Cell.model_validate({"mesh": mesh, "material": {**ratio, "swelling": {"range": [1.0, 1.2]}}})
+    numbers = {"poisson_ratio": 0.3, "swelling": 1.0}
+    shapes, found = [], []
+    for family in (one, other, one):
+        arguments = ("skfem", {}, family)
+        known = solved_states(ResultStore(tmp_path), *arguments, fields=False)
+        theta = [numbers[parameter.name] for parameter in family.parameters]
+        with CellPool(factory_of(family), arguments, executor="serial", fields=False, known=known) as pool:
+            pool.submit("rest", MacroState.zeros(1).with_parameters(np.array(theta)))
+            slopes = pool.wait().response.slopes
+        assert slopes is not None
+        assert slopes.potential is not None
+        assert known is not None
+        shapes.append(slopes.potential.shape)
+        found.append(known.found)
+    assert shapes == [(1, 1), (1, 2), (1, 1)]
+    assert found == [0, 0, 1]
