@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from porocore.core.units.results import ResultUnits as ResultUnits
     from porocore.errors import ConfigurationError as ConfigurationError
     from porocore.errors import DataError as DataError
+    from porocore.errors import MemberError as MemberError
     from porocore.errors import PluginError as PluginError
     from porocore.errors import PorocoreError as PorocoreError
     from porocore.errors import RunFolderError as RunFolderError
@@ -87,6 +88,7 @@ _HOMES = {
     "porocore.errors": [
         "ConfigurationError",
         "DataError",
+        "MemberError",
         "PluginError",
         "PorocoreError",
         "RunFolderError",

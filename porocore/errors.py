@@ -15,6 +15,10 @@ class ConfigurationError(PorocoreError):
     """A configuration file or an option holds something that cannot be used."""
 
 
+class MemberError(ConfigurationError):
+    """A family of cells has no member with some parameters, or its mesh cannot be moved to them."""
+
+
 class PluginError(PorocoreError):
     """A backend is unknown, missing, broken or offered twice."""
 

@@ -8,7 +8,7 @@ from porocore.cell.family.mesh import FamilyMesh
 from porocore.cell.family.numbers import changed_numbers, number_at, with_number
 from porocore.cell.meshing.mesh import MeshSettings, make_mesh
 from porocore.cell.meshing.tetrahedra import least_stretch, volume
-from porocore.errors import ConfigurationError
+from porocore.errors import ConfigurationError, MemberError
 
 COARSE = {"size": 0.3, "fluid_size": 0.3}
 
@@ -168,14 +168,14 @@ def test_an_unmoved_member_has_the_mesh_of_the_base_and_every_mesh_is_made_once(
 def test_a_member_too_far_from_the_base_is_refused():
     family = family_of(CHANNELS)
     with pytest.raises(
-        ConfigurationError, match=r"radius from 0\.225 to 0\.49: .* narrow the range, or split it"
+        MemberError, match=r"radius from 0\.225 to 0\.49: .* narrow the range, or split it"
     ):
         family.mesh("solid", "eighth", at(CHANNELS, "radius", 0.49))
 
 
 def test_ridges_that_part_are_refused():
     base = geometry("orthogonal-channels", radii=[0.2, 0.2, 0])
-    with pytest.raises(ConfigurationError, match="that meet in one place no longer do"):
+    with pytest.raises(MemberError, match="that meet in one place no longer do"):
         family_of(base).mesh("solid", "eighth", at(base, "radii.x", 0.22))
 
 

@@ -135,6 +135,20 @@ def test_why_there_is_no_cell_is_told(tmp_path: Path) -> None:
     assert told == ["no cell has a porosity of 0.55 and a modulus of 1.75"]
 
 
+def test_an_error_of_the_solver_is_no_missing_member() -> None:
+    class Choosy(SyntheticFamilySolver):
+        def prepare(self, cell: Any) -> SyntheticFamily:
+            raise ConfigurationError("fem.options: unknown option 'tolerence'")
+
+    solver, states = MemberSolver(Choosy()), INPUTS.scatter([[0, 0, 0, 0.4, 1.0], [0, 0, 0, 0.55, 1.75]])
+    family = solver.prepare(SyntheticFamily())
+    with pytest.raises(ConfigurationError, match="tolerence"):
+        solver.solve(family, states[:1])
+    with pytest.raises(ConfigurationError, match="tolerence"):
+        solver.why_missing(family, states[:1])
+    assert solver.why_missing(family, states[1:]) == ["no cell has a porosity of 0.55 and a modulus of 1.75"]
+
+
 def test_states_of_several_members_come_back_in_their_order() -> None:
     rng = np.random.default_rng(0)
     members = np.array([[0.4, 1.0], [0.35, 0.7], [0.55, 1.75], [0.31, 1.9]])

@@ -19,7 +19,7 @@ from porocore.cell.family.ranges import (
     split_ranges,
 )
 from porocore.core.models.strict import StrictModel
-from porocore.errors import ConfigurationError
+from porocore.errors import ConfigurationError, MemberError
 from porocore.states import Array
 
 if TYPE_CHECKING:
@@ -84,8 +84,10 @@ class Family(StrictModel):
 
         Raises
         ------
+        MemberError
+            No cell has these values together.
         ConfigurationError
-            A name is unknown, a value is missing, outside its range, or no cell has these values together.
+            A name is unknown, or a value is missing or outside its range.
         """
         numbers = values_in_order(self._parameters, values)
         if not self._parameters:
@@ -114,7 +116,7 @@ class Family(StrictModel):
             found = rebuilt(self, dict(zip(paths, numbers, strict=True)))
         except ValidationError as error:
             at = ", ".join(f"{p.name} = {x:g}" for p, x in zip(self._parameters, numbers, strict=True))
-            raise ConfigurationError(f"no cell has {at}: {refusals(error)}") from error
+            raise MemberError(f"no cell has {at}: {refusals(error)}") from error
         found._parameters, found._values = self._parameters, numbers
         return found
 

@@ -17,7 +17,7 @@ from porocore.cell.geometry.pore_geometry import PoreGeometry
 from porocore.cell.meshing.mesh import CellMesh, Domain, MeshSettings, Phase, make_mesh
 from porocore.cell.meshing.shape_functions import EDGES
 from porocore.cell.meshing.tetrahedra import least_stretch, volumes
-from porocore.errors import ConfigurationError
+from porocore.errors import ConfigurationError, MemberError
 from porocore.states import Array, IntArray
 
 #: Members whose meshes are kept.
@@ -59,8 +59,10 @@ class FamilyMesh:
 
         Raises
         ------
+        MemberError
+            The mesh cannot be moved so far.
         ConfigurationError
-            The mesh cannot be moved so far, or not at all.
+            A mesh of this kind of geometry cannot be moved at all.
         ValueError
             The domain is the eighth of a cell without mirrors.
         """
@@ -177,7 +179,7 @@ class MovingMesh:
 
         Raises
         ------
-        ConfigurationError
+        MemberError
             The mesh cannot be moved so far: nodes find no place, or elements fold.
         """
         step = self._on_wall(geometry) - self._wall.points
@@ -204,19 +206,19 @@ class MovingMesh:
             surfaces = _surfaces(geometry)
             try:
                 if len(surfaces) != self._count:
-                    raise ConfigurationError(f"its wall has {len(surfaces)} surfaces, not {self._count}")
+                    raise MemberError(f"its wall has {len(surfaces)} surfaces, not {self._count}")
                 self._places[geometry] = self._wall.moved(surfaces)
-            except ConfigurationError as error:
+            except MemberError as error:
                 raise self._too_far(geometry, str(error)) from error
             if len(self._places) > KEPT:
                 self._places.popitem(last=False)
         return self._places[geometry]
 
-    def _too_far(self, geometry: PoreGeometry, why: str) -> ConfigurationError:
+    def _too_far(self, geometry: PoreGeometry, why: str) -> MemberError:
         """Return the error of a member that the mesh of the base does not reach."""
         changed = changed_numbers(self.base, geometry)
         ways = ", ".join(f"{key} from {a:.6g} to {b:.6g}" for key, (a, b) in changed.items())
-        return ConfigurationError(
+        return MemberError(
             f"cell.geometry: the mesh of the {self._mesh.phase} cannot be moved so far, with {ways}: {why}; narrow the "
             "range, or split it into several cells with ranges of their own"
         )

@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
 from porocore.cell.family.surfaces import Plane, Round, Values, WallSurface
-from porocore.errors import ConfigurationError
+from porocore.errors import MemberError
 from porocore.states import Array, IntArray
 
 #: Distance from a surface within which a node of the base lies on it; drawn ridges are exact to some 1e-8.
@@ -141,7 +141,7 @@ class WallMotion:
 
         Raises
         ------
-        ConfigurationError
+        MemberError
             A node finds no place on its surfaces.
         """
         step = np.zeros_like(self.points)
@@ -168,7 +168,7 @@ class WallMotion:
             step[nodes] -= self._solved(pairs, pairs.gradients(places, surfaces), values)
         step[nodes] = best
         if not least <= ACCURACY:
-            raise ConfigurationError(LOST)
+            raise MemberError(LOST)
 
     def _solved(self, pairs: _Pairs, gradients: Array, values: Array) -> Array:
         """Return the steps (k, 3) of nodes along their directions that change the surfaces' functions by values."""
@@ -181,16 +181,16 @@ class WallMotion:
         try:
             share = np.linalg.solve(matrix, right)[:, :, 0]
         except np.linalg.LinAlgError as error:
-            raise ConfigurationError(LOST) from error
+            raise MemberError(LOST) from error
         return np.asarray(np.einsum("kj,kji->ki", share, directions))
 
     def _check(self, places: Array, surfaces: Sequence[WallSurface]) -> None:
         """Refuse places that left a surface which met others there at the base, or that lie within another body."""
         values = self._others.values(places, surfaces).real
         if np.abs(values).max(initial=0.0) > TOGETHER:
-            raise ConfigurationError("surfaces of the pore wall that meet in one place no longer do")
+            raise MemberError("surfaces of the pore wall that meet in one place no longer do")
         if any(surfaces[i].value(places).min() < -self._deep for i in self._bodies):
-            raise ConfigurationError(
+            raise MemberError(
                 "a part of the pore wall comes to lie within another pore, or another obstacle"
             )
 

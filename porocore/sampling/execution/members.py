@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from porocore.core.fields.declaration import provided_fields
-from porocore.errors import ConfigurationError
+from porocore.errors import ConfigurationError, MemberError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.records import failed_response
 from porocore.plugins.border import conductivity_of, solution_of
@@ -75,12 +75,12 @@ class MemberSolver(CellSolver[PreparedFamily]):
 
         Raises
         ------
-        ConfigurationError
+        MemberError
             There is none.
         """
         found = self._member(prepared, parameters)
         if isinstance(found, NoMember):
-            raise ConfigurationError(found.reason)
+            raise MemberError(found.reason)
         return found
 
     def why_missing(self, prepared: PreparedFamily, states: MacroState) -> list[str]:
@@ -155,7 +155,7 @@ class MemberSolver(CellSolver[PreparedFamily]):
             try:
                 member = prepared.cell.at(parameters)
                 prepared.members[key] = self._solver.prepare(member, **prepared.how)
-            except ConfigurationError as error:
+            except MemberError as error:
                 prepared.members[key] = NoMember(str(error))
         prepared.members.move_to_end(key)
         return prepared.members[key]

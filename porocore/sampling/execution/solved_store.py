@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from porocore.core.files.store import ResultStore
-from porocore.errors import ConfigurationError
+from porocore.errors import MemberError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.records import build_response, flatten_response
 from porocore.plugins.border import conductivity_of, solution_of
@@ -88,7 +88,7 @@ class SolvedStore:
         if self.member is not None and state.parameters is not None:
             try:
                 identity, arrays = self.member(state.parameters[0]), arrays[:2]
-            except ConfigurationError:
+            except MemberError:
                 return ""
         found = hashlib.sha256(repr((identity, self.tangent)).encode())
         if start is not None:

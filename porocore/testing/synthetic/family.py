@@ -20,7 +20,7 @@ import numpy.typing as npt
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.core.inputs.input_space import InputSpace
 from porocore.core.tensors.cofactors import cofactor, cofactor_tangent, determinant
-from porocore.errors import ConfigurationError
+from porocore.errors import ConfigurationError, MemberError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.records import failed_response
 from porocore.states import Array, CellResponse, CellSlopes, MacroState, Status
@@ -66,14 +66,14 @@ class SyntheticFamily:
 
         Raises
         ------
-        ConfigurationError
+        MemberError
             There is none.
         """
         found = tuple(map(float, np.asarray(values, dtype=float)))
         if len(found) != len(PARAMETERS):
             raise ConfigurationError(f"expected {len(PARAMETERS)} parameters, got {len(found)}")
         if all(value >= end for value, end in zip(found, IMPOSSIBLE, strict=True)):
-            raise ConfigurationError(f"no cell has a porosity of {found[0]:g} and a modulus of {found[1]:g}")
+            raise MemberError(f"no cell has a porosity of {found[0]:g} and a modulus of {found[1]:g}")
         return SyntheticFamily(found)
 
 
