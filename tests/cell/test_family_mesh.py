@@ -167,9 +167,7 @@ def test_an_unmoved_member_has_the_mesh_of_the_base_and_every_mesh_is_made_once(
 
 def test_a_member_too_far_from_the_base_is_refused():
     family = family_of(CHANNELS)
-    with pytest.raises(
-        MemberError, match=r"radius from 0\.225 to 0\.49: .* narrow the range, or split it"
-    ):
+    with pytest.raises(MemberError, match=r"radius from 0\.225 to 0\.49: .* narrow the range, or split it"):
         family.mesh("solid", "eighth", at(CHANNELS, "radius", 0.49))
 
 

@@ -190,9 +190,7 @@ class WallMotion:
         if np.abs(values).max(initial=0.0) > TOGETHER:
             raise MemberError("surfaces of the pore wall that meet in one place no longer do")
         if any(surfaces[i].value(places).min() < -self._deep for i in self._bodies):
-            raise MemberError(
-                "a part of the pore wall comes to lie within another pore, or another obstacle"
-            )
+            raise MemberError("a part of the pore wall comes to lie within another pore, or another obstacle")
 
     def velocity(
         self, places: Array, surfaces: Sequence[WallSurface], varied: Sequence[WallSurface]
