@@ -111,8 +111,8 @@ def at_rest(surrogate: Surrogate, cells: Study) -> list[str]:
     theta = np.array(low) + (np.array(high) - low) * np.random.default_rng(5).random((RESTS, len(names)))
     found = surrogate.predict(MacroState.zeros(RESTS).with_parameters(theta))
     truth = [
-        CellProblem(cells.config.cell, parameters=dict(zip(names, map(float, row), strict=True))).solve(
-            np.zeros((3, 3)), p=0.0
+        CellProblem(cells.config.cell, parameters=dict(zip(names, map(float, row), strict=True))).response(
+            np.zeros((3, 3))
         )
         for row in theta
     ]
