@@ -253,6 +253,11 @@ class ReportContext:
         What moves the body.
     family, body
         The cell over its parameters, and the cells of a body of many; None: there are none.
+    parts
+        Of several cells, each of them with the part of the body that has it; then ``cell``, ``sampling``, ``surrogate``
+        and ``family`` are those of the rest of the body.
+    of, name
+        Of such a part, the place of the cell in words, and its name; that of the rest of the body has none.
     """
 
     title: str
@@ -273,6 +278,18 @@ class ReportContext:
     loading_mode: LoadingMode = field(default_factory=LoadingMode)
     family: FamilySummary | None = None
     body: BodyCells | None = None
+    parts: tuple[ReportContext, ...] = ()
+    of: str = ""
+    name: str = ""
+
+    @property
+    def of_each_cell(self) -> tuple[ReportContext, ...]:
+        """What the page shows of each cell."""
+        return self.parts or (self,)
+
+    def said_of_cell(self, text: str) -> str:
+        """Return a sentence with the cell that it is about before it, where there are several."""
+        return f"Cell {self.of}: {text}" if self.of and text else text
 
     @property
     def result_units(self) -> dict[str, ResultUnits]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from porocore.core.files.atomic import atomic_path
 from porocore.core.parallel.calls import CallProcesses
 from porocore.core.units.results import ResultUnits, speaking
 from porocore.report import figures
-from porocore.report.context import ReportContext, SamplingSummary, SurrogateSummary
+from porocore.report.context import ReportContext, SurrogateSummary
 from porocore.report.dimensional import dimensional_rows
 from porocore.report.figures.fields import body_fields
 from porocore.report.figures.parameters import over_parameters
@@ -23,11 +24,11 @@ from porocore.report.metrics import LoadCase, case_metrics
 from porocore.report.page import Picture, Pictures, environment
 from porocore.report.text import (
     FOLLOWER,
-    MEANINGS,
     all_warnings,
     benchmark_rows,
     flagged_around,
     force_sentences,
+    status_rows,
     whole_words,
 )
 from porocore.report.words.body_cells import region_rows
@@ -42,7 +43,6 @@ from porocore.report.words.held_out import (
 from porocore.report.words.parameters import parameter_rows
 from porocore.report.words.settlement import case_sentences
 from porocore.report.words.statuses import solved_sentence, solved_shares, visited_sentence, visited_shares
-from porocore.states import Status
 
 #: Pictures that stand in the page alone.
 EMBEDDED = Pictures()
@@ -87,6 +87,7 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
     metrics = [case_metrics(case) for case in context.cases]
     published, units, moved = context.published, context.result_units, context.loading_mode.displaced
     K, which = context.cell.linear.conductivity, f" {context.cell.which}".rstrip()
+    which += ", rest of the body" if context.parts else ""
     benchmark = next((m for m in metrics if published is not None and m["load"] == published.load), None)
     return template.render(
         context=context,
@@ -104,9 +105,14 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
                     m,
                     case.left_out,
                 ),
-                visited_sentence(visited_shares(case.nonlinear, context.sampling)),
+                *(
+                    each.said_of_cell(
+                        visited_sentence(visited_shares(each.cases[i].nonlinear, each.sampling))
+                    )
+                    for each in context.of_each_cell
+                ),
             ]
-            for m, case in zip(metrics, context.cases, strict=True)
+            for i, (m, case) in enumerate(zip(metrics, context.cases, strict=True))
         ],
         benchmark=[] if published is None or benchmark is None else benchmark_rows(published, benchmark),
         dimensional=[
@@ -115,17 +121,8 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
             if units
         ],
         forces=[_forces(case, moved) for case in context.cases if moved],
-        **_cell_parts(context, pictures),
-        statuses=_statuses(context.sampling),
-        solved=solved_sentence(solved_shares(context.sampling)),
-        training_states=int(context.sampling.training.sum()),
-        samples=pictures.svg(
-            "samples", figures.samples_of(context), "Sampled states by how their solution ended"
-        ),
-        surrogates=[
-            _surrogate_parts(surrogate, pictures)
-            for surrogate in (context.surrogate, *context.other_surrogates)
-        ],
+        **_body_parts(context, pictures),
+        cells=[_cell_parts(each, pictures) for each in context.of_each_cell],
         settles=context.loading_mode.settles,
         end_words=end_words,
         no_relaxation=no_relaxation,
@@ -140,20 +137,42 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
     )
 
 
-def _cell_parts(context: ReportContext, pictures: Pictures) -> dict[str, Any]:
-    """Return what the page shows of the cell, of the cell over its parameters, and of the cells of the body."""
-    cell, family, body = context.cell, context.family, context.body
-    used = {} if body is None else body.used()
+def _body_parts(context: ReportContext, pictures: Pictures) -> dict[str, Any]:
+    """Return what the page shows of the cells of the body."""
+    body = context.body
     return {
-        "conductivity": [conductivity_sentence(case, cell, body) for case in context.cases],
-        "cell_rows": cell_rows(cell, context.published),
-        "linear_rows": linear_rows(cell),
-        "mesh_rows": mesh_rows(cell.mesh),
-        "cell_picture": _cell_picture(context, pictures),
-        "parameter_rows": [] if family is None else parameter_rows(family, used, context.units),
-        "over_parameters": [] if family is None else over_parameters(context, family, pictures),
+        "conductivity": [conductivity_sentence(case, context.cell, body) for case in context.cases],
         "region_table": None if body is None else region_rows(body, context.units),
         "body_fields": [] if body is None else body_fields(context.cases[0].nonlinear, body, pictures),
+    }
+
+
+def _cell_parts(context: ReportContext, pictures: Pictures) -> dict[str, Any]:
+    """Return what the page shows of one cell: undeformed, over its parameters, its samples and its surrogates."""
+    cell, family, sampling = context.cell, context.family, context.sampling
+    used = {} if context.body is None else context.body.used()
+    if context.name:
+        pictures = replace(pictures, suffix=f"_{context.name}")
+    return {
+        "context": context,
+        "at": f"-{context.name}" if context.name else "",
+        "of": f", {context.of}" if context.of else "",
+        "rows": cell_rows(cell, context.published),
+        "linear_rows": linear_rows(cell),
+        "mesh_rows": mesh_rows(cell.mesh),
+        "picture": _cell_picture(context, pictures),
+        "parameter_rows": [] if family is None else parameter_rows(family, used, context.units),
+        "over_parameters": [] if family is None else over_parameters(context, family, pictures),
+        "statuses": status_rows(sampling),
+        "solved": solved_sentence(solved_shares(sampling)),
+        "training_states": int(sampling.training.sum()),
+        "samples": pictures.svg(
+            "samples", figures.samples_of(context), "Sampled states by how their solution ended"
+        ),
+        "surrogates": [
+            _surrogate_parts(surrogate, pictures)
+            for surrogate in (context.surrogate, *context.other_surrogates)
+        ],
     }
 
 
@@ -208,16 +227,6 @@ def _surrogate_parts(surrogate: SurrogateSummary, pictures: Pictures) -> dict[st
             else None
         ),
     }
-
-
-def _statuses(sampling: SamplingSummary) -> list[tuple[str, int, str]]:
-    """Return name, count and meaning of each status that occurred, converged always."""
-    counts = {status: int((sampling.status == status).sum()) for status in Status}
-    return [
-        (status.name.replace("_", " "), count, MEANINGS[status])
-        for status, count in counts.items()
-        if count or status is Status.converged
-    ]
 
 
 def _case_pictures(

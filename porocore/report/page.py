@@ -62,11 +62,14 @@ class Pictures:
         Called with the name of each figure before it is drawn, or before a process is waited for that draws it.
     processes
         Processes that draw; None: this one does.
+    suffix
+        End of the name of each figure.
     """
 
     folder: Path | None = None
     tell: Callable[[str], None] = lambda name: None
     processes: CallProcesses | None = None
+    suffix: str = ""
 
     def svg(self, name: str, figure: Figure, text: str) -> Picture:
         """Return a figure of lines and markers; its files are called ``name``."""
@@ -77,6 +80,7 @@ class Pictures:
         return self._picture(name, figure, "png", text)
 
     def _picture(self, name: str, figure: Figure, form: str, text: str) -> Picture:
+        name += self.suffix
         path = None if self.folder is None else self.folder / file_stem(name)
         if self.processes is None:
             self.tell(name)

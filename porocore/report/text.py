@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from porocore.core.units.results import ResultUnits
-from porocore.report.context import Published, ReportContext, SurrogateSummary
+from porocore.report.context import Published, ReportContext, SamplingSummary, SurrogateSummary
 from porocore.report.format import difference, measured, number, percent, plain
 from porocore.report.loading_mode import end_words, force_name, no_relaxation, reactions
 from porocore.report.metrics import LeftOut, LoadCase, case_metrics
@@ -167,10 +167,22 @@ def _unjudged(surrogate: SurrogateSummary) -> list[str]:
 
 def all_warnings(context: ReportContext) -> list[str]:
     """Return the given warnings, then those of the results."""
-    found = [*context.warnings, *_unjudged(context.surrogate)]
+    found = list(context.warnings)
+    for each in context.of_each_cell:
+        found += [each.said_of_cell(warning) for warning in _unjudged(each.surrogate)]
     for case in context.cases:
         moved = context.loading_mode.displaced
         settles = context.loading_mode.settles
         found += case_warnings(case_metrics(case), case.flagged, settles=settles, left_out=case.left_out)
         found += force_warnings(case, moved)
     return found
+
+
+def status_rows(sampling: SamplingSummary) -> list[tuple[str, int, str]]:
+    """Return name, count and meaning of each status that occurred, converged always."""
+    counts = {status: int((sampling.status == status).sum()) for status in Status}
+    return [
+        (status.name.replace("_", " "), count, MEANINGS[status])
+        for status, count in counts.items()
+        if count or status is Status.converged
+    ]

@@ -15,7 +15,9 @@ from porocore import Study
 from porocore.core.files.plain_data import merged
 from porocore.errors import ConfigurationError, RunFolderError
 from porocore.macro.analytic.layered import LayeredConsolidation, SoilLayer
+from porocore.study.stages.results import RunResults
 from porocore.study.stages.stage_files import linear_coefficients, load_reference, load_solution
+from porocore.study.stages.summary import report_context
 
 pytest.importorskip("porocore_fem_skfem")
 
@@ -61,6 +63,9 @@ STUDY: dict[str, Any] = {
         },
     },
 }
+
+SHORT = {"tolerance": None, "end": 2, "step": 1, "ramp_increments": 2, "ramp_step": 0.5, "profiles": []}
+FEW = {"body": {"elements": [1, 2, 1]}, "time": SHORT}
 
 
 def study_in(folder: Path, **changes: Any) -> Study:
@@ -118,6 +123,56 @@ def test_each_cell_has_samples_and_a_surrogate_of_its_own(solved: Study) -> None
         solved.law(cell="caly")
 
 
+@pytest.mark.usefixtures("undrawn")
+def test_the_report_shows_each_cell_where_the_body_has_it(solved: Study) -> None:
+    page = solved.report().read_text()
+    metrics = json.loads(solved.folder.metrics.read_text())
+    for anchor, of in (("", "rest of the body"), ("-clay", "clay")):
+        assert f'<section id="cell{anchor}">\n<h2>The cell, {of}</h2>' in page
+        assert f'<section id="surrogate{anchor}">\n<h2>The surrogate, {of}</h2>' in page
+        assert f'<a href="#cell{anchor}">Cell, {of}</a>' in page
+    assert '<td>deep</td><td class="n">clay</td><td class="n">50.0 %</td>' in page
+    assert {"samples.png", "samples_clay.png"} <= {path.name for path in solved.folder.figures.iterdir()}
+    clay = metrics["cells"]["clay"]
+    for name, found in ((None, metrics), ("clay", clay)):
+        files, one = solved.folder.of_cell(name), solved.config.of_cell(name)
+        assert found["cell"]["porosity"] == load_reference(files, one).porosity
+        assert found["sampling"]["states"] == 8
+        assert max(found["surrogate"]["rms_error_percent_of_range"].values()) < 0.1
+    assert clay["cell_states"][0][-1]["time"] == metrics["macro"][0]["cell_states"][-1]["time"] == 2.0
+    assert {"sampling", "sampling, clay", "training, clay", "cell, clay"} <= metrics["stages"].keys()
+
+
+def test_results_of_a_cell_are_those_of_its_elements(solved: Study) -> None:
+    results = RunResults.load(solved.folder, solved.config)
+    whole = results.solutions[-LOAD]["potential"]
+    low, high = (results.by_cell[name].solutions[-LOAD]["potential"] for name in ("clay", None))
+    for part, deep in ((low, True), (high, False)):
+        heights = part.points[part.cells, 1].mean(axis=1)
+        assert len(heights) == 8
+        assert ((heights < HEIGHTS[0]) == deep).all()
+        inside = np.flatnonzero((whole.points[whole.cells, 1].mean(axis=1) < HEIGHTS[0]) == deep)
+        assert (part.profiles[1].grad_u == whole.profiles[1].grad_u[inside]).all()
+        assert part.profiles[1].u.shape == whole.profiles[1].u.shape
+
+
+def test_a_body_beyond_the_samples_of_a_cell_is_told_of_that_cell(tmp_path: Path) -> None:
+    """The lower layer is sampled to a tenth of what it reaches."""
+    inputs = {"H22": {"range": [-4e-6, 2e-6]}}
+    study = study_in(tmp_path / "run", sampling={"cells": {"clay": {"inputs": inputs}}}, macro=FEW)
+    told = [line for line in study.check() if "leaves the sampled ranges" in line]
+    assert len(told) == 1
+    assert told[0].startswith(
+        "note: cell clay: by linear poroelasticity up to 100.0 % of its part of the body leaves"
+    )
+    assert told[0].endswith("write under 'sampling.cells.clay.inputs:'")
+    study.solve()
+    results = RunResults.load(study.folder, study.config)
+    case = report_context(results).cases[0]
+    assert case.flagged.startswith("cell clay: Beyond what was sampled: H22 = ")
+    assert case.flagged.count("Beyond") == 1
+
+
 def test_a_run_that_lacks_a_part_is_completed_to_the_same_answer(solved: Study, tmp_path: Path) -> None:
     shutil.copytree(solved.path, tmp_path / "run")
     samples = tmp_path / "run" / "cells" / "clay" / "samples.h5"
@@ -130,10 +185,6 @@ def test_a_run_that_lacks_a_part_is_completed_to_the_same_answer(solved: Study, 
     assert samples.stat().st_mtime_ns == before
     with pytest.raises(RunFolderError, match=r"holds another run; this one has cells\.clay\.viscosity"):
         study_in(tmp_path / "run", cells={"clay": {"viscosity": 2}}).sample()
-
-
-SHORT = {"tolerance": None, "end": 2, "step": 1, "ramp_increments": 2, "ramp_step": 0.5, "profiles": []}
-FEW = {"body": {"elements": [1, 2, 1]}, "time": SHORT}
 
 
 def test_regions_of_equal_cells_are_the_plain_study(tmp_path: Path) -> None:

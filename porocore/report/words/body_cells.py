@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -44,6 +44,17 @@ class BodyCells:
     porosity: Array | None = None
     quantities: Mapping[str, str] = field(default_factory=dict)
     cell_names: tuple[str, ...] = ()
+
+    def of_regions(self, regions: Collection[int], parameters: Sequence[str]) -> BodyCells:
+        """Return the cells of some regions, with these of the parameters."""
+        elements = np.flatnonzero(np.isin(self.cells.region, list(regions)))
+        return replace(
+            self,
+            cells=self.cells.of_elements(elements, parameters),
+            volumes=self.volumes[elements],
+            conductivity=self.conductivity[elements],
+            porosity=None if self.porosity is None else self.porosity[elements],
+        )
 
     @property
     def shown(self) -> tuple[int, ...]:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 
+import numpy as np
+
 from porocore.cell.family.parameters import parameter_quantities
 from porocore.interfaces.law import CellLaw
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.composition.linearised_law import RestCoefficients, coefficients_of_elements
+from porocore.macro.composition.regions import regions_of_cell
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.report.words.body_cells import BodyCells, volumes_of
+from porocore.states import Array, IntArray
 from porocore.study.stages.laws import macro_laws
 from porocore.study.stages.results import RunResults
 
@@ -39,14 +43,31 @@ def body_cells(results: RunResults, rest: LinearCoefficients | RestCoefficients)
     if cells is None:
         return None
     assert isinstance(rest, RestCoefficients)
-    surrogate: CellLaw = results.surrogates[config.closure]
-    values = cells.values_at(0)
-    undeformed = None if values is None else surrogate.undeformed(values)
+    quantities: dict[str, str] = {}
+    for each in results.by_cell.values():
+        quantities |= parameter_quantities(each.config.cell)
+    names = [region.cell for region in config.macro.regions.values()] if config.cells else []
     return BodyCells(
         cells,
         tuple(profile.time for profile in solution.profiles),
         volumes_of(solution),
         rest.conductivity,
-        None if undeformed is None else undeformed.porosity,
-        parameter_quantities(config.cell),
+        _porosity(results, cells.region),
+        quantities,
+        tuple(name or "cell" for name in (None, *names)) if config.cells else (),
     )
+
+
+def _porosity(results: RunResults, region: IntArray) -> Array | None:
+    """Return φ_f of the undeformed cells of the elements at first, by their regions; None for a body of one cell."""
+    if not results.config.cells and not results.config.cell.is_family:
+        return None
+    found = np.full(len(region), np.nan)
+    for name, each in results.by_cell.items():
+        cells = body_solution(each).element_cells
+        values = None if cells is None else cells.values_at(0)
+        surrogate: CellLaw = each.surrogates[each.config.closure]
+        undeformed = None if values is None else surrogate.undeformed(values)
+        inside = np.isin(region, regions_of_cell(results.config.macro.regions, name))
+        found[inside] = each.reference.porosity if undeformed is None else undeformed.porosity
+    return found

@@ -37,6 +37,7 @@ def published_values(config: RunConfig) -> Published | None:
         and isinstance(macro.body, Box)
         and macro.body.size == (0.1, 7.5, 0.1)
         and -0.2 in macro.loads
+        and not config.cells
     )
     return DEHGHANI_ZILIAN if same else None
 

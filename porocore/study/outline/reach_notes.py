@@ -90,7 +90,7 @@ def _reach(
     config: RunConfig, solutions: Sequence[MacroSolution], key: str, mesh: BodyMesh | None = None
 ) -> Iterator[str]:
     """Yield what the solutions say of the ranges under ``key``; what is prescribed, only with the mesh of the body."""
-    units = config.result_units
+    units, where = config.result_units, "the body" if mesh is not None else "its part of the body"
     found = [_of_solution(solution, units) for solution in solutions]
     share = max(map(partial(_share, config), solutions, [states for states, _ in found]))
     reached = _beyond(config, found) if share >= LEAST_FLAGGED else []
@@ -104,7 +104,7 @@ def _reach(
     unlikely = list(_unlikely(config, reached))
     yield from unlikely
     yield (
-        f"note: by linear poroelasticity up to {percent(share)} of the body leaves the sampled ranges at one time; "
+        f"note: by linear poroelasticity up to {percent(share)} of {where} leaves the sampled ranges at one time; "
         f"{'only if all of these are meant, ' if unlikely else ''}write under '{key}:'"
     )
     yield from (f"  {each.line(units, LINEAR_MARGIN)}, since {each.in_words(units)}" for each in reached)

@@ -26,28 +26,25 @@ from porocore.states import Status
 from porocore.study.findings.body_cells import rest_of_body
 from porocore.study.stages.results import RunResults
 
-#: Sections whose figures have units.
-WITH_UNITS = ("cell", "macro", "reactions")
+#: Sections of the body whose figures have units.
+WITH_UNITS = ("macro", "reactions")
 
 
 def figures_of_merit(results: RunResults, context: ReportContext) -> dict[str, Any]:
     """Return what ``metrics.json`` holds, apart from the times of the stages."""
-    closure = context.surrogate.closure_error
     limit = diffusion_time(results.config.macro, rest_of_body(results))
     figures = dict if context.loading_mode.settles else without_settlement
+    (first, *others), cells = context.of_each_cell, results.by_cell
     found: dict[str, Any] = {
-        "cell": _cell(results),
-        "sampling": _sampling(results, context),
-        "surrogate": _surrogate(context),
-        "closure": None if closure is None else closure.for_json(),
+        **_of_cell(cells[None], first),
         "macro": [
             {
                 **figures(case_metrics(case)),
                 "mesh_diffusion_time": limit,
                 "gaps": law_differences(case),
-                "cell_states": visited_shares(case.nonlinear, context.sampling),
+                "cell_states": visited_shares(part.nonlinear, first.sampling),
             }
-            for case in context.cases
+            for case, part in zip(context.cases, first.cases, strict=True)
         ],
     }
     if context.loading_mode.displaced:
@@ -56,23 +53,40 @@ def figures_of_merit(results: RunResults, context: ReportContext) -> dict[str, A
             for each in results.all_solutions
         ]
     if context.units.given:
-        found = {
-            name: figures_with_units(part, context.units) if name in WITH_UNITS else part
-            for name, part in found.items()
+        found |= {
+            name: figures_with_units(found[name], context.units) for name in WITH_UNITS if name in found
         }
         found["dimensional"] = dimensional_metrics(results.all_solutions, context.units)
     if worked := [each for each in results.all_solutions if each.work]:
         found["linear_systems"] = [work_figures(each) for each in worked]
+    if others:
+        found["cells"] = {
+            each.name: _of_cell(cells[each.name], each)
+            | {"cell_states": [visited_shares(case.nonlinear, each.sampling) for case in each.cases]}
+            for each in others
+        }
+    if context.fallbacks:
+        found["fallback"] = [asdict(done) for done in context.fallbacks]
+    if context.direct:
+        found["direct"] = [asdict(cost) | {"speed_up": cost.speed_up} for cost in context.direct]
+    return found
+
+
+def _of_cell(results: RunResults, context: ReportContext) -> dict[str, Any]:
+    """Return the figures of one cell, its samples and its surrogates."""
+    closure = context.surrogate.closure_error
+    found = {
+        "cell": figures_with_units(_cell(results), context.units),
+        "sampling": _sampling(results, context),
+        "surrogate": _surrogate(context),
+        "closure": None if closure is None else closure.for_json(),
+    }
     if context.family is not None:
         used = {} if context.body is None else context.body.used()
         errors = group_errors(context.surrogate.outputs)
         found["parameters"] = family_figures(context.family, errors, used)
     if context.other_surrogates:
         found["other_surrogates"] = {each.closure: _errors(each) for each in context.other_surrogates}
-    if context.fallbacks:
-        found["fallback"] = [asdict(done) for done in context.fallbacks]
-    if context.direct:
-        found["direct"] = [asdict(cost) | {"speed_up": cost.speed_up} for cost in context.direct]
     return found
 
 

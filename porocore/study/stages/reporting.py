@@ -20,7 +20,7 @@ from porocore.study.backends import with_closure
 from porocore.study.config.config import RunConfig
 from porocore.study.run_folder.finished import FinishedRun
 from porocore.study.run_folder.folder import RunFolder
-from porocore.study.run_folder.stage_times import stage_times, timed
+from porocore.study.run_folder.stage_times import timed
 from porocore.study.stages.stage_files import finished, held_out_states
 
 
@@ -36,7 +36,7 @@ def report(
     from porocore.report.page import load_elsewhere
     from porocore.report.text import all_warnings
     from porocore.study.stages.figures_of_merit import figures_of_merit
-    from porocore.study.stages.results import RunResults
+    from porocore.study.stages.results import RunResults, times_of_all_cells
     from porocore.study.stages.summary import report_context
 
     samples = Dataset.open(folder.dataset, identity=config.stages.sampling)
@@ -74,7 +74,7 @@ def report(
         warnings = tuple(all_warnings(context))
     for warning in warnings:
         console.warn(warning)
-    times = stage_times(folder.timings)
+    times = times_of_all_cells(folder, config)
     metrics["stages"] = {stage: each.seconds for stage, each in times.items()}
     metrics["stage_runs"] = {stage: each.runs for stage, each in times.items()}
     write_json(folder.metrics, metrics, indent=2, allow_nan=False)

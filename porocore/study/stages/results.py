@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from porocore.interfaces.solution import MacroSolution
 from porocore.interfaces.surrogate import Surrogate
+from porocore.macro.composition.regions import regions_of_cell
 from porocore.macro.laws import CLOSURES
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.reference import CellReference
@@ -32,7 +34,8 @@ class RunResults:
     folder, config
         The run, with the closure that is shown.
     reference, coefficients
-        The undeformed cell, and linear poroelasticity from it.
+        The undeformed cell, and linear poroelasticity from it; of several cells, that of the rest of the body, as are
+        the next three.
     dataset, held_out
         Solved states.
     surrogates
@@ -74,13 +77,22 @@ class RunResults:
         DataError
             A file is damaged or belongs to another study.
         """
-        reference = load_reference(folder, config)
         laws: dict[float, list[str]] = {}
         for load in config.macro.loads:
             linear = (LINEAR,) if folder.solution(LINEAR, load).exists() else ()
             laws[load] = list(dict.fromkeys((config.closure, *linear, *folder.solved(load))))
-        closures = dict.fromkeys(law for each in laws.values() for law in each if law in CLOSURES)
-        surrogates = {closure: load_surrogate(folder, with_closure(config, closure)) for closure in closures}
+        solutions = {
+            load: {law: load_solution(folder, law, load) for law in each} for load, each in laws.items()
+        }
+        return cls._of(folder, config, solutions)
+
+    @classmethod
+    def _of(
+        cls, folder: RunFolder, config: RunConfig, solutions: dict[float, dict[str, MacroSolution]]
+    ) -> RunResults:
+        """Return these solutions with the results of the cell whose files are in a folder."""
+        reference = load_reference(folder, config)
+        closures = dict.fromkeys(law for each in solutions.values() for law in each if law in CLOSURES)
         return cls(
             folder,
             config,
@@ -88,7 +100,32 @@ class RunResults:
             linear_coefficients(reference, config),
             Dataset.open(folder.dataset, identity=config.stages.sampling),
             Dataset.open(folder.test_dataset, identity=config.stages.test),
-            surrogates,
-            {load: {law: load_solution(folder, law, load) for law in each} for load, each in laws.items()},
+            {closure: load_surrogate(folder, with_closure(config, closure)) for closure in closures},
+            solutions,
             stage_times(folder.timings),
         )
+
+    @cached_property
+    def by_cell(self) -> dict[str | None, RunResults]:
+        """Results of each cell, with the part of the body that has it; None names that of the rest, or the only one."""
+        if not self.config.cells:
+            return {None: self}
+        found = dict[str | None, RunResults]()
+        for files, one in self.folder.of_each_cell(self.config):
+            regions = regions_of_cell(self.config.macro.regions, files.cell)
+            names = [parameter.name for parameter in one.cell.parameters]
+            parts = {
+                load: {law: solution.of_regions(regions, names) for law, solution in each.items()}
+                for load, each in self.solutions.items()
+            }
+            found[files.cell] = self._of(files, one, parts)
+        return found
+
+
+def times_of_all_cells(folder: RunFolder, config: RunConfig) -> dict[str, StageTime]:
+    """Return the times of the stages of a run; those of a named cell end with its name."""
+    return {
+        files.stage_of_cell(stage): time
+        for files, _ in folder.of_each_cell(config)
+        for stage, time in stage_times(files.timings).items()
+    }

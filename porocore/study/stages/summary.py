@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -15,15 +16,13 @@ from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.boundary.drainage import undrained
 from porocore.macro.closure_error import ClosureError, closure_error
 from porocore.macro.composition.linearised_law import RestCoefficients
+from porocore.macro.composition.regions import regions_of_cell
 from porocore.macro.laws import CLOSURES, ClosedLaw
-from porocore.macro.laws.direct_record import direct_records
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.oscillation import diffusion_time, unresolved
 from porocore.macro.reference import CellReference
 from porocore.report.context import (
-    AdaptiveSurrogateCost,
     CellSummary,
-    DirectCost,
     ReportContext,
     SamplingSummary,
     Stage,
@@ -35,63 +34,105 @@ from porocore.report.metrics import LoadCase
 from porocore.report.words.parameters import FamilySummary
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.samplers.active import LearningSampler
-from porocore.states import MacroState, Status
+from porocore.states import MacroState
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
 from porocore.study.findings.body_cells import body_cells, rest_of_body
+from porocore.study.findings.costs import direct_costs, fallbacks_done
 from porocore.study.findings.held_out import output_checks
 from porocore.study.findings.parameters import family_summary
 from porocore.study.findings.publication import crease_line, published_values
 from porocore.study.findings.reach import MORE, flagged_place, left_out_shear, shears
 from porocore.study.outline.at_rest import edges
-from porocore.study.run_folder.files import LINEAR, direct_law, fallback_law
+from porocore.study.run_folder.files import LINEAR
 from porocore.study.run_folder.provenance import versions
-from porocore.study.stages.results import RunResults
+from porocore.study.stages.results import RunResults, times_of_all_cells
 from porocore.study.stages.stage_files import load_undeformed
 from porocore.study.stages.training import read_training_curve
 
 
 def report_context(results: RunResults) -> ReportContext:
     """Return the contents of the report of a run."""
-    config, reference, dataset = results.config, results.reference, results.dataset
-    rest = rest_of_body(results)
-    cases = tuple(_case(results, load) for load in config.macro.loads)
+    config, rest, cells = results.config, rest_of_body(results), results.by_cell
+    whole = ReportContext(
+        title=config.title or results.folder.path.name,
+        **_of_cell(cells[None]),
+        cases=tuple(_case(results, load) for load in config.macro.loads),
+        stages=tuple(
+            Stage(name, each.seconds, f"in {each.runs} runs" if each.runs > 1 else "", each.saved)
+            for name, each in times_of_all_cells(results.folder, config).items()
+            if name != "report"  # of an earlier page; this one is not written yet
+        ),
+        provenance={
+            **versions(),
+            **{
+                each.folder.stage_of_cell(name): value
+                for each in cells.values()
+                for name, value in each.reference.mesh.items()
+            },
+            "run identity": config.identity,
+        },
+        config_text=config.resolved_yaml(),
+        published=published_values(config),
+        warnings=(
+            *undrained(
+                config.macro, np.max([each.reference.conductivity for each in cells.values()], axis=0)
+            ),
+            *(
+                each.folder.said_of_cell(warning)
+                for each in cells.values()
+                for warning in disagreements(each.config.cell)
+            ),
+            *_overshoots(results, rest),
+        ),
+        direct=direct_costs(results),
+        scenarios=config.scenarios,
+        fallbacks=fallbacks_done(results),
+        units=config.result_units,
+        loading_mode=LoadingMode.from_setup(config.macro),
+        body=body_cells(results, rest),
+    )
+    if not config.cells:
+        return whole
+    return replace(whole, parts=tuple(_part(whole, each) for each in cells.values()))
+
+
+def _of_cell(results: RunResults) -> dict[str, Any]:
+    """Return what a report shows of one cell."""
+    dataset = results.dataset
     responses = dataset.responses()
     summaries = {name: _surrogate_summary(results, name) for name in results.surrogates}
-    main = summaries.pop(config.closure)
-    return ReportContext(
-        title=config.title or results.folder.path.name,
-        cell=_cell_summary(results),
-        sampling=SamplingSummary(
+    main = summaries.pop(results.config.closure)
+    return {
+        "cell": _cell_summary(results),
+        "sampling": SamplingSummary(
             dataset.inputs,
             dataset.x(),
             responses.status,
             responses.stable,
             None if responses.extrema is None else responses.extrema.contact_share,
         ),
-        surrogate=main,
-        cases=cases,
-        stages=tuple(
-            Stage(name, each.seconds, f"in {each.runs} runs" if each.runs > 1 else "", each.saved)
-            for name, each in results.timings.items()
-            if name != "report"  # of an earlier page; this one is not written yet
-        ),
-        provenance={**versions(), **reference.mesh, "run identity": config.identity},
-        config_text=config.resolved_yaml(),
-        published=published_values(config),
-        warnings=(
-            *undrained(config.macro, reference.conductivity),
-            *disagreements(config.cell),
-            *_overshoots(results, rest),
-        ),
-        other_surrogates=tuple(summaries.values()),
-        direct=direct_costs(results),
-        scenarios=config.scenarios,
-        fallbacks=fallbacks_done(results),
-        units=config.result_units,
-        loading_mode=LoadingMode.from_setup(config.macro),
-        family=_family(results),
-        body=body_cells(results, rest),
+        "surrogate": main,
+        "other_surrogates": tuple(summaries.values()),
+        "family": _family(results),
+    }
+
+
+def _part(whole: ReportContext, results: RunResults) -> ReportContext:
+    """Return what a report shows of one of several cells, where the body has it."""
+    name, config = results.folder.cell, results.config
+    of = "rest of the body" if name is None else name
+    body = None
+    if config.cell.is_family and whole.body is not None:
+        regions = regions_of_cell(results.folder.whole.written.macro.regions, name)
+        body = whole.body.of_regions(regions, [parameter.name for parameter in config.cell.parameters])
+    return replace(
+        whole,
+        **_of_cell(results),
+        of=of,
+        name=name or "",
+        cases=tuple(_case(results, load) for load in config.macro.loads),
+        body=body,
     )
 
 
@@ -111,6 +152,10 @@ def _case(results: RunResults, load: float) -> LoadCase:
     others = dict(results.solutions[load])
     closure = results.config.closure
     nonlinear, linear = others.pop(closure), others.pop(LINEAR, None)
+    if results.config.cells:
+        parts = [(_case(each, load).flagged, each.folder) for each in results.by_cell.values()]
+        flagged = " ".join(files.said_of_cell(said) for said, files in parts if said)
+        return LoadCase(nonlinear, linear, tuple(others.values()), flagged=flagged)
     objective = results.config.surrogate_model == "potential"
     surrogate, units = results.surrogates[closure], results.config.result_units
     flagged = flagged_place(nonlinear, surrogate, objective, units, _more_states(results))
@@ -155,44 +200,6 @@ def _surrogate_summary(results: RunResults, closure: str) -> SurrogateSummary:
         closure=closure,
         exact_closure="stress" in CLOSURES[closure].responses,
     )
-
-
-def direct_costs(results: RunResults) -> tuple[DirectCost, ...]:
-    """Return the cost of every solution by direct FE² whose cost was recorded."""
-    timings, found = results.seconds, []
-    for closure, law, load, work in _recorded(results, results.folder.direct_work, direct_law):
-        seconds = timings.get(f"macro, {law}, load {load:g}")
-        if seconds is not None:
-            failed = sum(work.get(status.name, 0) for status in Status if not status.has_values)
-            counts = (int(work["points"]), int(work["solves"]), int(failed))
-            of_surrogate = timings.get(f"macro, {closure}, load {load:g}")
-            found.append(DirectCost(law, load, *counts, work["seconds"], seconds, of_surrogate))
-    return tuple(found)
-
-
-def fallbacks_done(results: RunResults) -> tuple[AdaptiveSurrogateCost, ...]:
-    """Return the work of the fallback in every solution that has one."""
-    found = []
-    for _, law, load, work in _recorded(results, results.folder.fallback_work, fallback_law):
-        solves, failed, learned, refits = (
-            int(work[name]) for name in ("solves", "failed", "learned", "refits")
-        )
-        seconds = work["solve_seconds"], work["fit_seconds"]
-        found.append(AdaptiveSurrogateCost(law, load, solves, failed, learned, refits, *seconds))
-    return tuple(found)
-
-
-def _recorded(
-    results: RunResults, record: Path, law_with: Callable[[str], str]
-) -> Iterator[tuple[str, str, float, dict[str, float]]]:
-    """Yield closure, law, load and recorded work of every solution with a law that solves cells."""
-    records = direct_records(record)
-    for load, solutions in results.solutions.items():
-        for closure in CLOSURES:
-            law = law_with(closure)
-            work = records.get(results.folder.solution(law, load).stem)
-            if work is not None and law in solutions:
-                yield closure, law, load, work
 
 
 def _closure_error(
