@@ -284,7 +284,7 @@ class ReportContext:
 
     @property
     def of_each_cell(self) -> tuple[ReportContext, ...]:
-        """What the page shows of each cell."""
+        """Contexts of the sections of each cell."""
         return self.parts or (self,)
 
     def said_of_cell(self, text: str) -> str:
