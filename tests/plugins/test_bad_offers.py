@@ -108,7 +108,9 @@ def test_what_works_and_should_be_mended_is_said(shop, listed, name):
     _, words, only_loaded = NOTED[name]
     (offered,), (loaded,) = listed[0][name], listed[1][name]
     assert offered["works"] is loaded["works"] is True
-    for notes, expected in ((offered["notes"], words and not only_loaded), (loaded["notes"], words)):
+    for found, expected in ((offered["notes"], words and not only_loaded), (loaded["notes"], words)):
+        # On a busy machine any of them may take long to import.
+        notes = [note for note in found if " took " not in note or words in note]
         assert len(notes) == bool(expected)
         if expected:
             assert words in notes[0]
