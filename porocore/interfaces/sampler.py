@@ -69,6 +69,8 @@ class Sampler(ABC):
     seeded: ClassVar[bool] = False
     #: Whether its states fill the ranges of the inputs; if not, held-out states are drawn between those that it chose.
     fills_ranges: ClassVar[bool] = True
+    #: Whether it draws states over parameters of a cell, too; a study of such a cell refuses others.
+    samples_parameters: ClassVar[bool] = True
     #: What it does when it is asked after all states of a round, in a few words for the progress display.
     choosing: ClassVar[str] = "choosing states"
 

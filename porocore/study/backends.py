@@ -11,7 +11,12 @@ from porocore.macro.laws import CLOSURES
 from porocore.plugins.kinds import Kind
 from porocore.plugins.registry import registry
 from porocore.study.config.config import RunConfig
-from porocore.study.preflight.abilities import require_conductivity, require_learner, require_parts
+from porocore.study.preflight.abilities import (
+    require_conductivity,
+    require_learner,
+    require_parameters_sampled,
+    require_parts,
+)
 from porocore.study.preflight.limits import require_states
 
 
@@ -99,6 +104,7 @@ def check(kind: Kind, config: RunConfig) -> None:
     if kind == "cell solver":
         require_conductivity(type(backend), config.fem.backend, config.conductivity)
     if kind == "sampler":
+        require_parameters_sampled(type(backend), config.sampling.sampler, config.cell)
         require_states(config, backend.expected)
     if kind == "surrogate":
         require_learner(backend, config.surrogate.backend, config.cell)

@@ -70,6 +70,7 @@ class MacroDriven(LearningSampler):
     """
 
     fills_ranges = False
+    samples_parameters = False
     choosing = "exploring by macro runs"
 
     def __init__(

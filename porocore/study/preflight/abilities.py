@@ -8,6 +8,7 @@ from porocore.cell.cell import Cell
 from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.macro import MacroSolver
+from porocore.interfaces.sampler import Sampler
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.composition.body_fields import require_composition
@@ -74,6 +75,21 @@ def require_parts(solver: type[MacroSolver], name: str, problem: MacroSetup) -> 
         raise ConfigurationError(
             f"macro: this problem needs {missing.partition(' (')[0]}, which the macro solver '{name}' does not offer; "
             "choose another macro.backend, or leave it out"
+        )
+
+
+def require_parameters_sampled(sampler: type[Sampler], name: str, cell: Cell) -> None:
+    """Refuse a sampler that draws no parameters for a cell that has some.
+
+    Raises
+    ------
+    ConfigurationError
+        A number of the cell is a range, and the sampler draws no parameters.
+    """
+    if cell.is_family and not sampler.samples_parameters:
+        raise ConfigurationError(
+            f"sampling.sampler: '{name}' does not sample cells with parameters, but {cell.parameters[0].key} is a "
+            "range; choose another, such as sobol, or give one number"
         )
 
 
