@@ -19,8 +19,8 @@ import porocore
 
 CONFIG = Path(__file__).with_name("parameter_plane.yaml")
 #: Values of the plane, and the points at which a study of its own is made.
-RADII, RATIOS = np.linspace(0.15, 0.3, 13), np.linspace(0.2, 0.45, 11)
-POINTS = ((0.2, 0.4), (0.25, 0.35), (0.2875, 0.25))
+RADII, RATIOS = np.linspace(0.15, 0.3, 7), np.linspace(0.2, 0.45, 6)
+POINTS = ((0.2, 0.4), (0.25, 0.35), (0.275, 0.25))
 #: Results that are drawn and compared, and what they are called.
 RESULTS = {"final_settlement": "final settlement", "time_to_95_percent": "time to 95 %"}
 

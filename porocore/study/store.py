@@ -191,7 +191,7 @@ def code_of(implementation: type[Any]) -> dict[str, Any]:
     The sources count because a plugin that is being developed changes under one version.
     """
     package = implementation.__module__.partition(".")[0]
-    names = ["porocore", *metadata.packages_distributions().get(package, ()), *_PACKAGES]
+    names = ["porocore", *_distributions().get(package, ()), *_PACKAGES]
     digest = hashlib.sha256()
     if package != "porocore":
         file = sys.modules[package].__file__
@@ -205,6 +205,12 @@ def code_of(implementation: type[Any]) -> dict[str, Any]:
         "versions": {name: metadata.version(name) for name in sorted(set(names))},
         "sources": digest.hexdigest(),
     }
+
+
+@cache
+def _distributions() -> Mapping[str, list[str]]:
+    """Return the distributions of each package; they are read once, which takes half a second."""
+    return metadata.packages_distributions()
 
 
 def _hash(*parts: Any) -> str:
