@@ -294,6 +294,40 @@ SLOW = (
     "tests/plugins/test_installed_plugins.py::test_who_asks_for_one_is_told_what_is_wrong_with_it[another interface]",
     "tests/plugins/test_installed_plugins.py::test_who_asks_for_one_is_told_what_is_wrong_with_it[missing dependency]",
     "tests/test_skips.py::test_a_skip_fails_in_ci_unless_it_is_a_good_one[slow]",
+    # Families of cells: torch keeps the laws of networks, the polynomial those of sweeps, scikit-fem those of slopes at
+    # rest; tests/study/test_sweep.py has the commands of the page on parameters.
+    "plugins/surrogate_jax/tests/test_conformance.py::TestPotential::test_a_cell_with_parameters_is_learned",
+    "plugins/surrogate_jax/tests/test_conformance.py::TestPotential::test_the_order_of_the_parameters_is_that_of_the_inputs",
+    "tests/consistency/test_surrogate_libraries.py::test_a_file_written_by_one_is_read_by_all[jax-family",
+    "tests/consistency/test_surrogate_libraries.py::test_a_file_written_by_one_is_read_by_all[torch-family without",
+    "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/parameters.md]",
+    "tests/study/test_sweep.py::test_moved_surfaces_several_loads_and_units",
+    "tests/study/test_sweep.py::test_processes_side_by_side_give_the_same",
+    f"{_CELL_LAWS}slopes_of_the_hessian_at_rest",
+    f"{_CELL_LAWS}a_member_is_the_cell_with_its_numbers",
+    # What a shorter test of the same piece looks at, too: Ctrl-C in tests/e2e/test_kills.py, runs without a store in
+    # tests/study, regions in tests/study/test_layers_of_cells.py, crosschecks by their verdicts.
+    "tests/e2e/test_side_by_side.py::test_an_interruption_keeps_checkpoints_and_times",
+    "tests/e2e/test_store.py::test_no_store_is_neither_read_nor_filled",
+    "tests/testing/test_partial_plugins.py::test_what_it_offers_passes_and_the_rest_is_skipped_and_said[TestKernels]",
+    "tests/consistency/test_surrogate_libraries.py::test_a_file_written_by_one_is_read_by_all[jax-potential]",
+    "tests/consistency/test_surrogate_libraries.py::test_a_file_written_by_one_is_read_by_all[torch-potential on",
+    f"{_MACRO_LAWS}fields_of_first_order_are_exact_on_any_body[tetrahedra]",
+    "plugins/surrogate_torch/tests/test_conformance.py::TestMlp::test_training_is_seeded",
+    "plugins/surrogate_jax/tests/test_evaluator.py::test_jit_against_eager[softplus]",
+    "tests/consistency/test_cell_kinds.py::test_backends_agree[dolfinx-skfem-image-",
+    "tests/consistency/test_slopes.py::test_slopes_of_the_solid_on_the_eighth[dolfinx-quadratic-curved]",
+    "tests/verification/test_crosscheck.py::test_when_the_first_backend_cannot_sample_the_next_one_does",
+    "tests/report/test_report.py::test_pyplot_is_not_used",
+    "tests/sampling/test_campaign_kills.py::test_a_worker_that_dies_twice_over_a_state_costs_that_state_only[2]",
+    "tests/study/test_family_workers.py::test_the_same_member_of_another_family_is_solved_again_for_its_slopes",
+    "tests/verification/test_representative_volume.py::test_sub_volumes_of_whole_periods_are_the_cell",
+    "plugins/fem_dolfinx/tests/test_form_cache.py::test_two_processes_may_compile_the_same_form_at_once",
+    "plugins/fem_dolfinx/tests/test_macro.py::test_a_field_split_gives_the_same_history",
+    "tests/consistency/test_layered.py::test_all_responses_and_derivatives[with fluid-sheared-dolfinx]",
+    "tests/consistency/test_planes.py::test_backends_agree[dolfinx-skfem-oblique-small]",
+    "tests/consistency/test_contact.py::test_walls_that_touch_agree_under_shear[dolfinx-skfem]",
+    f"{_CONTACT_LAWS}says_so",
 )
 
 
