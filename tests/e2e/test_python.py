@@ -52,8 +52,9 @@ def test_the_python_of_the_documents_runs(place, finished, undrawn, capsys):
     assert_same_results_of_all_loads(place / "runs/mine", finished)
     names = {}
     for block in blocks("docs/python.md"):
-        # The studies of a cell take long, and run in tests/verification/test_studies.py.
-        if "study_sensitivity" not in block:
+        # Studies of a cell and sweeps take long: tests/verification/test_studies.py and tests/study/test_sweep.py have
+        # them, and the slow suite runs the whole page in tests/docs/test_snippets.py.
+        if "study_sensitivity" not in block and ".sweep(" not in block:
             exec(compile(block, "docs/python.md", "exec"), names)
     assert np.array_equal(names["plug"].config.macro.boundary["y+"].traction, (0, -0.04, 0))
     assert names["plug"].config.sampling.inputs["p"].range == (0, 0.1)
