@@ -136,8 +136,24 @@ SLOW = (
     "tests/consistency/test_surrogate_libraries.py::test_a_file_written_by_one_is_read_by_all[torch-mlp of tanh",
     "tests/consistency/test_surrogate_libraries.py::test_a_file_written_by_one_is_read_by_all[torch-cubic",
     "tests/consistency/test_surrogate_libraries.py::test_the_same_training_of_a_potential[two]",
+    # Families: torch obeys these laws in the fast suite; jax keeps one file of a family and the slopes by parameters.
+    "tests/consistency/test_surrogate_libraries.py::test_the_same_training_of_a_potential[family]",
+    "tests/consistency/test_surrogate_libraries.py::test_a_file_written_by_one_is_read_by_all[jax-family without",
+    "tests/consistency/test_surrogate_libraries.py::test_a_file_written_by_one_is_read_by_all[torch-family without",
+    *(
+        f"plugins/surrogate_jax/tests/test_conformance.py::TestPotential::test_{law}"
+        for law in (
+            "a_cell_with_parameters_is_learned",
+            "the_order_of_the_parameters_is_that_of_the_inputs",
+            "every_member_is_exact_at_rest",
+            "learns_every_member",
+            "a_saved_family_is_the_same",
+        )
+    ),
     "plugins/surrogate_jax/tests/test_conformance.py::TestMlpWithTanh::",
     "plugins/surrogate_jax/tests/test_conformance.py::TestPotentialOnPolynomial::",
+    # Its commands, a sweep and a member's state, have fast tests of their own in tests/study and tests/cli.
+    "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/parameters.md]",
     # Their commands have fast tests of their own in tests/verification, and the Python of the last runs in tests/e2e.
     "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/sensitivity.md]",
     "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/verification.md]",
@@ -234,6 +250,7 @@ SLOW = (
     # tests/consistency holds the slopes of dolfinx to differences. Newton, checkpoints and the loop over states are the
     # core's. Each backend keeps a wedge and tetrahedra, a follower, and the histories of the other one.
     f"{_CELL_LAWS}slopes_are_there",
+    f"{_CELL_LAWS}slopes_of_the_hessian_at_rest",
     f"{_CELL_LAWS}slopes_match_differences",
     f"{_CELL_LAWS}a_failed_state_does_not_take_the_others_along",
     f"{_CELL_LAWS}inputs_are_not_changed",

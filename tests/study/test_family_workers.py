@@ -17,7 +17,7 @@ FAMILY = Cell.model_validate(
     {
         "geometry": {"radius": 0.25},
         "material": {"poisson_ratio": {"range": [0.2, 0.4]}},
-        "mesh": {"size": 0.45},
+        "mesh": {"size": 0.5, "fluid_size": 0.5, "element": "linear"},
     }
 )
 

@@ -72,8 +72,9 @@ def test_check_tells_the_time_of_macro_runs_between_rounds(tmp_path):
 
 
 def study_of(tmp_path, **changes):
-    """The strip of examples/ with other values, by dotted key with ``__`` for the dot."""
+    """The strip of examples/ on a coarse cell with other values, by dotted key with ``__`` for the dot."""
     data = yaml.safe_load(BENCHMARK.with_name("soil-strip.yaml").read_text(encoding="utf-8"))
+    data["cell"]["mesh"] = {"size": 0.5, "fluid_size": 0.5, "element": "linear"}
     for key, value in changes.items():
         *sections, last = key.split("__")
         part = data

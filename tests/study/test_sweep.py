@@ -161,6 +161,7 @@ def test_a_value_is_a_study_of_its_own(tmp_path: Path, swept: ParameterSweep) ->
     np.testing.assert_allclose(found.settlement, alone.settlement, atol=2e-3 * alone.settlement[-1])
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_more_values_between_the_ends_go_on_and_solve_no_cell(
     study: porocore.Study, swept: ParameterSweep
 ) -> None:
@@ -175,6 +176,7 @@ def test_more_values_between_the_ends_go_on_and_solve_no_cell(
     assert len(rows_of(swept)) == 3
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_the_folder_is_the_run_of_the_family(study: porocore.Study, swept: ParameterSweep) -> None:
     """A family that is written by hand goes on in it, at another value."""
     settings = ranged([0.2, 0.4])
@@ -198,6 +200,7 @@ def test_the_folder_is_the_run_of_the_family(study: porocore.Study, swept: Param
     study.sweep("poisson_ratio", VALUES)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_processes_side_by_side_give_the_same(
     study: porocore.Study, swept: ParameterSweep, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -211,6 +214,7 @@ def test_processes_side_by_side_give_the_same(
         np.testing.assert_allclose(found.figures[name], column, rtol=1e-10, err_msg=name)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_value_without_solution_is_an_empty_row(
     study: porocore.Study, swept: ParameterSweep, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -265,6 +269,7 @@ def test_a_plane_of_two_numbers_and_a_range_of_the_file(tmp_path: Path) -> None:
     assert (found.folder.path / "sweep" / point.name / "solutions").is_dir()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_moved_surfaces_several_loads_and_units(tmp_path: Path) -> None:
     """A thicker fluid resists a quick move more, and not the slow one."""
     settings = with_settings(
