@@ -9,7 +9,7 @@ import numpy as np
 
 from porocore.core.files.totals import Numbers
 from porocore.interfaces.cell import CellField
-from porocore.interfaces.law import CellLaw
+from porocore.interfaces.law import CellLaw, UndeformedCells
 from porocore.interfaces.records import failed_response
 from porocore.macro.laws.direct_record import Work
 from porocore.sampling.execution import CellPool
@@ -85,6 +85,10 @@ class DirectCellLaw(CellLaw):
         Response of the undeformed cell with its tangent (one row), which is not solved again.
     identity
         Hash of the cell and of its solver's settings.
+    parameters
+        Names of the cell's parameters; empty if it has none.
+    at_rest
+        Gives porosity and conductivity of the undeformed cells with parameters (n, m); needed where there are some.
 
     Attributes
     ----------
@@ -96,8 +100,16 @@ class DirectCellLaw(CellLaw):
 
     noise = NOISE
 
-    def __init__(self, pool: CellPool, reference: CellResponse, identity: str) -> None:
+    def __init__(
+        self,
+        pool: CellPool,
+        reference: CellResponse,
+        identity: str,
+        parameters: tuple[str, ...] = (),
+        at_rest: Callable[[Array], UndeformedCells] | None = None,
+    ) -> None:
         self.pool, self.identity = pool, f"direct-{identity}"
+        self.parameters, self._at_rest = parameters, at_rest
         self.work = DirectWork()
         self.on_work: Callable[[str], None] = lambda text: None
         self._rest = _Solved(_lean(reference), None)
@@ -139,6 +151,10 @@ class DirectCellLaw(CellLaw):
             response, outside_training_range=unstable, tangent=response.tangent if tangent else None
         )
 
+    def undeformed(self, parameters: Array) -> UndeformedCells | None:
+        """Return porosity and conductivity of the undeformed cells with ``parameters`` (n, m)."""
+        return None if self._at_rest is None else self._at_rest(parameters)
+
     def _answers(self, wanted: dict[bytes, tuple[IntArray, bytes]]) -> dict[bytes, _Solved]:
         """Return the responses in the order of ``wanted``; known ones are not solved again."""
         found: dict[bytes, _Solved] = {}
@@ -156,6 +172,8 @@ class DirectCellLaw(CellLaw):
         return {key: found[key] for key in wanted}
 
     def _solve(self, ahead: list[tuple[bytes, IntArray, bytes]], found: dict[bytes, _Solved]) -> None:
+        # Members one after the other: a worker keeps a few of them.
+        ahead = sorted(ahead, key=lambda each: each[1][COMPONENTS:].tobytes())
         total, queue = len(ahead), ahead[::-1]
         for done in range(total):
             while queue and self.pool.has_room:

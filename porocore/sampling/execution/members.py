@@ -1,4 +1,4 @@
-"""Cell solvers for states of several members of a family, prepared as they come (MemberSolver), and undeformed."""
+"""Cell solvers for states of several members of a family, prepared as they come (MemberSolver), and at rest."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import numpy as np
 from porocore.core.fields.declaration import provided_fields
 from porocore.errors import ConfigurationError, MemberError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
+from porocore.interfaces.law import UndeformedCells
 from porocore.interfaces.records import failed_response
 from porocore.plugins.border import conductivity_of, solution_of
 from porocore.states import Array, CellResponse, CellSlopes, MacroState, Status
@@ -208,6 +209,44 @@ class UndeformedMemberSolver(MemberSolver):
         names = [one.name for one in family.parameters]
         member = family.at([(one.lower + one.upper) / 2 for one in family.parameters])
         return [names.index(one.name) for one in member.parameters]
+
+
+class MembersAtRest:
+    """Porosity and conductivity of undeformed members, each solved when it is first asked for and then known.
+
+    Parameters
+    ----------
+    solver, prepared
+        Solver of the members, and the family of them as they are before they swell.
+    """
+
+    def __init__(self, solver: MemberSolver, prepared: PreparedFamily) -> None:
+        self._solver, self._prepared = solver, prepared
+        self._known: dict[bytes, tuple[float, Array]] = {}
+
+    def __call__(self, parameters: Array) -> UndeformedCells:
+        """Return φ_f and K of the members with ``parameters`` (n, m).
+
+        Raises
+        ------
+        MemberError
+            There is no cell with some of the parameters.
+        """
+        values, of_row = np.unique(np.asarray(parameters, float), axis=0, return_inverse=True)
+        found = [self._of(theta) for theta in values]
+        porosity, K = (np.array(each) for each in zip(*found, strict=True))
+        rows = of_row.reshape(-1)
+        return UndeformedCells(porosity[rows], K[rows])
+
+    def _of(self, theta: Array) -> tuple[float, Array]:
+        key = np.ascontiguousarray(theta).tobytes()
+        if key not in self._known:
+            K = self._solver.conductivity_at(self._prepared, theta)
+            state = MacroState.zeros(1).with_parameters(theta)
+            volume = self._solver.solve(self._prepared, state, tangent=False).response.fluid_volume
+            assert volume is not None
+            self._known[key] = float(volume[0]), K
+        return self._known[key]
 
 
 def _among(slopes: CellSlopes, own: Sequence[int], m: int) -> CellSlopes:

@@ -24,6 +24,7 @@ from porocore.macro.laws.linear import LinearPoroelasticity
 from porocore.macro.reference import CellReference
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
+from porocore.sampling.execution.members import MembersAtRest
 from porocore.sampling.execution.solved_store import SolvedStore
 from porocore.states import Array
 from porocore.study.backends import make_backend
@@ -37,11 +38,14 @@ from porocore.study.stages.stage_files import (
     linear_coefficients,
     load_reference,
     load_surrogate,
+    prepare_undeformed,
     training_set,
 )
 from porocore.study.store import solved_states, told
 
 LawKind = Literal["surrogate", "linear", "direct", "fallback"]
+#: Prepared members that each process keeps where every point of a body may have its own.
+MEMBERS_OF_A_BODY = 16
 #: Laws that are solved by default.
 USUAL_LAWS: tuple[LawKind, ...] = ("surrogate", "linear")
 
@@ -163,7 +167,7 @@ def _law_of_cell(
         return _learning(folder, config, pool, stack, name)
     rest = reference.resting(config.conductivity)
     identity = config.stages.cell + ("" if rest.conductivity is None else "-deformed")
-    cells = DirectCellLaw(pool, rest, identity)
+    cells = DirectCellLaw(pool, rest, identity, *_members(config))
     closure = reference.closure(direct_closure, config.cell.solid, config.conductivity)
     return RunLaw(ClosedLaw(cells, closure, name=name), (CellSolves(cells, folder.direct_work, pool),))
 
@@ -183,7 +187,17 @@ def _of_the_surrogate(folder: RunFolder, config: RunConfig, reference: CellRefer
 def _pool(config: RunConfig, store: ResultStore | None) -> CellPool:
     arguments = (config.fem.backend, config.fem.options, config.cell, config.conductivity)
     known: SolvedStore | None = solved_states(store, *arguments)
-    return CellPool(factory_of(config.cell), arguments, **config.sampling.pool_options(), known=known)
+    kept = (MEMBERS_OF_A_BODY,) if config.cell.is_family else ()
+    options = config.sampling.pool_options()
+    return CellPool(factory_of(config.cell), (*arguments, *kept), **options, known=known)
+
+
+def _members(config: RunConfig) -> tuple[tuple[str, ...], MembersAtRest] | tuple[()]:
+    """Return names of the cell's parameters and what knows its undeformed members; nothing if it has none."""
+    if not config.cell.is_family:
+        return ()
+    at_rest = MembersAtRest(*prepare_undeformed(config.fem.backend, config.fem.options, config.cell))
+    return tuple(each.name for each in config.cell.parameters), at_rest
 
 
 def _learning(folder: RunFolder, config: RunConfig, pool: CellPool, stack: ExitStack, name: str) -> RunLaw:

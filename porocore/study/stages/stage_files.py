@@ -24,7 +24,12 @@ from porocore.plugins.registry import registry
 from porocore.sampling.campaign import is_complete
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.datasets.parts import describe
-from porocore.sampling.execution.members import MemberSolver, PreparedFamily, UndeformedMemberSolver
+from porocore.sampling.execution.members import (
+    MOST_MEMBERS,
+    MemberSolver,
+    PreparedFamily,
+    UndeformedMemberSolver,
+)
 from porocore.sampling.execution.tasks import Factory
 from porocore.sampling.samplers.random_states import RandomStates
 from porocore.sampling.samplers.undeformed_members import UndeformedMembers
@@ -54,9 +59,13 @@ def prepare_cell(
 
 
 def prepare_family(
-    backend: str, options: dict[str, Any], cell: Cell, conductivity: str = "piola"
+    backend: str,
+    options: dict[str, Any],
+    cell: Cell,
+    conductivity: str = "piola",
+    kept: int = MOST_MEMBERS,
 ) -> tuple[MemberSolver, PreparedFamily]:
-    """Return a solver of the members of a family, and the family; worker processes call this once.
+    """Return a solver that keeps some members of a family, and the family; worker processes call this once.
 
     Raises
     ------
@@ -65,7 +74,7 @@ def prepare_family(
     """
     solver: CellSolver = registry().get("cell solver", backend)(**options)
     require_conductivity(type(solver), backend, conductivity)
-    members = MemberSolver(solver)
+    members = MemberSolver(solver, kept)
     return members, members.prepare(cell, **_how(conductivity))
 
 
