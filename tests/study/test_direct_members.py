@@ -31,7 +31,7 @@ STUDY: dict[str, Any] = {
     "sampling": {
         "sampler": "sobol",
         "inputs": {"H22": {"range": [-0.08, 0.02]}, "p": {"range": [-0.02, 0.05]}},
-        "options": {"count": 8, "states_per_member": 2},
+        "options": {"count": 12, "states_per_member": 2},
         "test": {"count": 1},
         "workers": 1,
         "executor": "serial",

@@ -243,7 +243,8 @@ class MembersAtRest:
         if key not in self._known:
             K = self._solver.conductivity_at(self._prepared, theta)
             state = MacroState.zeros(1).with_parameters(theta)
-            volume = self._solver.solve(self._prepared, state, tangent=False).response.fluid_volume
+            rest = solution_of(self._solver, self._prepared, state, tangent=False, fields=False)
+            volume = rest.response.fluid_volume
             assert volume is not None
             self._known[key] = float(volume[0]), K
         return self._known[key]
