@@ -136,24 +136,14 @@ SLOW = (
     "tests/consistency/test_surrogate_libraries.py::test_a_file_written_by_one_is_read_by_all[torch-mlp of tanh",
     "tests/consistency/test_surrogate_libraries.py::test_a_file_written_by_one_is_read_by_all[torch-cubic",
     "tests/consistency/test_surrogate_libraries.py::test_the_same_training_of_a_potential[two]",
-    # Families: torch obeys these laws in the fast suite; jax keeps one file of a family and the slopes by parameters.
+    # Families: torch obeys these laws in the fast suite; jax keeps the slopes by parameters.
     "tests/consistency/test_surrogate_libraries.py::test_the_same_training_of_a_potential[family]",
-    "tests/consistency/test_surrogate_libraries.py::test_a_file_written_by_one_is_read_by_all[jax-family without",
-    "tests/consistency/test_surrogate_libraries.py::test_a_file_written_by_one_is_read_by_all[torch-family without",
     *(
         f"plugins/surrogate_jax/tests/test_conformance.py::TestPotential::test_{law}"
-        for law in (
-            "a_cell_with_parameters_is_learned",
-            "the_order_of_the_parameters_is_that_of_the_inputs",
-            "every_member_is_exact_at_rest",
-            "learns_every_member",
-            "a_saved_family_is_the_same",
-        )
+        for law in ("every_member_is_exact_at_rest", "learns_every_member", "a_saved_family_is_the_same")
     ),
     "plugins/surrogate_jax/tests/test_conformance.py::TestMlpWithTanh::",
     "plugins/surrogate_jax/tests/test_conformance.py::TestPotentialOnPolynomial::",
-    # Its commands, a sweep and a member's state, have fast tests of their own in tests/study and tests/cli.
-    "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/parameters.md]",
     # Their commands have fast tests of their own in tests/verification, and the Python of the last runs in tests/e2e.
     "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/sensitivity.md]",
     "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/verification.md]",
@@ -312,7 +302,7 @@ SLOW = (
     "tests/plugins/test_installed_plugins.py::test_who_asks_for_one_is_told_what_is_wrong_with_it[missing dependency]",
     "tests/test_skips.py::test_a_skip_fails_in_ci_unless_it_is_a_good_one[slow]",
     # Families of cells: torch keeps the laws of networks, the polynomial those of sweeps, scikit-fem those of slopes at
-    # rest; tests/study/test_sweep.py has the commands of the page on parameters.
+    # rest; tests/study/test_sweep.py and tests/cli have the commands of the page on parameters.
     "plugins/surrogate_jax/tests/test_conformance.py::TestPotential::test_a_cell_with_parameters_is_learned",
     "plugins/surrogate_jax/tests/test_conformance.py::TestPotential::test_the_order_of_the_parameters_is_that_of_the_inputs",
     "tests/consistency/test_surrogate_libraries.py::test_a_file_written_by_one_is_read_by_all[jax-family",
@@ -320,7 +310,6 @@ SLOW = (
     "tests/docs/test_snippets.py::test_the_snippets_of_a_page_run[docs/parameters.md]",
     "tests/study/test_sweep.py::test_moved_surfaces_several_loads_and_units",
     "tests/study/test_sweep.py::test_processes_side_by_side_give_the_same",
-    f"{_CELL_LAWS}slopes_of_the_hessian_at_rest",
     f"{_CELL_LAWS}a_member_is_the_cell_with_its_numbers",
     # What a shorter test of the same piece looks at, too: Ctrl-C in tests/e2e/test_kills.py, runs without a store in
     # tests/study, regions in tests/study/test_layers_of_cells.py, crosschecks by their verdicts.
