@@ -52,6 +52,7 @@ STUDY: dict[str, Any] = {
 }
 
 
+@pytest.mark.slow
 def test_a_graded_body_has_the_answer_of_its_surrogate(tmp_path: Path) -> None:
     """The law that solves the cell of each point, and a surrogate of the family, whose parameters vary in time too."""
     study = Study(STUDY, out=tmp_path / "run", progress=False, store=False)
