@@ -18,7 +18,7 @@ from porocore.macro.linear_systems.memory import available_bytes, factor_bytes, 
 from porocore.states import Array, IntArray, Status
 from porocore_fem_skfem import pardiso
 from porocore_fem_skfem.constraints import SENSITIVITY_TOLERANCE, Constraints, KnownRotations, LinearResponse
-from porocore_fem_skfem.linalg import FACTOR_LIMIT, Iteration, conjugate_gradients
+from porocore_fem_skfem.linalg import FACTOR_LIMIT, Iteration, block_conjugate_gradients, conjugate_gradients
 from porocore_fem_skfem.multigrid import IndefiniteError, Multigrid
 from porocore_fem_skfem.node_grid import NodeGrid, PaddedPattern
 from porocore_fem_skfem.operators import Pattern
@@ -126,7 +126,16 @@ class IterativeConstraints(Constraints):
             rotations = KnownRotations(self._padded.padded(R), padded, self._product @ padded)
             right = np.column_stack([-rotations.R, self._random()])
             tolerance = np.array([SENSITIVITY_TOLERANCE] * rotations.R.shape[1] + [DEFINITE])
-            solved = self._iterate(self._product, right, tolerance)
+            # A random column tells whether K is definite only where the loads take no part in its iteration.
+            group = np.append(np.zeros(rotations.R.shape[1], np.int64), 1)
+            solved = block_conjugate_gradients(
+                self._product.__matmul__,
+                right,
+                self._multigrid.cycle,
+                group=group,
+                tolerance=tolerance,
+                limit=LIMIT,
+            )
             if solved.converged:
                 U = solved.x[:, :-1]
                 return rotations.response(U, self._product @ U, 0).at(self._padded.places)

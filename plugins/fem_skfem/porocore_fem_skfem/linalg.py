@@ -12,11 +12,13 @@ from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from scipy import sparse
+from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse.linalg import SuperLU, splu
 
 from porocore.errors import ConfigurationError
-from porocore.states import Array
+from porocore.states import Array, IntArray
 from porocore_fem_skfem import pardiso
 from porocore_fem_skfem.checks import Indices
 from porocore_fem_skfem.factor import OutOfMemoryError, SingularError, SymmetricFactor
@@ -132,6 +134,8 @@ def choose_factor(indptr: Indices, indices: Indices, *, solver: str, single: boo
 
 #: Entries of a product with a sparse matrix are wrong by so much at most, as shares of the sum of magnitudes.
 ROUND_OFF = 2 * np.finfo(float).eps
+#: Least part of a unit column outside of the others for which one orthonormalisation is enough.
+INDEPENDENT = 1e-3
 
 
 @dataclass(frozen=True)
@@ -223,6 +227,60 @@ def conjugate_gradients(
         p = z + np.multiply(np.where(active, rz_new / np.where(rz != 0, rz, 1.0), 0.0), p, out=step)
         rz = rz_new
     return Iteration(x[:, 0] if single else x, iterations, not active.any(), indefinite)
+
+
+def block_conjugate_gradients(
+    apply: Callable[[Array], Array],
+    rhs: Array,
+    precondition: Callable[[Array], Array],
+    *,
+    group: IntArray,
+    tolerance: float | Array,
+    limit: int = 200,
+) -> Iteration:
+    """Solve as :func:`conjugate_gradients`, the columns of a group (k,) in the Krylov space of all of them.
+
+    That takes fewer iterations where a few eigenvalues are small. Residuals are kept in an orthonormal basis (Dubrulle,
+    Electron. Trans. Numer. Anal. 12, 2001, 216-233). Where one does not exist, or the curvature in the space is not
+    positive, each column is solved for by itself from the start.
+    """
+    same, goal = np.equal.outer(group, group), tolerance * np.linalg.norm(rhs, axis=0)
+    x = np.zeros_like(rhs)
+    try:
+        basis, shares = _orthonormal(rhs, same)
+        p = z = precondition(basis)
+        rho = same * (basis.T @ z)
+        for iterations in range(1, limit + 1):
+            q = apply(p)
+            curvature = same * (p.T @ q)
+            alpha = cho_solve(cho_factor((curvature + curvature.T) / 2), rho)
+            x += p @ (alpha @ shares)
+            basis, change = _orthonormal(basis - q @ alpha, same)
+            shares = change @ shares
+            if (np.linalg.norm(shares, axis=0) <= goal).all():
+                return Iteration(x, iterations, True, False)
+            z = precondition(basis)
+            rho, last = same * (basis.T @ z), rho
+            p = z + p @ np.linalg.solve(last, change.T @ rho)
+    except (np.linalg.LinAlgError, ValueError):  # the second one where something is not finite
+        return conjugate_gradients(apply, rhs, precondition, tolerance=tolerance, limit=limit)
+    return Iteration(x, limit, False, False)
+
+
+def _orthonormal(columns: Array, same: npt.NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Return an orthonormal basis of each group of columns, and the shares (k, k) that make the columns of it."""
+    shares = np.eye(columns.shape[1])
+    for _ in range(2):
+        gram = same * (columns.T @ columns)
+        scale = np.sqrt(np.diag(gram))
+        if not scale.all():
+            raise np.linalg.LinAlgError("a column vanishes")
+        upper = np.linalg.cholesky(gram / np.outer(scale, scale)).T
+        columns = columns @ (np.linalg.inv(upper) / scale[:, None])
+        shares = upper * scale @ shares
+        if np.diag(upper).min() > INDEPENDENT:
+            break
+    return columns, shares
 
 
 def _products(one: Array, other: Array) -> Array:

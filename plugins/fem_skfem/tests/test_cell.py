@@ -13,7 +13,13 @@ from porocore.cell.meshing.mesh import MeshSettings
 from porocore.errors import ConfigurationError
 from porocore_fem_skfem import constraints
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
-from porocore_fem_skfem.linalg import Iteration, SuperLUFactor, SymmetricPattern, conjugate_gradients
+from porocore_fem_skfem.linalg import (
+    Iteration,
+    SuperLUFactor,
+    SymmetricPattern,
+    block_conjugate_gradients,
+    conjugate_gradients,
+)
 from porocore_fem_skfem.pardiso import PardisoFactor, library
 from porocore_fem_skfem.solid import SkfemSolid
 
@@ -194,6 +200,40 @@ def test_conjugate_gradients_notice_negative_curvature():
     solved = conjugate_gradients(A.dot, np.ones(3), lambda r: r, tolerance=1e-10)
     assert solved.indefinite
     assert not solved.converged
+
+
+def test_columns_of_a_group_share_their_space():
+    """Six small eigenvalues of 300: eight columns meet them together, and a ninth one goes as if it were alone."""
+    rng = np.random.default_rng(0)
+    values = np.concatenate([10.0 ** np.arange(-6, 0), np.linspace(1, 2, 294)])
+    rotation = np.linalg.qr(rng.normal(size=(300, 300)))[0]
+    A, rhs = rotation * values @ rotation.T, rng.normal(size=(300, 9))
+    group = np.array([0] * 8 + [1])
+
+    def together(columns):
+        return block_conjugate_gradients(
+            A.dot, rhs[:, columns], np.copy, group=group[columns], tolerance=1e-11
+        )
+
+    solved = together(range(8))
+    np.testing.assert_allclose(A @ solved.x, rhs[:, :8], atol=1e-9)
+    alone = conjugate_gradients(A.dot, rhs[:, :8], np.copy, tolerance=1e-11)
+    assert alone.iterations > 1.5 * solved.iterations
+    last = conjugate_gradients(A.dot, rhs[:, 8], np.copy, tolerance=1e-11)
+    assert abs(together(range(9)).iterations - last.iterations) <= 2
+    np.testing.assert_allclose(A @ together(range(9)).x, rhs, atol=1e-9)
+
+
+@pytest.mark.parametrize("least", [1.0, -1.0])
+@pytest.mark.parametrize("columns", ["independent", "dependent", "zero"])
+def test_a_group_of_any_columns_is_solved_for_or_found_indefinite(columns, least):
+    A = np.diag([least, 2.0, 3.0, 4.0, 5.0, 6.0])
+    rhs = np.random.default_rng(0).normal(size=(6, 3))
+    rhs[:, 1] = {"independent": rhs[:, 1], "dependent": 2 * rhs[:, 0], "zero": 0}[columns]
+    solved = block_conjugate_gradients(A.dot, rhs, np.copy, group=np.array([0, 0, 1]), tolerance=1e-10)
+    assert (solved.converged, solved.indefinite) == (least > 0, least < 0)
+    if solved.converged:
+        np.testing.assert_allclose(solved.x, np.linalg.solve(A, rhs), atol=1e-9)
 
 
 def test_options_are_checked():

@@ -107,5 +107,6 @@ def count_columns(monkeypatch):
         return solving
 
     monkeypatch.setattr(constraints, "refine", counted(constraints.refine))
-    monkeypatch.setattr(iterative, "conjugate_gradients", counted(iterative.conjugate_gradients))
+    solve = counted(iterative.block_conjugate_gradients)
+    monkeypatch.setattr(iterative, "block_conjugate_gradients", solve)
     return widths
