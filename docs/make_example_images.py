@@ -24,6 +24,8 @@ SHOWN = {
     "cartilage-unconfined": (1, ("pressure at the probes", "displacement of the probes")),
     "brain-indentation": (0, ("pressure at the probes", "forces of held or moved surfaces")),
     "soil-strip": (0, ("pressure at the probes", "displacement of the probes")),
+    "layered-soil": (1, ("pressure at the probes", "displacement of the probes")),
+    "swelling-gel": (1, ("pressure at the probes", "displacement of the probes")),
 }
 
 
