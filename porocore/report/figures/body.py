@@ -129,15 +129,18 @@ def _frame(axes: Any, places: Array, units: ResultUnits) -> Array:
     axes.view_init(*VIEW)
     axes.grid(visible=False)
     axes.tick_params(labelsize=7, pad=0)
-    axes.tick_params("z", pad=3)
     for (name, label), low, high, length in zip(AXES, first, last, lengths, strict=True):
         axis = getattr(axes, f"{name}axis")
         getattr(axes, f"set_{name}lim")(low, high)
         axis.set_label_text(axis_label(label, "displacement", units) if units.given else label)
         axis.pane.set_visible(False)
         # The ends of the two lower axes meet in front: only one of them has its number there.
-        axis.set_ticks(_ticks(low, high, float(length / lengths.max()), open_end=name == "x"))
-    axes.zaxis.labelpad = 2
+        ticks = _ticks(low, high, float(length / lengths.max()), open_end=name == "x")
+        axis.set_ticks(ticks)
+    # Labels stand in the middle of their places, and long ones would reach into the body.
+    longest = max(len(f"{tick:g}") for tick in ticks)
+    axes.tick_params("z", pad=1 + 3 * longest)
+    axes.zaxis.labelpad = 5 * longest - 2
     axes.zaxis.set_rotate_label(False)
     axes.zaxis.label.set_rotation(90)
     return np.asarray(lengths)
