@@ -135,10 +135,9 @@ def _frame(axes: Any, places: Array, units: ResultUnits) -> Array:
         axis.set_label_text(axis_label(label, "displacement", units) if units.given else label)
         axis.pane.set_visible(False)
         # The ends of the two lower axes meet in front: only one of them has its number there.
-        ticks = _ticks(low, high, float(length / lengths.max()), open_end=name == "x")
-        axis.set_ticks(ticks)
+        axis.set_ticks(_ticks(low, high, float(length / lengths.max()), open_end=name == "x"))
     # Labels stand in the middle of their places, and long ones would reach into the body.
-    longest = max(len(f"{tick:g}") for tick in ticks)
+    longest = max((len(f"{tick:g}") for tick in axes.get_zticks()), default=1)
     axes.tick_params("z", pad=1 + 3 * longest)
     axes.zaxis.labelpad = 5 * longest - 2
     axes.zaxis.set_rotate_label(False)
