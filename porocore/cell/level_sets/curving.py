@@ -7,7 +7,15 @@ import numpy as np
 from porocore.cell.level_sets.cutting import LevelSet, TwoPhases, onto
 from porocore.cell.level_sets.lattice import Lattice
 from porocore.cell.meshing.shape_functions import FACETS
-from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra, least_stretch, used, with_middles
+from porocore.cell.meshing.tetrahedra import (
+    Element,
+    Phase,
+    Tetrahedra,
+    least_stretch,
+    order_by_place,
+    used,
+    with_middles,
+)
 from porocore.states import Array, IntArray
 
 #: A curved element gets straight edges if its smallest volume element is below this share of the straight one's.
@@ -31,10 +39,14 @@ def phases(
         points, cells, edges = with_middles(points, cells)
         if element == "quadratic-curved":
             points = _curved(mesh, points, cells, edges, lattice, level_set)
-    return {
-        "solid": Tetrahedra(*used(points, cells[mesh.solid])),
-        "fluid": Tetrahedra(*used(points, cells[~mesh.solid])),
-    }
+    return {"solid": _phase(points, cells[mesh.solid]), "fluid": _phase(points, cells[~mesh.solid])}
+
+
+def _phase(points: Array, cells: IntArray) -> Tetrahedra:
+    """Return the elements of a phase with their nodes, both numbered by place."""
+    points, cells = used(points, cells)
+    elements, nodes = order_by_place(points, cells)
+    return Tetrahedra(points[nodes], np.argsort(nodes)[cells[elements]])
 
 
 def _curved(

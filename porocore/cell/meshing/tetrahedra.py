@@ -45,6 +45,35 @@ def used(points: Array, cells: IntArray) -> tuple[Array, IntArray]:
     return points[kept], numbered.reshape(cells.shape)
 
 
+def order_by_place(points: Array, cells: IntArray, corners: int = 4) -> tuple[IntArray, IntArray]:
+    """Return an order of elements and one of nodes in which what is near in space is near in memory.
+
+    The elements are taken leaf by leaf of a tree over their centres, the nodes as these elements meet them.
+
+    Parameters
+    ----------
+    points : (N, 3)
+        Nodes, all of them in some element.
+    cells : (M, n)
+        Elements of any kind, corners first.
+    corners
+        Corners of an element.
+
+    Returns
+    -------
+    elements : (M,)
+        The element that comes at each place.
+    nodes : (N,)
+        The node that comes at each place.
+    """
+    from scipy.spatial import cKDTree  # slow to import
+
+    elements = cKDTree(points[cells[:, :corners]].mean(axis=1)).indices
+    met = cells[elements].ravel()
+    _, first = np.unique(met, return_index=True)
+    return elements, met[np.sort(first)]
+
+
 def with_middles(points: Array, cells: IntArray) -> tuple[Array, IntArray, IntArray]:
     """Return linear tetrahedra with a mid-edge node on each edge.
 

@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from porocore.cell.geometry.cad import import_gmsh
 from porocore.cell.meshing.estimate import PER_CUBE, require_few
+from porocore.cell.meshing.tetrahedra import order_by_place
 from porocore.core.files.foreign_mesh import read_mesh
 from porocore.core.files.reading import read_text, require_ordinary
 from porocore.errors import ConfigurationError
@@ -242,19 +242,12 @@ def _quadratic(points: Array, kind: str, cells: IntArray) -> BodyMesh:
 def _neighbours_together(
     mesh: BodyMesh, faces: dict[str, list[IntArray]], named: dict[str, IntArray]
 ) -> tuple[BodyMesh, dict[str, list[IntArray]], dict[str, IntArray]]:
-    """Number elements and nodes by place, so that what is near in the body is near in memory.
-
-    The elements are taken leaf by leaf of a tree over their centres, the nodes as these elements meet them.
-    """
-    centres = mesh.points[mesh.cells[:, : mesh.element.corners]].mean(axis=1)
-    elements = cKDTree(centres).indices
-    cells = mesh.cells[elements]
-    _, first = np.unique(cells, return_index=True)
-    nodes = cells.ravel()[np.sort(first)]
+    """Number elements and nodes by place, so that what is near in the body is near in memory."""
+    elements, nodes = order_by_place(mesh.points, mesh.cells, mesh.element.corners)
     number, place = np.empty_like(nodes), np.empty_like(elements)
     number[nodes], place[elements] = np.arange(len(nodes)), np.arange(len(elements))
     return (
-        BodyMesh(mesh.points[nodes], number[cells]),
+        BodyMesh(mesh.points[nodes], number[mesh.cells[elements]]),
         {name: [number[part] for part in parts] for name, parts in faces.items()},
         {name: np.sort(place[own]) for name, own in named.items()},
     )
