@@ -44,6 +44,7 @@ ROOMS = {
         "study",
         "testing",
     ),
+    "calibration": (),
     "cli": (
         "core",
         "interfaces",

@@ -1,0 +1,211 @@
+"""The inverse problem: unknowns and priors, curves that a model predicts, data, misfit with its exact slopes."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import exp, log
+from typing import Literal
+
+import numpy as np
+
+from porocore.states import Array, IntArray
+
+Scale = Literal["linear", "log"]
+
+
+@dataclass(frozen=True)
+class NormalPrior:
+    """Normal distribution of an unknown's coordinate before any data: of ln x where its scale is ``log``, else of x."""
+
+    mean: float
+    deviation: float
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """A number that is fitted, with its bounds.
+
+    Attributes
+    ----------
+    name
+        Name in the configuration and in all results.
+    start, lower, upper
+        First value, and the bounds of the search, which are no statement about the value.
+    scale
+        ``log``: the search and the intervals are in ln x; the number is positive.
+    prior
+        Knowledge from elsewhere; None: the data alone decide.
+    unit
+        Unit of the numbers here, empty for a dimensionless one.
+    """
+
+    name: str
+    start: float
+    lower: float
+    upper: float
+    scale: Scale = "linear"
+    prior: NormalPrior | None = None
+    unit: str = ""
+
+    def coordinate(self, value: float) -> float:
+        """Return the coordinate of a value: ln x, or x itself."""
+        return log(value) if self.scale == "log" else value
+
+    def value(self, coordinate: float) -> float:
+        """Return the value at a coordinate."""
+        return exp(coordinate) if self.scale == "log" else coordinate
+
+    def value_slope(self, coordinate: float) -> float:
+        """Return the derivative of the value by the coordinate."""
+        return exp(coordinate) if self.scale == "log" else 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class CurvePrediction:
+    """Predicted curves at the places of the data.
+
+    Attributes
+    ----------
+    values : (m,)
+        All curves, one after the other, as the data have them.
+    slopes : (m, k)
+        Exact derivatives by the values of the k unknowns.
+    flagged
+        Whether the surrogate left the states that it is trusted in.
+    """
+
+    values: Array
+    slopes: Array
+    flagged: bool = False
+
+
+class CurveModel(ABC):
+    """Model of experiments: values of the unknowns in, curves out."""
+
+    #: The k unknowns, in the order of every array.
+    unknowns: tuple[Unknown, ...]
+
+    @abstractmethod
+    def curves(self, values: Array) -> CurvePrediction:
+        """Return the curves for values (k,) of the unknowns.
+
+        Raises
+        ------
+        SolveError
+            The experiment cannot be computed there.
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class CurveData:
+    """Measured values of all curves, one after the other.
+
+    Attributes
+    ----------
+    values, deviations : (m,)
+        Measured values and their standard deviations, in the model's numbers.
+    curve : (m,)
+        Which of ``names`` each belongs to.
+    times : (m,)
+        Time of each.
+    names
+        Names of the curves.
+    """
+
+    values: Array
+    deviations: Array
+    curve: IntArray
+    times: Array
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """Residuals of one evaluation.
+
+    Attributes
+    ----------
+    coordinates : (k,)
+        Where it was made.
+    prediction
+        The curves.
+    residuals : (m + priors,)
+        (predicted − measured)/deviation, then (coordinate − mean)/deviation of each prior.
+    jacobian : (m + priors, k)
+        Their derivatives by the coordinates.
+    """
+
+    coordinates: Array
+    prediction: CurvePrediction
+    residuals: Array
+    jacobian: Array
+
+    @property
+    def cost(self) -> float:
+        """Half the sum of the squares, the negative logarithm of the posterior density up to a constant."""
+        return 0.5 * float(self.residuals @ self.residuals)
+
+
+class Misfit:
+    """Weighted residuals of a model against data, as functions of the coordinates of the unknowns.
+
+    Parameters
+    ----------
+    model
+        Predicts the curves.
+    data
+        As many values as the model predicts.
+    """
+
+    def __init__(self, model: CurveModel, data: CurveData) -> None:
+        self.model, self.data = model, data
+        self._last: Fitted | None = None
+
+    @property
+    def unknowns(self) -> Sequence[Unknown]:
+        """The model's unknowns."""
+        return self.model.unknowns
+
+    @property
+    def start(self) -> Array:
+        """Coordinates of the first values, (k,)."""
+        return np.array([one.coordinate(one.start) for one in self.unknowns])
+
+    @property
+    def bounds(self) -> tuple[Array, Array]:
+        """Coordinates of lower and upper bounds, each (k,)."""
+        lower = np.array([one.coordinate(one.lower) for one in self.unknowns])
+        return lower, np.array([one.coordinate(one.upper) for one in self.unknowns])
+
+    def values(self, coordinates: Array) -> Array:
+        """Return the values (k,) of the unknowns at coordinates (k,)."""
+        return np.array([one.value(x) for one, x in zip(self.unknowns, coordinates, strict=True)])
+
+    def at(self, coordinates: Array) -> Fitted:
+        """Return residuals and Jacobian at coordinates (k,); the last evaluation is kept.
+
+        Raises
+        ------
+        SolveError
+            The experiment cannot be computed there.
+        """
+        if self._last is None or not np.array_equal(self._last.coordinates, coordinates):
+            self._last = self._evaluated(np.array(coordinates, dtype=float))
+        return self._last
+
+    def _evaluated(self, x: Array) -> Fitted:
+        prediction = self.model.curves(self.values(x))
+        scale = np.array([one.value_slope(c) for one, c in zip(self.unknowns, x, strict=True)])
+        residuals = (prediction.values - self.data.values) / self.data.deviations
+        jacobian = prediction.slopes * scale / self.data.deviations[:, None]
+        known = [(i, one.prior) for i, one in enumerate(self.unknowns) if one.prior is not None]
+        prior_residuals = [(x[i] - prior.mean) / prior.deviation for i, prior in known]
+        prior_rows = [np.eye(len(x))[i] / prior.deviation for i, prior in known]
+        return Fitted(
+            x,
+            prediction,
+            np.concatenate([residuals, prior_residuals]),
+            np.concatenate([jacobian, np.reshape(prior_rows, (-1, len(x)))]),
+        )

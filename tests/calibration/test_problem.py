@@ -1,0 +1,56 @@
+"""The misfit of a closed form: residuals by hand, slopes against differences."""
+
+import numpy as np
+import pytest
+
+from porocore.calibration.problem import CurveData, CurveModel, Misfit, CurvePrediction, NormalPrior, Unknown
+
+TIMES = np.linspace(0.1, 2.0, 7)
+
+
+class Decay(CurveModel):
+    """a exp(−b t)."""
+
+    unknowns = (
+        Unknown(
+            "a", start=2.0, lower=0.1, upper=10.0, scale="log", prior=NormalPrior(mean=0.5, deviation=0.2)
+        ),
+        Unknown("b", start=0.7, lower=0.0, upper=5.0),
+    )
+    calls = 0
+
+    def curves(self, values):
+        self.calls += 1
+        a, b = values
+        decay = np.exp(-b * TIMES)
+        return CurvePrediction(a * decay, np.stack([decay, -a * TIMES * decay], axis=1))
+
+
+@pytest.fixture
+def misfit():
+    data = CurveData(1.5 * np.exp(-TIMES), np.full(7, 0.01), np.zeros(7, int), TIMES, ("decay",))
+    return Misfit(Decay(), data)
+
+
+def test_residuals_are_weighted_and_priors_come_last(misfit):
+    found = misfit.at(misfit.start)
+    assert found.residuals[:-1] == pytest.approx((2 * np.exp(-0.7 * TIMES) - 1.5 * np.exp(-TIMES)) / 0.01)
+    assert found.residuals[-1] == pytest.approx((np.log(2) - 0.5) / 0.2)
+    assert found.cost == pytest.approx(0.5 * (found.residuals**2).sum())
+
+
+def test_the_jacobian_is_the_slope_by_the_coordinates(misfit):
+    x, h = misfit.start, 1e-6
+    slopes = [(misfit.at(x + h * e).residuals - misfit.at(x - h * e).residuals) / (2 * h) for e in np.eye(2)]
+    np.testing.assert_allclose(misfit.at(x).jacobian, np.transpose(slopes), rtol=1e-7, atol=1e-6)
+
+
+def test_the_last_evaluation_is_kept(misfit):
+    assert misfit.at(misfit.start) is misfit.at(misfit.start)
+    assert misfit.model.calls == 1
+
+
+def test_bounds_are_those_of_the_coordinates(misfit):
+    low, high = misfit.bounds
+    assert misfit.values(low) == pytest.approx([0.1, 0.0])
+    assert misfit.values(high) == pytest.approx([10.0, 5.0])
