@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porocore.calibration.problem import CurveData, CurveModel, Misfit, CurvePrediction, NormalPrior, Unknown
+from porocore.calibration.problem import CurveData, CurveModel, CurvePrediction, Misfit, NormalPrior, Unknown
 
 TIMES = np.linspace(0.1, 2.0, 7)
 
