@@ -28,7 +28,7 @@ from porocore.states import Array, CellResponse, MacroState
 
 #: Version of the equations of porocore and of their discretisation: raised with every correction that changes a number
 #: of a cell or of a surrogate, so that no store returns the old one. ``tests/study/test_store.py`` holds it to numbers.
-PHYSICS = 1
+PHYSICS = 2
 #: Environment variable with the folder of the store, or ``none``.
 VARIABLE, NONE = "POROCORE_STORE", "none"
 #: Packages whose versions change meshes or the last bits of a solution.

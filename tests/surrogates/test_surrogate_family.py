@@ -95,6 +95,19 @@ def test_every_member_between_the_solved_ones_is_exact_at_rest(count, slopes, ti
     np.testing.assert_allclose(found.conductivity, truth.conductivity, rtol=1e-3, atol=1e-9)
 
 
+def test_conductivity_follows_the_parameters_where_a_mesh_breaks_the_symmetry_of_the_cell():
+    """K of a gyroid's tetrahedra has entries off the diagonal, and these have slopes, that cubic symmetry excludes."""
+    rests = rest_data(20)
+    K, slopes = rests.responses.conductivity, rests.responses.slopes
+    random, share = np.random.default_rng(0), 1e-3 * np.abs(K).max()
+    uneven = replace(slopes, conductivity=slopes.conductivity + share * random.normal(size=(3, 3, 2)))
+    broken = replace(rests, responses=replace(rests.responses, conductivity=K + share * 0.1, slopes=uneven))
+    rest = fit_rest(broken, INPUTS, porous_training_set(4).symmetry)
+    theta = random.uniform(*INPUTS.parameter_ranges.T, (50, 2))
+    truth = respond(at_rest(theta)).conductivity
+    np.testing.assert_allclose(rest.conductivities(theta), truth, atol=2e-3 * np.abs(truth).max())
+
+
 def test_biots_data_follow_from_the_stiffness_to_round_off():
     """α = 1 − K_d/K_s and 1/M = (α − φ_f)/K_s, whatever the error of the stiffness."""
     rest = fit_rest(rest_data(12, slopes=False), INPUTS, porous_training_set(4).symmetry)

@@ -185,10 +185,16 @@ def _conductivity(
     found = rests.responses.conductivity
     if found is None or not np.isfinite(found).all():
         return start.basis, start.conductivity
-    group, k = start.symmetry, len(found)
-    places, one = on_places(group), on_one(group)
-    K = np.stack([places.mean(one, tensor.reshape(9, 1)).reshape(3, 3) for tensor in found])
-    K = (K + K.swapaxes(1, 2)) / 2 * scaling.viscosity[:, None, None]
+    places, one, k = on_places(start.symmetry), on_one(start.symmetry), len(found)
+
+    def symmetric(tensors: Array) -> Array:
+        # A mesh breaks the symmetry a little; slopes of what is nothing by symmetry would decide the degree.
+        rows = [places.mean(one, tensor.reshape(9, 1)).reshape(3, 3) for tensor in tensors.reshape(-1, 3, 3)]
+        mean = np.array(rows).reshape(tensors.shape)
+        found: Array = (mean + mean.swapaxes(-1, -2)) / 2
+        return found
+
+    K = symmetric(found) * scaling.viscosity[:, None, None]
     basis = conducting_basis(K.mean(axis=0))
     r = basis.shape[1]
     inside = basis.T @ K @ basis
@@ -199,7 +205,7 @@ def _conductivity(
         logs, _ = symmetric_logarithm(inside, np.zeros((k, 0, r, r)))
         return basis, fit_functions(x, logs.reshape(k, -1).T, None)
     ways = np.moveaxis(slopes[..., start.parameters.learned], -1, 1) * scaling.viscosity[:, None, None, None]
-    ways = basis.T @ (ways + ways.swapaxes(-1, -2)) @ basis / 2
+    ways = basis.T @ symmetric(ways) @ basis
     logs, log_slopes = symmetric_logarithm(inside, ways)
     by_theta = np.moveaxis(log_slopes.reshape(k, -1, r * r), (0, 1), (2, 1))
     return basis, fit_functions(x, logs.reshape(k, -1).T, by_x(by_theta))
