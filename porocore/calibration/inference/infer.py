@@ -1,0 +1,175 @@
+"""Inference from a fit (infer): precision, unseen directions, intervals, identifiability, further data that help."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from porocore.calibration.inference.directions import UnseenDirection, unseen_directions
+from porocore.calibration.inference.intervals import ConfidenceInterval, confidence_interval
+from porocore.calibration.inference.minimise import Minimum, Objective, minimise
+from porocore.calibration.inference.plane import ParameterPlane, parameter_plane
+from porocore.calibration.inference.precision import LinearPrecision
+from porocore.calibration.inference.profile import LowerPoint
+from porocore.calibration.inference.rule import IdentifiabilityRule
+from porocore.calibration.inference.suggestions import FurtherData, Suggestion, ranked, repeated_parts
+from porocore.calibration.inference.words import direction_words
+from porocore.calibration.problem import Fitted, Misfit, Unknown
+from porocore.states import Array
+
+#: Times that the profiles start again because they have met a lower point.
+MOST_RESTARTS = 3
+#: Rays of the region of two unknowns.
+RAYS = 16
+
+
+@dataclass(frozen=True, eq=False)
+class Inference:
+    """Statements of the data about the unknowns.
+
+    Attributes
+    ----------
+    unknowns
+        The k unknowns, in the order of all members.
+    best
+        The best point; another than that of the fit where the profiles have met a lower sum of squares.
+    data_best
+        The best point of the data without priors.
+    moved
+        True where ``best`` is not the point of the fit.
+    limits : (k,)
+        Largest moves of the coordinates by the rule of identifiability.
+    with_priors, without_priors
+        Precision to first order at ``best``.
+    directions
+        What the data do not see, the least seen first.
+    words
+        The same in words.
+    intervals, data_intervals
+        95 % intervals with and without priors.
+    identifiable
+        True where the interval without priors is narrow enough by the rule.
+    suggestions
+        Further data, the most helpful first.
+    plane
+        Region of the two unknowns that the data determine least, without priors; None: not computed.
+    evaluations
+        Points at which the model was computed.
+    """
+
+    unknowns: tuple[Unknown, ...]
+    best: Fitted
+    data_best: Fitted
+    moved: bool
+    limits: Array
+    with_priors: LinearPrecision
+    without_priors: LinearPrecision
+    directions: tuple[UnseenDirection, ...]
+    words: tuple[str, ...]
+    intervals: tuple[ConfidenceInterval, ...]
+    data_intervals: tuple[ConfidenceInterval, ...]
+    identifiable: tuple[bool, ...]
+    suggestions: tuple[Suggestion, ...]
+    plane: ParameterPlane | None
+    evaluations: int
+
+    @property
+    def values(self) -> Array:
+        """Values (k,) of the unknowns at the best point."""
+        pairs = zip(self.unknowns, self.best.coordinates, strict=True)
+        return np.array([one.value(float(x)) for one, x in pairs])
+
+
+def infer(
+    misfit: Misfit,
+    best: Fitted,
+    *,
+    rule: IdentifiabilityRule | None = None,
+    further: Sequence[FurtherData] = (),
+    rays: int = RAYS,
+    tell: Callable[[str], None] = lambda text: None,
+) -> Inference:
+    """Return what the data say about the unknowns, from the best point of a fit.
+
+    Parameters
+    ----------
+    misfit
+        Of model and data.
+    best
+        Where the sum of squares is least.
+    rule
+        Of identifiability; None: ± 10 %, ± 0.04 for a Poisson's ratio.
+    further
+        Measurements that could be made, ranked beside denser parts of the measured curves.
+    rays
+        Of the region of the two least determined unknowns; 0: none.
+    tell
+        Called with what is computed next.
+
+    Raises
+    ------
+    SolveError
+        The experiment cannot be computed at ``best``.
+    """
+    rule = rule or IdentifiabilityRule()
+    unknowns, data = tuple(misfit.unknowns), len(misfit.data.values)
+    limits = rule.limits(unknowns, best.coordinates)
+    objective = Objective(misfit, limits)
+    objective.add(best)
+    found, intervals = _intervals(objective, best.coordinates, tell)
+    alone, data_found, data_intervals = objective.without_priors(), found, intervals
+    if any(one.prior is not None for one in unknowns):
+        data_found, data_intervals = _intervals(alone, found.fitted.coordinates, tell)
+    fitted = found.fitted
+    limits = rule.limits(unknowns, fitted.coordinates)
+    jacobian = fitted.jacobian[:data]
+    directions = unseen_directions(jacobian, limits)
+    values = [one.value(float(x)) for one, x in zip(unknowns, fitted.coordinates, strict=True)]
+    return Inference(
+        unknowns=unknowns,
+        best=fitted,
+        data_best=data_found.fitted,
+        moved=not np.array_equal(fitted.coordinates, best.coordinates),
+        limits=limits,
+        with_priors=LinearPrecision.from_jacobian(fitted.jacobian),
+        without_priors=LinearPrecision.from_jacobian(jacobian),
+        directions=directions,
+        words=tuple(direction_words(each, unknowns, limits) for each in directions),
+        intervals=intervals,
+        data_intervals=data_intervals,
+        identifiable=tuple(
+            rule.holds(one, value, *interval.values)
+            for one, value, interval in zip(unknowns, values, data_intervals, strict=True)
+        ),
+        suggestions=ranked(jacobian, limits, [*further, *repeated_parts(misfit, fitted)]),
+        plane=_plane(alone, data_found, limits, rays, tell),
+        evaluations=objective.evaluations,
+    )
+
+
+def _intervals(
+    objective: Objective, start: Array, tell: Callable[[str], None]
+) -> tuple[Minimum, tuple[ConfidenceInterval, ...]]:
+    """Return the minimum next to a point, and all intervals about it; again from a lower point that a profile meets."""
+    everything = np.arange(len(start))
+    for _ in range(MOST_RESTARTS):
+        best = minimise(objective, start, everything)
+        try:
+            return best, tuple(confidence_interval(objective, best, i, tell) for i in everything)
+        except LowerPoint as lower:
+            start = lower.fitted.coordinates
+    best = minimise(objective, start, everything)
+    return best, tuple(confidence_interval(objective, best, i, tell, strict=False) for i in everything)
+
+
+def _plane(
+    objective: Objective, best: Minimum, limits: Array, rays: int, tell: Callable[[str], None]
+) -> ParameterPlane | None:
+    """Return the region of the two unknowns that have the widest distributions, in limits."""
+    if rays < 1 or len(limits) < 2:
+        return None
+    widths = LinearPrecision.from_jacobian(best.fitted.jacobian * limits).spread
+    first, second = sorted(int(i) for i in np.argsort(-widths, kind="stable")[:2])
+    return parameter_plane(objective, best, (first, second), rays, tell)

@@ -1,0 +1,174 @@
+"""Bounded least squares of some unknowns at fixed values of the others, each evaluation kept (Objective)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from porocore.calibration.problem import Fitted, Misfit
+from porocore.errors import SolveError
+from porocore.states import Array, IntArray
+
+#: A decrease of the sum of squares that is expected to be smaller than this ends the search.
+EXPECTED_DECREASE = 1e-4
+#: Steps of one search.
+MOST_STEPS = 40
+#: Least damping, a share of the largest squared singular value: directions of round-off do not move.
+LEAST_DAMPING = 1e-16
+#: First damping after a step that fails, the same share, and the factor of the next ones.
+FIRST_DAMPING, DAMPING_FACTOR = 1e-4, 10.0
+#: Largest damping; a step that fails there is given up.
+MOST_DAMPING = 1e4
+
+
+class Objective:
+    """Weighted residuals with or without priors; the same point is never evaluated twice.
+
+    Parameters
+    ----------
+    misfit
+        Of model and data.
+    scale : (k,)
+        Lengths by which the coordinates are measured: the limits of identifiability.
+    priors
+        Whether priors count.
+    """
+
+    def __init__(self, misfit: Misfit, scale: Array, priors: bool = True) -> None:
+        self.misfit, self.scale, self._priors = misfit, scale, priors
+        self.lower, self.upper = misfit.bounds
+        self._known: dict[bytes, Fitted | SolveError] = {}
+
+    def without_priors(self) -> Objective:
+        """Return the objective of the data alone, which shares all evaluations."""
+        made = Objective(self.misfit, self.scale, priors=False)
+        made._known = self._known
+        return made
+
+    def add(self, fitted: Fitted) -> None:
+        """Take over an evaluation that was made elsewhere."""
+        self._known[fitted.coordinates.tobytes()] = fitted
+
+    @property
+    def evaluations(self) -> int:
+        """Points that are known."""
+        return len(self._known)
+
+    def at(self, coordinates: Array) -> Fitted:
+        """Return residuals and Jacobian at coordinates (k,).
+
+        Raises
+        ------
+        SolveError
+            The experiment cannot be computed there.
+        """
+        x = np.array(coordinates, dtype=float)
+        key = x.tobytes()
+        if key not in self._known:
+            try:
+                self._known[key] = self.misfit.at(x)
+            except SolveError as error:
+                self._known[key] = error
+        found = self._known[key]
+        if isinstance(found, SolveError):
+            raise found
+        if self._priors:
+            return found
+        data = len(self.misfit.data.values)
+        return Fitted(x, found.prediction, found.residuals[:data], found.jacobian[:data])
+
+    def step(self, fitted: Fitted, free: IntArray, moved: Array, damping: float = 0.0) -> Array:
+        """Return the step (k,) of the free coordinates that minimises the linear residuals within the bounds.
+
+        Parameters
+        ----------
+        fitted
+            Residuals and Jacobian here.
+        free
+            Indices of the coordinates that move.
+        moved : (k,)
+            A move of the others, which is given.
+        damping
+            Weight of the step, in units of the largest squared singular value.
+        """
+        from scipy.optimize import lsq_linear
+
+        step = np.array(moved, dtype=float)
+        if not len(free):
+            return step
+        rows = fitted.jacobian[:, free] * self.scale[free]
+        weight = np.sqrt(max(damping, LEAST_DAMPING)) * max(float(np.linalg.norm(rows, 2)), 1e-300)
+        x, scale = fitted.coordinates[free], self.scale[free]
+        low, high = (self.lower[free] - x) / scale, (self.upper[free] - x) / scale
+        found = lsq_linear(
+            np.vstack([rows, weight * np.eye(len(free))]),
+            -np.concatenate([fitted.residuals + fitted.jacobian @ step, np.zeros(len(free))]),
+            bounds=(np.minimum(low, 0.0), np.maximum(high, 0.0)),
+            method="bvls",
+        )
+        step[free] = found.x * scale
+        return step
+
+    def inside(self, coordinates: Array) -> Array:
+        """Return coordinates that round-off has put beyond a bound on it."""
+        return np.clip(coordinates, self.lower, self.upper)
+
+
+@dataclass(frozen=True, eq=False)
+class Minimum:
+    """Least sum of squares over some coordinates.
+
+    Attributes
+    ----------
+    fitted
+        Residuals and Jacobian at it.
+    expected
+        Decrease of the sum of squares that the last linear step still expected.
+    """
+
+    fitted: Fitted
+    expected: float
+
+    @property
+    def squares(self) -> float:
+        """Sum of squares at the minimum, twice the cost; what the last step would gain is taken off."""
+        return 2 * self.fitted.cost - self.expected
+
+
+def minimise(
+    objective: Objective, start: Array, free: IntArray, tolerance: float = EXPECTED_DECREASE
+) -> Minimum:
+    """Return the minimum over the free coordinates by Gauss–Newton steps, damped where they fail.
+
+    A trial point that cannot be computed counts as a step that fails.
+
+    Raises
+    ------
+    SolveError
+        The experiment cannot be computed at the start.
+    """
+    here, damping = objective.at(objective.inside(start)), 0.0
+    nothing = np.zeros(len(here.coordinates))
+    for _ in range(MOST_STEPS):
+        step = objective.step(here, free, nothing, damping)
+        linear = here.residuals + here.jacobian @ step
+        expected = 2 * here.cost - float(linear @ linear)
+        if expected < tolerance:
+            break
+        trial = _tried(objective, here.coordinates + step)
+        if trial is not None and trial.cost < here.cost - 1e-4 * expected / 2:
+            here, damping = trial, damping / DAMPING_FACTOR if damping > FIRST_DAMPING else 0.0
+            continue
+        if damping >= MOST_DAMPING:
+            break
+        damping = max(damping * DAMPING_FACTOR, FIRST_DAMPING)
+    # A large damping expects little because it moves little; what is left is then not known.
+    return Minimum(here, max(expected, 0.0) if damping == 0.0 and expected < tolerance else 0.0)
+
+
+def _tried(objective: Objective, coordinates: Array) -> Fitted | None:
+    try:
+        return objective.at(objective.inside(coordinates))
+    except SolveError:
+        return None

@@ -1,0 +1,249 @@
+"""Profile likelihood along a line of fixed unknowns (ProfileWalk): outwards from the best point to a given rise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+
+from porocore.calibration.inference.minimise import Minimum, Objective, minimise
+from porocore.calibration.problem import Fitted
+from porocore.errors import SolveError
+from porocore.states import Array, IntArray
+
+#: The root of the rise is met to this; a last Newton step, which costs nothing, then makes the end far better.
+ROOT_TOLERANCE = 0.02
+#: Points of one walk, and halvings of a step whose point cannot be computed or trusted.
+MOST_POINTS, MOST_HALVINGS = 40, 4
+#: A step reaches at most so much of the way to the bound, and so many times as far as the walk has come.
+FIRST_SHARE, GROWTH = 0.25, 3.0
+#: Each such point of a bracket bisects it: Newton and secant stagnate where the rise begins suddenly, at a bound.
+BISECTED = 6
+#: Width of a bracket, a share of the distance, in which the rise is a jump.
+NARROWEST = 1e-4
+#: A sum of squares that is lower than the best by this shows that the best point was none.
+LOWER = 0.02
+#: At an end, the rise that is owed to bounds of other unknowns may be at most this share of it.
+OWED_TO_BOUNDS = 0.05
+
+
+class End(Enum):
+    """How a walk ended."""
+
+    crossed = "the rise was reached"
+    bound = "a fixed unknown reached its bound"
+    held = "only bounds of other unknowns made the rise"
+    uncomputable = "the experiment cannot be computed"
+    flagged = "the surrogate leaves the states that it is trusted in"
+    unfinished = "the profile could not be followed"
+
+
+class LowerPoint(Exception):
+    """A walk has met a lower sum of squares than that of the best point; it starts again from there.
+
+    Attributes
+    ----------
+    fitted
+        The lower point.
+    """
+
+    def __init__(self, fitted: Fitted) -> None:
+        super().__init__("lower than the best point")
+        self.fitted = fitted
+
+
+@dataclass(frozen=True, eq=False)
+class ProfilePoint:
+    """Least sum of squares at one distance along a walk.
+
+    Attributes
+    ----------
+    distance
+        Of the fixed coordinates from the best point, in units of the walk's direction.
+    root
+        Square root of the rise of the sum of squares over its least value: 1.96 at the end of a 95 % interval.
+    slope
+        Derivative of ``root`` by the distance.
+    fitted
+        The point.
+    """
+
+    distance: float
+    root: float
+    slope: float
+    fitted: Fitted
+
+
+@dataclass(eq=False)
+class ProfileWalk:
+    """Walk along a line of fixed coordinates, the others optimised at each point.
+
+    Parameters
+    ----------
+    objective
+        Of which the sum of squares is profiled.
+    best
+        Its minimum.
+    fixed : (f,)
+        Indices of the coordinates that the walk moves.
+    direction : (f,)
+        Their move for one unit of distance.
+    target
+        Root of the rise at which the walk ends.
+    strict
+        Whether a lower point than the best one is an error; else it counts as no rise.
+    """
+
+    objective: Objective
+    best: Minimum
+    fixed: IntArray
+    direction: Array
+    target: float
+    strict: bool = True
+    points: list[ProfilePoint] = field(default_factory=list)
+    end: End = End.unfinished
+    #: Distance at which the rise is reached; NaN for another end.
+    distance: float = float("nan")
+    #: Unknowns whose bounds hold the end.
+    held_by: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+
+    def run(self) -> ProfileWalk:
+        """Walk until the rise is reached or the walk has another end, and return this walk.
+
+        Raises
+        ------
+        LowerPoint
+            The best point was none.
+        """
+        self.points = [self._first()]
+        room = self._room()
+        beyond: ProfilePoint | None = None
+        lost, halvings, why = room, 0, End.bound
+        if room <= 0:
+            self.end = End.bound
+            return self
+        for _ in range(MOST_POINTS):
+            inside = self._last_inside()
+            distance = self._next(inside, beyond, lost, room)
+            found = self._point(inside, distance)
+            failure = (
+                End.uncomputable if found is None else End.flagged if self._is_untrusted(found) else None
+            )
+            if failure is not None or found is None:
+                lost, halvings, why = distance, halvings + 1, failure or End.uncomputable
+                if halvings > MOST_HALVINGS:
+                    self.end = why
+                    return self
+                continue
+            self.points.append(found)
+            if abs(found.root - self.target) < ROOT_TOLERANCE:
+                return self._crossed(found)
+            if found.root > self.target:
+                beyond = found
+                if distance - self._last_inside().distance < NARROWEST * distance:
+                    return self._crossed(found)
+            elif distance >= room:
+                self.end = End.bound
+                return self
+        return self
+
+    def _first(self) -> ProfilePoint:
+        """Return the best point; its slope is the reciprocal of the standard deviation along the walk."""
+        fitted = self.best.fitted
+        rows = fitted.jacobian @ self._full(1.0)
+        free = fitted.jacobian[:, self._free] * self.objective.scale[self._free]
+        if free.shape[1]:
+            rows = rows - free @ np.linalg.lstsq(free, rows, rcond=1e-10)[0]
+        return ProfilePoint(0.0, 0.0, float(np.linalg.norm(rows)), fitted)
+
+    @property
+    def _free(self) -> IntArray:
+        return np.setdiff1d(np.arange(len(self.objective.lower)), self.fixed)
+
+    def _full(self, distance: float) -> Array:
+        full = np.zeros(len(self.objective.lower))
+        full[self.fixed] = distance * self.direction
+        return full
+
+    def _room(self) -> float:
+        """Return the distance at which a fixed coordinate reaches its bound."""
+        start = self.best.fitted.coordinates[self.fixed]
+        ends = np.where(
+            self.direction > 0, self.objective.upper[self.fixed], self.objective.lower[self.fixed]
+        )
+        moving = self.direction != 0
+        return float(((ends - start)[moving] / self.direction[moving]).min())
+
+    def _last_inside(self) -> ProfilePoint:
+        """Return the furthest point below the rise."""
+        return max((each for each in self.points if each.root < self.target), key=lambda each: each.distance)
+
+    def _next(self, inside: ProfilePoint, beyond: ProfilePoint | None, lost: float, room: float) -> float:
+        """Return the distance of the next point: Newton's, kept in the bracket and within a growth of the walk."""
+        newton = np.inf
+        nearest = inside
+        if beyond is not None and abs(beyond.root - self.target) < abs(inside.root - self.target):
+            nearest = beyond
+        if nearest.slope > 0:
+            newton = nearest.distance + (self.target - nearest.root) / nearest.slope
+        low, high = inside.distance, min(lost, room)
+        if beyond is not None:
+            width = beyond.distance - low
+            if len(self.points) % BISECTED == 0:
+                return low + width / 2
+            if not low + 0.01 * width < newton < beyond.distance - 0.01 * width:
+                newton = low + width * (self.target - inside.root) / (beyond.root - inside.root)
+            return float(np.clip(newton, low + 0.02 * width, low + 0.98 * width))
+        if lost < room:
+            return min(newton, (low + lost) / 2)
+        return min(newton, max(FIRST_SHARE * room, GROWTH * low), high)
+
+    def _point(self, inside: ProfilePoint, distance: float) -> ProfilePoint | None:
+        """Return the point at a distance, from the linear continuation of ``inside``; None: it cannot be computed."""
+        moved = self._full(distance - inside.distance)
+        free = self._free
+        step = self.objective.step(inside.fitted, free, moved)
+        start = inside.fitted.coordinates + step
+        start[self.fixed] = (self.best.fitted.coordinates + self._full(distance))[self.fixed]
+        try:
+            minimum = minimise(self.objective, start, free)
+        except SolveError:
+            return None
+        rise = minimum.squares - self.best.squares
+        if self.strict and rise < -LOWER:
+            raise LowerPoint(minimum.fitted)
+        root, fitted = float(np.sqrt(max(rise, 0.0))), minimum.fitted
+        # By the envelope theorem the others do not count.
+        slope = float(fitted.residuals @ (fitted.jacobian @ self._full(1.0)))
+        return ProfilePoint(distance, root, slope / root if root > 0 else 0.0, fitted)
+
+    def _is_untrusted(self, found: ProfilePoint) -> bool:
+        """Tell whether the point is flagged where the rise is not passed; one beyond it only closes the bracket."""
+        return found.fitted.prediction.flagged and found.root < self.target + ROOT_TOLERANCE
+
+    def _crossed(self, found: ProfilePoint) -> ProfileWalk:
+        bounds = self._holding(found.fitted)
+        if len(bounds):
+            self.end, self.held_by = End.held, bounds
+            return self
+        close = abs(found.root - self.target) < ROOT_TOLERANCE
+        correction = (self.target - found.root) / found.slope if close and found.slope > 0 else 0.0
+        self.end, self.distance = End.crossed, found.distance + correction
+        return self
+
+    def _holding(self, fitted: Fitted) -> IntArray:
+        """Return the free unknowns at bounds without which the rise would not be there."""
+        free = self._free
+        slack = 1e-9 * (self.objective.upper - self.objective.lower)
+        low = fitted.coordinates <= self.objective.lower + slack
+        at_bound = (low | (fitted.coordinates >= self.objective.upper - slack))[free]
+        # A bound on which the best point lies as well is owed as much there.
+        owed = self._gain(fitted) - self._gain(self.best.fitted) if at_bound.any() else 0.0
+        return free[at_bound] if owed > OWED_TO_BOUNDS * self.target**2 else free[:0]
+
+    def _gain(self, fitted: Fitted) -> float:
+        """Return the decrease of the sum of squares, to first order, by free unknowns that have no bounds."""
+        rows = fitted.jacobian[:, self._free] * self.objective.scale[self._free]
+        left = fitted.residuals - rows @ np.linalg.lstsq(rows, fitted.residuals, rcond=1e-8)[0]
+        return 2 * fitted.cost - float(left @ left)

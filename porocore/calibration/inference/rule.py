@@ -1,0 +1,57 @@
+"""Rule by which an unknown is identifiable (IdentifiabilityRule): how wide its 95 % interval may be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from porocore.calibration.problem import Unknown
+from porocore.states import Array
+
+#: Last part of the name of a Poisson's ratio.
+POISSON_RATIO = "poisson_ratio"
+
+
+@dataclass(frozen=True)
+class IdentifiabilityRule:
+    """Largest distance of the ends of a 95 % interval from the value for which an unknown is called identifiable.
+
+    Attributes
+    ----------
+    relative
+        Share of the value, for all unknowns but those below.
+    poisson_ratio
+        For a Poisson's ratio on a linear scale, whose name ends in ``poisson_ratio``.
+    """
+
+    relative: float = 0.1
+    poisson_ratio: float = 0.04
+
+    def distance(self, unknown: Unknown, value: float) -> float:
+        """Return the largest distance of an end of the interval from ``value``, in the unknown's unit.
+
+        A linear unknown that may have either sign, such as a time shift, has no scale in its value; there it is the
+        share of half its range.
+        """
+        if unknown.scale == "linear" and unknown.name.rsplit(".", 1)[-1] == POISSON_RATIO:
+            return self.poisson_ratio
+        if value == 0.0 or unknown.lower < 0.0 < unknown.upper:
+            return self.relative * (unknown.upper - unknown.lower) / 2
+        return self.relative * abs(value)
+
+    def limit(self, unknown: Unknown, coordinate: float) -> float:
+        """Return the same upwards as a distance of coordinates, by which directions are scaled."""
+        value = unknown.value(coordinate)
+        return unknown.coordinate(value + self.distance(unknown, value)) - coordinate
+
+    def limits(self, unknowns: tuple[Unknown, ...], coordinates: Array) -> Array:
+        """Return :meth:`limit` of all unknowns, (k,)."""
+        return np.array([self.limit(one, float(x)) for one, x in zip(unknowns, coordinates, strict=True)])
+
+    def holds(self, unknown: Unknown, value: float, low: float | None, high: float | None) -> bool:
+        """Tell whether an interval makes the unknown identifiable; an open end never does."""
+        if low is None or high is None:
+            return False
+        distance = self.distance(unknown, value)
+        return value - distance <= low and high <= value + distance

@@ -1,0 +1,53 @@
+"""Ranking of further data: what separates comes first, what repeats the same does not help."""
+
+import numpy as np
+import pytest
+from calibration_models import Formula, data_of, misfit_of
+
+from porocore.calibration.inference.infer import infer
+from porocore.calibration.inference.suggestions import FurtherData, experiment, ranked, repeated_parts
+from porocore.calibration.problem import Misfit, Unknown
+
+T = np.linspace(0.1, 2.0, 16)
+PAIR = (Unknown("a", 2.0, 0.1, 50.0, "log"), Unknown("b", 3.0, 0.1, 50.0, "log"))
+
+
+def test_another_test_separates_what_repetition_cannot():
+    misfit = misfit_of(Formula(PAIR, lambda v: v[0] * v[1] * T), [2.0, 3.0], 0.02)
+    best = misfit.at(misfit.start)
+    same = Formula(PAIR, lambda v: v[0] * v[1] * T**2)
+    other = Formula(PAIR, lambda v: v[0] * T)
+    further = [
+        experiment("the same again", same, best.coordinates, np.full(16, 0.001)),
+        experiment("a alone", other, best.coordinates, np.full(16, 0.02)),
+    ]
+    found = infer(misfit, best, rays=0, further=further).suggestions
+    assert found[0].name == "a alone"
+    assert found[0].gain == np.inf
+    assert [each.name for each in found if each.helps] == ["a alone"]
+    # The rows by hand: d(a t)/d ln a = a t.
+    np.testing.assert_allclose(further[1].rows, np.stack([2 * T, 0 * T], axis=1) / 0.02, rtol=1e-12)
+
+
+def test_the_part_of_a_curve_that_sees_comes_first():
+    # The second unknown is seen in the last quarter alone.
+    model = Formula(PAIR, lambda v: np.where(T > 1.5, v[1] * 0.01 * T, v[0]))
+    misfit = Misfit(model, data_of(np.zeros(16), 0.1, times=T, names=("settlement",)))
+    best = misfit.at(misfit.start)
+    found = ranked(best.jacobian, np.full(2, 0.1), list(repeated_parts(misfit, best)))
+    assert found[0].name == "10 times as many values of settlement from 1.62 to 2"
+    assert found[0].gain == pytest.approx(np.sqrt(10))
+    assert not any(each.helps for each in found[1:])
+
+
+def test_with_two_unseen_directions_the_better_of_two_partial_helps_is_first():
+    rows = np.array([[10.0, 0.0, 0.0]])
+    weak, strong = (
+        FurtherData("weak", np.array([[0, 2.0, 0]])),
+        FurtherData("strong", np.array([[0, 0, 5.0]])),
+    )
+    found = ranked(rows, np.ones(3), [weak, strong])
+    assert [each.name for each in found] == ["strong", "weak"]
+    # One direction stays unseen, but one fewer.
+    assert found[0].gain == 1.0
+    assert found[0].helps
