@@ -114,9 +114,8 @@ def infer(
         The experiment cannot be computed at ``best``.
     """
     rule = rule or IdentifiabilityRule()
-    unknowns, data = tuple(misfit.unknowns), len(misfit.data.values)
-    limits = rule.limits(unknowns, best.coordinates)
-    objective = Objective(misfit, limits)
+    unknowns = tuple(misfit.unknowns)
+    objective = Objective(misfit, rule.limits(unknowns, best.coordinates))
     objective.add(best)
     found, intervals = _intervals(objective, best.coordinates, tell)
     alone, data_found, data_intervals = objective.without_priors(), found, intervals
@@ -124,9 +123,8 @@ def infer(
         data_found, data_intervals = _intervals(alone, found.fitted.coordinates, tell)
     fitted = found.fitted
     limits = rule.limits(unknowns, fitted.coordinates)
-    jacobian = fitted.jacobian[:data]
+    jacobian = alone.at(fitted.coordinates).jacobian
     directions = unseen_directions(jacobian, limits)
-    values = [one.value(float(x)) for one, x in zip(unknowns, fitted.coordinates, strict=True)]
     return Inference(
         unknowns=unknowns,
         best=fitted,
@@ -139,14 +137,21 @@ def infer(
         words=tuple(direction_words(each, unknowns, limits) for each in directions),
         intervals=intervals,
         data_intervals=data_intervals,
-        identifiable=tuple(
-            rule.holds(one, value, *interval.values)
-            for one, value, interval in zip(unknowns, values, data_intervals, strict=True)
-        ),
+        identifiable=_identifiable(rule, unknowns, misfit.values(fitted.coordinates), data_intervals),
         suggestions=ranked(jacobian, limits, [*further, *repeated_parts(misfit, fitted)]),
         plane=_plane(alone, data_found, limits, rays, tell),
         evaluations=objective.evaluations,
     )
+
+
+def _identifiable(
+    rule: IdentifiabilityRule,
+    unknowns: Sequence[Unknown],
+    values: Array,
+    intervals: Sequence[ConfidenceInterval],
+) -> tuple[bool, ...]:
+    rows = zip(unknowns, values, intervals, strict=True)
+    return tuple(rule.holds(one, float(value), *interval.values) for one, value, interval in rows)
 
 
 def _intervals(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -23,10 +24,13 @@ class IdentifiabilityRule:
         Share of the value, for all unknowns but those below.
     poisson_ratio
         For a Poisson's ratio on a linear scale, whose name ends in ``poisson_ratio``.
+    distances
+        For single unknowns by their names, in their units, such as a Poisson's ratio that has another name.
     """
 
     relative: float = 0.1
     poisson_ratio: float = 0.04
+    distances: Mapping[str, float] = field(default_factory=dict)
 
     def distance(self, unknown: Unknown, value: float) -> float:
         """Return the largest distance of an end of the interval from ``value``, in the unknown's unit.
@@ -34,6 +38,8 @@ class IdentifiabilityRule:
         A linear unknown that may have either sign, such as a time shift, has no scale in its value; there it is the
         share of half its range.
         """
+        if unknown.name in self.distances:
+            return self.distances[unknown.name]
         if unknown.scale == "linear" and unknown.name.rsplit(".", 1)[-1] == POISSON_RATIO:
             return self.poisson_ratio
         if value == 0.0 or unknown.lower < 0.0 < unknown.upper:

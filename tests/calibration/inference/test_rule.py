@@ -33,3 +33,10 @@ def test_limits_are_moves_of_coordinates():
     assert IdentifiabilityRule(relative=0.2, poisson_ratio=0.1).limits(
         (MODULUS, POISSON), np.zeros(2)
     ) == pytest.approx([np.log(1.2), 0.1])
+
+
+def test_a_distance_may_be_given_by_name():
+    rule = IdentifiabilityRule(distances={"nu": 0.02})
+    unknown = Unknown("nu", 0.3, 0.0, 0.49)
+    assert rule.distance(unknown, 0.3) == 0.02
+    assert RULE.distance(unknown, 0.3) == pytest.approx(0.03)
