@@ -1,1 +1,1 @@
-"""What the data say about the unknowns: intervals by profile likelihood, unseen directions, further data that help."""
+"""Statements of the data: intervals by profile likelihood, unseen directions, further data that help."""

@@ -1,4 +1,4 @@
-"""Inference from a fit (infer): precision, unseen directions, intervals, identifiability, further data that help."""
+"""Inference from a fit (infer): precision, unseen directions, intervals, identifiability, further data."""
 
 from __future__ import annotations
 

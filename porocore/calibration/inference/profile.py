@@ -1,4 +1,4 @@
-"""Profile likelihood along a line of fixed unknowns (ProfileWalk): outwards from the best point to a given rise."""
+"""Profile likelihood along a line (ProfileWalk): outwards from the best point to a given rise."""
 
 from __future__ import annotations
 

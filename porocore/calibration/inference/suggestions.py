@@ -1,4 +1,4 @@
-"""Further data (FurtherData) ranked by what they add to the least seen direction: parts of the curves, other tests."""
+"""Further data (FurtherData): parts of the curves and other tests, ranked by what they make seen."""
 
 from __future__ import annotations
 
