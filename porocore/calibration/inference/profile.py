@@ -29,7 +29,7 @@ OWED_TO_BOUNDS = 0.05
 
 
 class End(Enum):
-    """How a walk ended."""
+    """Reason for which a walk ended."""
 
     crossed = "the rise was reached"
     bound = "a fixed unknown reached its bound"
