@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -17,6 +17,7 @@ import numpy.typing as npt
 from porocore.core.fields.batch import Batch
 from porocore.core.files.plain_data import stable_hash
 from porocore.errors import ConfigurationError
+from porocore.interfaces.law_changes import MemoryChanges, PointChanges, ResponseChanges
 from porocore.states import Array, CellResponse, CellSlopes, MacroState
 
 
@@ -48,6 +49,22 @@ class MacroTangent(Batch):
     flux_grad_u: Array  #: (n, 3, 3, 3)  ∂q_i/∂H_kl
     flux_p: Array  #: (n, 3)
     flux_grad_p: Array  #: (n, 3, 3)
+
+
+class Integrand(Protocol):
+    """Stress (n, 3, 3), storage (n,) and flux (n, 3) at n points, which residuals are integrals of."""
+
+    @property
+    def stress(self) -> Array:
+        """P_E."""
+
+    @property
+    def storage(self) -> Array:
+        """Fluid taken up."""
+
+    @property
+    def flux(self) -> Array:
+        """Flux q."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,6 +154,33 @@ class MacroLaw(ABC):
     ) -> list[MacroResponse]:
         """Return the responses at the same n points to several gradients of the pressure, each (n, 3)."""
         return [self.respond(states, grad_p, memory, tangent=tangent) for grad_p in gradients]
+
+    def respond_to_changes(
+        self,
+        states: MacroState,
+        grad_p: Array,
+        memory: LawMemory,
+        changes: PointChanges,
+        before: MemoryChanges,
+    ) -> tuple[MacroResponse, ResponseChanges]:
+        """Return the response with its tangent, and its derivatives by unknowns at fixed (H, p, ∇p).
+
+        Parameters
+        ----------
+        changes
+            What the unknowns change at the points.
+        before
+            Derivatives of ``memory``.
+
+        Raises
+        ------
+        ConfigurationError
+            The law does not know them.
+        """
+        raise ConfigurationError(
+            f"the law '{self.name}' gives no derivatives by unknowns, without which a run has no sensitivities; "
+            "choose a law of a closure"
+        )
 
     def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
         """Return None to accept a converged step, or a new memory to solve it again.

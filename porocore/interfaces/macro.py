@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, get_args
 
 from porocore.core.parallel import Communicator
+from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import Prepared
 from porocore.interfaces.law import MacroLaw
+from porocore.interfaces.sensitivities import MacroChange, Sensitivities
 from porocore.interfaces.solution import MacroSolution, StepReport
 
 if TYPE_CHECKING:
@@ -57,6 +59,8 @@ class MacroSolver(ABC, Generic[Prepared]):
     accuracy: ClassVar[float] = 1e-6
     #: Whether several MPI processes can share one problem; those that can set :attr:`communicator` too.
     distributed: ClassVar[bool] = False
+    #: Whether :meth:`solve_with_sensitivities` returns derivatives of the histories.
+    sensitivities: ClassVar[bool] = False
     #: The processes that solve together, all of which call :meth:`prepare` and :meth:`solve`.
     communicator: Communicator = Communicator()
 
@@ -93,3 +97,28 @@ class MacroSolver(ABC, Generic[Prepared]):
         DataError
             The checkpoint belongs to another problem or law.
         """
+
+    def solve_with_sensitivities(
+        self,
+        prepared: Prepared,
+        law: MacroLaw,
+        changes: Sequence[MacroChange],
+        *,
+        on_step: Callable[[StepReport], None] | None = None,
+    ) -> tuple[MacroSolution, Sensitivities]:
+        """Integrate as :meth:`solve` does, and return the exact derivatives of the histories by unknowns, too.
+
+        They are those of the discrete equations at fixed time steps. A solver that declares :attr:`sensitivities`
+        overrides this.
+
+        Raises
+        ------
+        ConfigurationError
+            The solver or the law offers no derivatives, or an unknown is of what the problem does not have.
+        SolveError
+            Newton's iteration fails at the smallest step, or a linear system has no solution.
+        """
+        raise ConfigurationError(
+            f"macro.backend: the macro solver {type(self).__name__} gives no sensitivities (sensitivities = False); "
+            "choose another, such as skfem"
+        )

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from porocore.core.inputs.input_space import InputSpace
 from porocore.core.units.results import ResultUnits
 from porocore.core.units.scales import Scales
-from porocore.macro.closure_error import ClosureError
+from porocore.macro.laws.closure_error import ClosureError
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.laws.pull_back import ConductivityLaw
 from porocore.report.loading_mode import LoadingMode

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import porocore
 from porocore.interfaces.solution import History, file_name
-from porocore.macro.closure_error import ClosureError
+from porocore.macro.laws.closure_error import ClosureError
 from porocore.macro.series import PROBE
 from porocore.report.context import AdaptiveSurrogateCost, DirectCost
 from porocore.report.words.statuses import SHARES

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.macro.closure_error import closure_error
 from porocore.macro.laws import MeanGradientClosure
+from porocore.macro.laws.closure_error import closure_error
 from porocore.states import CellResponse, MacroState, Status
 
 PHI_S, C = 0.6, -0.2

@@ -8,7 +8,7 @@ from report_page import ODD, Page
 
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.core.inputs.input_space import InputSpace
-from porocore.macro.closure_error import ClosureError
+from porocore.macro.laws.closure_error import ClosureError
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.report.context import (
     CellSummary,

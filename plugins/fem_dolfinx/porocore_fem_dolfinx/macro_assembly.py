@@ -11,7 +11,7 @@ from petsc4py import PETSc
 from scipy import sparse
 
 from porocore.core.parallel import Communicator
-from porocore.interfaces.law import MacroResponse, MacroTangent
+from porocore.interfaces.law import Integrand, MacroTangent
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary.conditions import BoundaryData
 from porocore.macro.integration.discretisation import Discretisation
@@ -154,7 +154,7 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
     def states_of(self, x: Array) -> tuple[MacroState, Array]:
         return self._forms.states(x)
 
-    def contributions(self, response: MacroResponse) -> tuple[Array, Array, Array]:
+    def contributions(self, response: Integrand) -> tuple[Array, Array, Array]:
         return self._forms.contributions(response)
 
     def add_copies(self, values: Array) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 import ufl
 from petsc4py import PETSc
 
-from porocore.interfaces.law import MacroResponse, MacroTangent
+from porocore.interfaces.law import Integrand, MacroTangent
 from porocore.states import Array, MacroState
 from porocore_fem_dolfinx import compat, elements
 from porocore_fem_dolfinx.macro_space import MacroSpace
@@ -117,7 +117,7 @@ class MacroForms:
         grad_u = np.ascontiguousarray(values[:, :9]).reshape(-1, 3, 3)
         return MacroState(grad_u, values[:, 9].copy()), values[:, 10:].copy()
 
-    def contributions(self, response: MacroResponse) -> tuple[Array, Array, Array]:
+    def contributions(self, response: Integrand) -> tuple[Array, Array, Array]:
         """Return ∫ P_E:∇N (elements, 81 or 30), ∫ Δstorage N and ∫ q·∇N (elements, 8 or 4)."""
         for name in _RESPONSE:
             self._fill(name, getattr(response, name))

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from scipy import sparse
 
-from porocore.interfaces.law import MacroResponse, MacroTangent
+from porocore.interfaces.law import Integrand, MacroTangent
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary.conditions import BoundaryData
 from porocore.macro.integration.discretisation import Discretisation
@@ -117,7 +117,7 @@ class SkfemDiscretisation(Discretisation[System | SmallSystem]):
     def states_of(self, x: Array) -> tuple[MacroState, Array]:
         return self._integrals.states(x[self.dofs])
 
-    def contributions(self, response: MacroResponse) -> tuple[Array, Array, Array]:
+    def contributions(self, response: Integrand) -> tuple[Array, Array, Array]:
         return self._integrals.contributions(response)
 
     def system(

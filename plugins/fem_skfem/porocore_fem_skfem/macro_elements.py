@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from porocore.interfaces.law import MacroResponse, MacroTangent
+from porocore.interfaces.law import Integrand, MacroTangent
 from porocore.states import Array, MacroState
 from porocore_fem_skfem.macro_space import Shapes
 
@@ -41,7 +41,7 @@ class ElementIntegrals:
         p_and_grad = _product(p, self._p_and_grad).reshape(-1, 4)
         return MacroState(grad_u, p_and_grad[:, 0].copy()), p_and_grad[:, 1:].copy()
 
-    def contributions(self, response: MacroResponse) -> tuple[Array, Array, Array]:
+    def contributions(self, response: Integrand) -> tuple[Array, Array, Array]:
         """Return ∫ P_E:∇N, ∫ Δstorage N and ∫ q·∇N of each element."""
         w = self.shapes.weights
         e, q = w.shape

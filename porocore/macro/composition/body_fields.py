@@ -6,7 +6,9 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
+from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.composition.axes import AXES, AxesField, as_field
@@ -103,6 +105,8 @@ class BodyFields:
         Whether anything changes with time.
     turned
         Whether there are material axes.
+    names, regions
+        Parameters of the law, and names of the regions.
 
     Raises
     ------
@@ -115,6 +119,7 @@ class BodyFields:
         self, setup: ComposedBody, mesh: BodyMesh, law: NeedsParameters, elements: IntArray | None = None
     ) -> None:
         self.names = names = law.parameters
+        self.regions = tuple(setup.regions)
         require_names(setup, law)
         self._pieces: list[list[_Piece]] = []
         self._axes: list[tuple[str, IntArray, Points, AxesField]] = []
@@ -181,6 +186,36 @@ class BodyFields:
         place = BodyPlace(self._region, axes)
         self._last = time, CellsAtPoints(parameters, place)
         return self._last[1]
+
+    def in_region(self, region: str | None, n: int) -> npt.NDArray[np.bool_]:
+        """Return which of the n points lie in a region, (n,); all without its name.
+
+        Raises
+        ------
+        ConfigurationError
+            There is no such region.
+        """
+        if region is None:
+            return np.ones(n, bool)
+        if region not in self.regions:
+            known = f"the regions are {', '.join(self.regions)}" if self.regions else "there are none"
+            raise ConfigurationError(f"macro.regions: the body has no region {echo(region)}; {known}")
+        return np.asarray(self._region == 1 + self.regions.index(region))
+
+    def with_field(self, name: str, region: str | None = None) -> npt.NDArray[np.bool_]:
+        """Return the points (n,) that have a parameter in a region, or by the field of the body without its name.
+
+        Raises
+        ------
+        ConfigurationError
+            There is no such region.
+        """
+        n = len(self.points)
+        inside, having = self.in_region(region, n), np.zeros(n, bool)
+        for piece in self._pieces[self.names.index(name)]:
+            if region is not None or piece.key == f"macro.fields.{name}":
+                having[piece.rows] = True
+        return np.logical_and(inside, having)
 
     def require_within(self, ranges: CellRanges, times: Collection[float]) -> None:
         """Refuse a field that leaves the range of its parameter, in the cell that is there, at one of ``times``.

@@ -16,10 +16,11 @@ from scipy import sparse
 from typing_extensions import TypeVar
 
 from porocore.core.parallel import Communicator
-from porocore.interfaces.law import MacroResponse, MacroTangent
+from porocore.interfaces.law import Integrand, MacroTangent
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary import followers
 from porocore.macro.boundary.conditions import BoundaryData, Loads
+from porocore.macro.boundary.local_loads import LocalLoads
 from porocore.macro.linear_systems.reuse import TIGHTEST
 from porocore.macro.linear_systems.work import LinearWork
 from porocore.macro.problem import MacroProblem
@@ -105,22 +106,17 @@ class Discretisation(ABC, Generic[System]):
         self.communicator = Communicator() if communicator is None else communicator
         self.unknowns, self.owned, self.elements, self.dofs = unknowns, owned, elements, dofs
         self.is_force = unknowns < mesh.n_u
-        place = np.full(mesh.size, -1)
-        place[boundary.prescribed] = np.arange(len(boundary.prescribed))
-        is_free = place[unknowns] < 0
+        is_free = ~np.isin(unknowns, boundary.prescribed)
         self.free = np.flatnonzero(is_free[:owned])
         self.prescribed = np.flatnonzero(~is_free)
-        self._values = boundary.values[place[unknowns[self.prescribed]]]
         self.plates = tuple(np.flatnonzero(np.isin(unknowns[self.free], plate)) for plate in boundary.plates)
         self.leading = np.ones(len(self.free), bool)
         for places, plate in zip(self.plates, boundary.plates, strict=True):
             self.leading[places] = unknowns[self.free[places]] == plate[0]
-        self._external = np.where(np.arange(len(unknowns)) < owned, boundary.external[:, unknowns], 0.0)
         self.rotation = (
             None if boundary.rotation is None else boundary.rotation[unknowns][:, unknowns].tocsr()
         )
-        if self.rotation is not None:
-            self._external = self._external @ self.rotation.T
+        self._loads = self.loads_of(boundary)
         self.weights = mesh.weights[elements].ravel()
         self.stretch = mesh.stretch
         self.linear = LinearWork()  # the backend fills it
@@ -142,13 +138,15 @@ class Discretisation(ABC, Generic[System]):
 
     def loads(self, acting: Array | float) -> Loads:
         """Return the loads from the values of the time functions (functions,); one number is that of the ramp."""
-        amplitudes: Array = np.atleast_1d(np.asarray(acting, dtype=float))
-        pressures = (float(factor * amplitudes[function]) for function, factor, _ in self.boundary.followers)
-        return Loads(self._values @ amplitudes, amplitudes @ self._external, tuple(pressures))
+        return self._loads.at(np.atleast_1d(np.asarray(acting, dtype=float)))
 
-    def outflow(self, amplitudes: Array) -> float:
+    def loads_of(self, boundary: BoundaryData) -> LocalLoads:
+        """Return prescribed values and loads of this process by other data that prescribe the same unknowns."""
+        return LocalLoads.of(boundary, self.unknowns, self.owned, self.rotation)
+
+    def outflow(self, loads: Loads) -> float:
         """Return the rate of all prescribed fluxes out of the body, ∫ q̄ dS."""
-        return float(amplitudes @ self.boundary.external[:, self.mesh.n_u :].sum(axis=1))
+        return float(self.communicator.sum(float(loads.external[~self.is_force].sum())))
 
     def cartesian(self, x: Array) -> Array:
         """Return local unknowns in Cartesian components."""
@@ -163,7 +161,7 @@ class Discretisation(ABC, Generic[System]):
         """Return the same from Cartesian unknowns."""
 
     @abstractmethod
-    def contributions(self, response: MacroResponse) -> tuple[Array, Array, Array]:
+    def contributions(self, response: Integrand) -> tuple[Array, Array, Array]:
         """Return ∫ P_E:∇N (elements, 81 or 30), ∫ Δstorage N and ∫ q·∇N (elements, 8 or 4) of each element."""
 
     @abstractmethod
@@ -202,7 +200,7 @@ class Discretisation(ABC, Generic[System]):
         """Add the entries of copies to those of their owners; a backend that distributes overrides this."""
         return values
 
-    def residual(self, response: MacroResponse, dt: float, loads: Loads, x: Array | None = None) -> Residual:
+    def residual(self, response: Integrand, dt: float, loads: Loads, x: Array | None = None) -> Residual:
         """Return the residual under ``loads``; pressures on the deformed surface act at the unknowns ``x``."""
         forces, stored, moved = self.contributions(response)
         moved = -dt * moved

@@ -109,10 +109,10 @@ def _iterated(
         linear = linear or linearisations.at(response, dt, x, loads)
         # A first guess within the tolerance is improved all the same: over many steps its errors add up.
         allowed = settings.tolerance if iteration else 0.0
-        misfit = _misfit(d, residual)
+        misfit = misfit_of(d, residual)
         if misfit > allowed:
             share = max(ROUND_OFF, law.noise)
-            misfit = _misfit(d, residual, _round_off(d, linear, x, share, begun=iteration > 0))
+            misfit = misfit_of(d, residual, _round_off(d, linear, x, share, begun=iteration > 0))
         misfits.append(misfit)
         if misfit <= allowed and not moving:
             return Step(x, response, residual, iteration, misfits)
@@ -142,7 +142,7 @@ def _refuse_missing_values(d: Discretisation, response: MacroResponse) -> None:
         raise StepFailed(f"the law has no values at {which} (det F̄ ≤ 0, or a cell without solution)")
 
 
-def _misfit(d: Discretisation, residual: Residual, round_off: tuple[float, float] = (0.0, 0.0)) -> float:
+def misfit_of(d: Discretisation, residual: Residual, round_off: tuple[float, float] = (0.0, 0.0)) -> float:
     """Return the largest free residual over its scale, of forces and volumes; zero where only round-off is left."""
     scales = (residual.force_scale, residual.volume_scale)
     return max(

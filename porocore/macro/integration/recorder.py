@@ -6,8 +6,9 @@ from dataclasses import fields
 
 import numpy as np
 
-from porocore.interfaces.law import MacroResponse
+from porocore.interfaces.law import Integrand, MacroResponse
 from porocore.interfaces.solution import History, MacroSolution, Profile, StepWork
+from porocore.macro.boundary.conditions import Loads
 from porocore.macro.boundary.probes import interpolation
 from porocore.macro.composition.body_fields import BodyFields
 from porocore.macro.composition.kept_cells import kept_cells
@@ -31,13 +32,15 @@ class HistoryRecorder:
         Values in this order.
     profiles
         In the order of time.
+    probe
+        Sparse (4 probes, unknowns), from all unknowns to u_1, u_2, u_3 and p of each probe.
     """
 
     def __init__(self, d: Discretisation) -> None:
         self.d = d
         self.rows: list[tuple[float, ...]] = []
         self.profiles: list[Profile] = []
-        self._probe = interpolation(d.mesh, d.problem.probes)
+        self.probe = interpolation(d.mesh, d.problem.probes)
         self._groups = (
             *((f"probes/{name}", 4) for name in d.problem.probes),
             *((f"reactions/{name}", 3) for name in d.boundary.supports),
@@ -57,37 +60,43 @@ class HistoryRecorder:
         start |= {"outside_training_range": _outside(d, response), "stress_spread": _spread(d, response)}
         start |= self._extremes(whole)
         sums = np.zeros(3 * len(d.boundary.supports) + len(d.boundary.drains) + len(WORK))
-        self.rows.append((*(start[name] for name in HISTORY), *(self._probe @ whole), *sums))
+        self.rows.append((*(start[name] for name in HISTORY), *(self.probe @ whole), *sums))
         self.add_profile(x, response, 0.0)
 
-    def add_step(self, step: Step, time: float, dt: float, amplitudes: Array, work: StepWork) -> None:
+    def add_step(self, step: Step, time: float, dt: float, loads: Loads, work: StepWork) -> None:
         """Add an accepted step that ended at ``time``, and what the linear solver did for it."""
         d, response = self.d, step.response
         last = dict(zip(HISTORY, self.rows[-1], strict=False))
-        # In the rows of prescribed pressure the residual is what has flowed in through the boundary.
-        held = d.prescribed[~d.is_force[d.prescribed] & (d.prescribed < d.owned)]
-        inflow = float(d.communicator.sum(float(step.residual.values[held].sum())))
-        outflow = dt * d.outflow(amplitudes) - inflow
         squeezed = -float(d.communicator.sum(float(d.weights @ (response.storage / response.volume_ratio))))
         x = d.to_mesh(step.x)
         row = {
             "time": time,
             "ramp": d.problem.ramp(time),
             "drained_paper": last["drained_paper"] + squeezed,
-            "drained": last["drained"] + outflow,
+            "drained": last["drained"] + self.outflow(step.residual.values, loads, dt),
             "outside_training_range": _outside(d, response),
             "stress_spread": _spread(d, response),
             "iterations": float(step.iterations),
         }
         row |= self._extremes(x)
-        sums = self._sums(step, dt)
-        extra = np.concatenate([self._probe @ x, *sums, [getattr(work, name) for name in WORK]])
+        sums = self.sums(step.residual.values, response, dt)
+        extra = np.concatenate([self.probe @ x, *sums, [getattr(work, name) for name in WORK]])
         self.rows.append((*(row[name] for name in HISTORY), *map(float, extra)))
 
-    def _sums(self, step: Step, dt: float) -> list[Array]:
-        """Return the forces (3,) on the surfaces that are held, then inflows (1,) through those with a pressure."""
-        d, response = self.d, step.response
-        residual = d.to_mesh(step.residual.values)
+    def outflow(self, residual: Array, loads: Loads, dt: float) -> float:
+        """Return the volume that has left through the boundary in a step, linear in residual and loads."""
+        d = self.d
+        # In the rows of prescribed pressure the residual is what has flowed in through the boundary.
+        held = d.prescribed[~d.is_force[d.prescribed] & (d.prescribed < d.owned)]
+        return dt * d.outflow(loads) - float(d.communicator.sum(float(residual[held].sum())))
+
+    def sums(self, values: Array, response: Integrand, dt: float) -> list[Array]:
+        """Return the forces (3,) on the surfaces that are held, then inflows (1,) through those with a pressure.
+
+        They are linear in the residual's ``values`` and the response.
+        """
+        d = self.d
+        residual = d.to_mesh(values)
         supports, drains = d.boundary.supports.values(), d.boundary.drains.values()
         stress = d.all_means(response.stress) if any(each.needs_field for each in supports) else None
         inward = -d.all_means(response.flux) if any(each.needs_field for each in drains) else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -14,6 +14,7 @@ from porocore.core.models.bounds import LARGEST_NUMBER
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import LawMemory, MacroLaw
 from porocore.interfaces.macro import MacroSolver
+from porocore.interfaces.sensitivities import MacroChange, Sensitivities
 from porocore.interfaces.solution import MacroSolution, StepReport, StepWork
 from porocore.macro.composition.body_fields import BodyFields, CellsAtPoints
 from porocore.macro.composition.turned_law import TurnedLaw
@@ -25,11 +26,12 @@ from porocore.macro.integration.newton import Step, newton_step
 from porocore.macro.integration.predictor import Predictor
 from porocore.macro.integration.recorder import HistoryRecorder
 from porocore.macro.integration.stepping import Stepper
+from porocore.macro.sensitivities.tracker import SensitivityTracker
 from porocore.states import Array, BodyPlace, MacroState
 
 
 class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
-    """Macro solver that integrates in time; a subclass prepares its discretisation.
+    """Macro solver that integrates in time, with sensitivities; a subclass prepares its discretisation.
 
     Parameters
     ----------
@@ -41,6 +43,8 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
     ConfigurationError
         It is no time.
     """
+
+    sensitivities = True
 
     def __init__(self, *, checkpoint_seconds: float = 5.0) -> None:
         if (
@@ -76,21 +80,51 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
         DataError
             The checkpoint is damaged, or belongs to another problem or law.
         """
-        d, problem = prepared, prepared.problem
-        body, law = _composed(d, law)
+        body, law = _composed(prepared, law)
+        return self._integrated(prepared, body, law, checkpoint, on_step)
+
+    def solve_with_sensitivities(
+        self,
+        prepared: Discretisation,
+        law: MacroLaw,
+        changes: Sequence[MacroChange],
+        *,
+        on_step: Callable[[StepReport], None] | None = None,
+    ) -> tuple[MacroSolution, Sensitivities]:
+        """Run through the time plan with derivatives; see :meth:`porocore.MacroSolver.solve_with_sensitivities`."""
+        body, law = _composed(prepared, law)
+        with prepared.communicator.united():
+            tracker = SensitivityTracker(prepared, body, law, changes)
+        solution = self._integrated(prepared, body, law, None, on_step, tracker)
+        return solution, tracker.result()
+
+    def _integrated(
+        self,
+        d: Discretisation,
+        body: BodyFields,
+        law: MacroLaw,
+        checkpoint: Path | None,
+        on_step: Callable[[StepReport], None] | None,
+        tracker: SensitivityTracker | None = None,
+    ) -> MacroSolution:
+        """Return the solution of a law in the axes of its material; a ``tracker`` follows its derivatives."""
+        problem = d.problem
         saved = CheckpointFile(checkpoint, d, law, self.checkpoint_seconds, body)
         stepper, control, predictor = Stepper(problem.time, problem.corners), ErrorControl(), Predictor()
         reached = Reached(d.boundary, problem) if problem.time.tolerance is not None else None
         x, memory, record = saved.load(stepper, control, predictor) or _at_rest(d, law, predictor, body)
-        newton = _newton(d, law, body)
+        linearisations = Linearisations(d, law, varies=body.varies)
+        newton = _newton(d, law, linearisations)
         d.begin()
+        if tracker is not None:
+            tracker.begin(x, memory, record)
         while not stepper.done:
             time = stepper.next()
-            dt, amplitudes = time - stepper.time, d.boundary.amplitudes(problem, time)
+            dt, loads = time - stepper.time, d.loads(d.boundary.amplitudes(problem, time))
             finer = None
             try:
                 here = {"guess": predictor.guess(time), "fields": _fields_at(d, body, time)}
-                step = newton(memory, x, dt, d.loads(amplitudes), **here)
+                step = newton(memory, x, dt, loads, **here)
                 changed = law.before_accept(step.response, memory)
                 if changed is None and reached is not None and control.rate is None:
                     finer = _halved(newton, d, body, memory, x, stepper.time, time)
@@ -99,14 +133,18 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
                 continue
             if changed is not None:
                 memory = changed
+                if tracker is not None:
+                    tracker.renew(memory)
                 continue
             error = None if reached is None else control.error(d, x, step.x, dt, finer, reached(time))
             if not stepper.tolerates(error):
                 continue
             control.accept(x, step.x, dt)
+            if tracker is not None:
+                tracker.add(step, memory, time, dt, loads, linearisations)
             x, memory = step.x, step.response.memory
             work, notes = d.linear.take()
-            record.add_step(step, time, dt, amplitudes, work)
+            record.add_step(step, time, dt, loads, work)
             if stepper.is_profile(time):
                 record.add_profile(step.x, step.response, time)
             stepper.accept(error)
@@ -126,9 +164,8 @@ def _composed(d: Discretisation, law: MacroLaw) -> tuple[BodyFields, MacroLaw]:
     return body, TurnedLaw(law) if body.turned else law
 
 
-def _newton(d: Discretisation, law: MacroLaw, body: BodyFields) -> Callable[..., Step]:
-    """Return Newton's method for a step, which keeps linearisations where nothing changes them."""
-    linearisations = Linearisations(d, law, varies=body.varies)
+def _newton(d: Discretisation, law: MacroLaw, linearisations: Linearisations) -> Callable[..., Step]:
+    """Return Newton's method for a step."""
     return partial(newton_step, d, law, settings=d.problem.newton, linearisations=linearisations)
 
 

@@ -11,7 +11,9 @@ from porocore.cell.cell import Cell
 from porocore.cell.materials.composite import Solid
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import LawMemory, MacroResponse, UndeformedCells, fingerprint
-from porocore.macro.laws.pull_back import CONDUCTIVITY_LAWS, ConductivityLaw, PulledBack
+from porocore.interfaces.law_changes import MemoryChanges, ResponseChanges
+from porocore.macro.laws.cell_changes import CellChanges
+from porocore.macro.laws.pull_back import CONDUCTIVITY_LAWS, ConductivityLaw, PulledBack, at_points
 from porocore.states import Array, CellResponse, MacroState
 
 
@@ -103,6 +105,39 @@ class Closure(ABC):
             Undeformed cell of each point; None: that of the constants.
         before
             The same at the time of the memory, where it was another one.
+        """
+
+    def deformation_changes(
+        self, cell: CellResponse, by: CellChanges, cells: UndeformedCells | None = None
+    ) -> Array:
+        """Return the changes (n, 3, 3, k) of F̄ = I + H + <∇u¹>_s/φ_s at fixed H."""
+        share = at_points(self.solid_fraction_of(cells), 3)
+        grown = by.porosity[:, None, None, :] / share
+        return np.asarray((by.mean_grad + cell.mean_grad[..., None] * grown) / share)
+
+    @abstractmethod
+    def changes(
+        self,
+        states: MacroState,
+        cell: CellResponse,
+        grad_p: Array,
+        memory: LawMemory,
+        by: CellChanges,
+        before: MemoryChanges,
+        *,
+        cells: UndeformedCells | None = None,
+        cells_before: UndeformedCells | None = None,
+    ) -> ResponseChanges:
+        """Return the derivatives of the response at fixed (H, p, ∇p) by k unknowns.
+
+        Parameters
+        ----------
+        by
+            Changes of the cell's responses.
+        before
+            Derivatives of the memory.
+        cells, cells_before
+            Undeformed cells at this time, and at that of the memory; see :meth:`respond`.
         """
 
     def memory(self, states: MacroState, cell: CellResponse) -> LawMemory:

@@ -17,6 +17,8 @@ from porocore.interfaces.law import (
     UndeformedCells,
     fingerprint,
 )
+from porocore.interfaces.law_changes import MemoryChanges, PointChanges, ResponseChanges
+from porocore.macro.laws.cell_changes import cell_changes
 from porocore.macro.laws.closure import Closure
 from porocore.plugins.border import check_prediction, prediction_of
 from porocore.states import Array, CellResponse, MacroState
@@ -150,6 +152,29 @@ class ClosedLaw(MacroLaw):
                 )
                 for grad_p in gradients
             ]
+
+    def respond_to_changes(
+        self,
+        states: MacroState,
+        grad_p: Array,
+        memory: LawMemory,
+        changes: PointChanges,
+        before: MemoryChanges,
+    ) -> tuple[MacroResponse, ResponseChanges]:
+        """Return the response and its derivatives by unknowns; see :class:`MacroLaw`."""
+        cells_before, cells = (self._cells(at.parameters) for at in (memory.states, states))
+        if cells_before is cells:
+            cells_before = None
+        found = self.cell_law.predict_from(memory.states, states, tangent=True)
+        cell = check_prediction(self.cell_law, found, states)
+        closure = self.closure
+        K = closure.conductivity if cells is None else cells.conductivity
+        undeformed = None if closure.law == "deformed" else K
+        by = cell_changes(self.cell_law, states, cell, changes, undeformed, closure.responses)
+        derivatives = closure.changes(
+            states, cell, grad_p, memory, by, before, cells=cells, cells_before=cells_before
+        )
+        return self._closed(states, cell, grad_p, memory, True, cells, cells_before), derivatives
 
     def _closed(
         self,

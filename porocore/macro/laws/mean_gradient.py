@@ -9,6 +9,8 @@ from porocore.cell.materials.composite import Composite, Solid
 from porocore.core.tensors.cofactors import cofactor_tangent
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import LawMemory, MacroResponse, MacroTangent, UndeformedCells
+from porocore.interfaces.law_changes import MemoryChanges, ResponseChanges
+from porocore.macro.laws.cell_changes import CellChanges
 from porocore.macro.laws.closure import Closure
 from porocore.macro.laws.pull_back import ConductivityLaw, PulledBack, at_points, deformation_tangent
 from porocore.states import Array, CellResponse, CellTangent, MacroState
@@ -99,6 +101,75 @@ class MeanGradientClosure(Closure):
             else cell.outside_training_range,
             tangent=self._tangent(p, pore, step, grad_p, cell.tangent, phi_s, grown) if tangent else None,
         )
+
+    def changes(
+        self,
+        states: MacroState,
+        cell: CellResponse,
+        grad_p: Array,
+        memory: LawMemory,
+        by: CellChanges,
+        before: MemoryChanges,
+        *,
+        cells: UndeformedCells | None = None,
+        cells_before: UndeformedCells | None = None,
+    ) -> ResponseChanges:
+        """Return the derivatives at fixed (H, p, ∇p); see :class:`Closure`.
+
+        Raises
+        ------
+        ConfigurationError
+            φ_s depends on an unknown, and changes with time.
+        """
+        assert before.mean_grad is not None
+        tangent = cell.tangent
+        assert tangent is not None
+        n, k = by.modulus.shape
+        share, p = at_points(self.solid_fraction_of(cells), 2), states.p[:, None, None]
+        phi_f, pore = 1 - share, self.pull_back(states, cell, grad_p, cells)
+        F, dF = self._solid(pore), self.deformation_changes(cell, by, cells)
+        along, cof_F = dF.reshape(n, 9, k), cofactor_tangent(pore.F).reshape(n, 9, 9)
+        cof_change, cof = cof_F @ along, pore.cof.reshape(n, 1, 9)
+        solid = self.energy.stress(F)
+        stress = share * (self.energy.tangent(F).reshape(n, 9, 9) @ along) - phi_f * p * cof_change
+        stress += (share * solid).reshape(n, 9, 1) * by.modulus[:, None, :]
+        stress -= (solid + p * pore.cof).reshape(n, 9, 1) * by.porosity[:, None, :]
+        since = states.grad_u - memory.states.grad_u
+        step = phi_f * since - (cell.mean_grad - memory.mean_grad)
+        moved = (before.mean_grad - by.mean_grad).reshape(n, 9, k) - phi_f * before.grad_u.reshape(n, 9, k)
+        moved += since.reshape(n, 9, 1) * by.porosity[:, None, :]
+        storage: Array = np.matmul(step.reshape(n, 1, 9), cof_change) + np.matmul(cof, moved)
+        if cells_before is not None and cells is not None:
+            storage = storage - self._growth(
+                cell, by, share, cells_before.porosity - cells.porosity, cof, cof_change
+            )
+        return ResponseChanges(
+            stress=stress.reshape(n, 3, 3, k),
+            storage=storage[:, 0],
+            flux=pore.flux_changes(grad_p, dF, by.conductivity, self.law),
+            mean_grad=by.mean_grad,
+            mean_grad_grad_u=tangent.mean_grad_grad_u,
+            mean_grad_p=tangent.mean_grad_p,
+        )
+
+    def _growth(
+        self,
+        cell: CellResponse,
+        by: CellChanges,
+        share: float | Array,
+        grown: Array,
+        cof: Array,
+        cof_change: Array,
+    ) -> Array:
+        """Return the change (n, 1, k) of (det F̄ − Ḡᵀ:m/φ_s) Δφ_s, with Δφ_s = ``grown`` (n,)."""
+        if by.porosity.any():
+            raise ConfigurationError(
+                "closure 'mean-gradient' gives no derivatives by parameters that change the porosity where these "
+                "change with time; choose closure: potential"
+            )
+        mean = (cell.mean_grad / share).reshape(len(cell), 1, 9)
+        # det F̄ changes by Ḡᵀ:δF̄, of which δm/φ_s is all.
+        return np.asarray(-grown[:, None, None] * (mean @ cof_change))
 
     @staticmethod
     def _solid(pore: PulledBack) -> Array:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from porocore.interfaces.law import LawMemory, MacroResponse, MacroTangent, UndeformedCells
+from porocore.interfaces.law_changes import MemoryChanges, ResponseChanges
+from porocore.macro.laws.cell_changes import CellChanges
 from porocore.macro.laws.closure import Closure
 from porocore.macro.laws.pull_back import PulledBack
 from porocore.states import Array, CellResponse, CellTangent, MacroState
@@ -78,6 +80,32 @@ class PotentialClosure(Closure):
             tangent=self._tangent(pore, grad_p, cell.tangent, self.solid_fraction_of(cells))
             if tangent
             else None,
+        )
+
+    def changes(
+        self,
+        states: MacroState,
+        cell: CellResponse,
+        grad_p: Array,
+        memory: LawMemory,
+        by: CellChanges,
+        before: MemoryChanges,
+        *,
+        cells: UndeformedCells | None = None,
+        cells_before: UndeformedCells | None = None,
+    ) -> ResponseChanges:
+        """Return the derivatives at fixed (H, p, ∇p); see :class:`Closure`."""
+        assert by.stress is not None
+        assert by.fluid_volume is not None
+        assert before.fluid_volume is not None
+        pore = self.pull_back(states, cell, grad_p, cells)
+        return ResponseChanges(
+            stress=by.stress,
+            storage=by.fluid_volume - before.fluid_volume,
+            flux=pore.flux_changes(
+                grad_p, self.deformation_changes(cell, by, cells), by.conductivity, self.law
+            ),
+            fluid_volume=by.fluid_volume,
         )
 
     def memory(self, states: MacroState, cell: CellResponse) -> LawMemory:

@@ -127,6 +127,32 @@ class PulledBack:
         by_H = np.einsum("nijk,nj->nik", cell.conductivity_grad_u.reshape(n, 3, 3, 9), grad_p)
         return -by_H, -(cell.conductivity_p @ grad_p[:, :, None])[..., 0]
 
+    def flux_changes(self, grad_p: Array, deformation: Array, K: Array, law: ConductivityLaw) -> Array:
+        """Return the changes (n, 3, k) of q at fixed ∇p.
+
+        Parameters
+        ----------
+        deformation : (n, 3, 3, k)
+            Change of F̄.
+        K : (n, 3, 3, k)
+            Change of K of the undeformed pore, or of K_ref with the law ``deformed``.
+        law
+            By which the flux goes.
+        """
+        n, k = len(K), K.shape[-1]
+        if self.undeformed is None:
+            return np.asarray(-np.einsum("nijk,nj->nik", K, grad_p))
+        R = self.rotation
+        if R is None and law == "piola" and not is_isotropic(np.moveaxis(K, -1, 1)):
+            R = polar_rotation(np.where(self.missing, np.eye(3), self.F))
+        pulled = (self.cof @ grad_p[:, :, None])[..., 0]
+        turned = pulled if R is None else (pulled[:, None, :] @ R)[:, 0]
+        flow = np.einsum("nijk,nj->nik", K, turned)
+        if R is not None:
+            flow = R @ flow
+        moved = self._flux_by_deformation(grad_p, self.undeformed) @ deformation.reshape(n, 9, k)
+        return np.asarray(moved - self.cof.swapaxes(1, 2) @ flow / self.J[:, None, None])
+
     def _flux_by_deformation(self, grad_p: Array, K: Array) -> Array:
         """Return ∂q/∂F̄ (n, 3, 9), for R̄ held q_i F̄⁻¹_lk − F̄⁻¹_ik q_l + (K_ref)_il (F̄⁻ᵀ ∇_X p)_k."""
         n, R, q = len(self.J), self.rotation, self.flux

@@ -14,10 +14,10 @@ from porocore.cell.meshing.connectivity import pieces
 from porocore.cell.meshing.mesh_quality import CLOSED_PORES, closed_pores
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.boundary.drainage import undrained
-from porocore.macro.closure_error import ClosureError, closure_error
 from porocore.macro.composition.linearised_law import RestCoefficients
 from porocore.macro.composition.regions import regions_of_cell
 from porocore.macro.laws import CLOSURES, ClosedLaw
+from porocore.macro.laws.closure_error import ClosureError, closure_error
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.oscillation import diffusion_time, unresolved
 from porocore.macro.reference import CellReference

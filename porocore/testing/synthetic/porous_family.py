@@ -63,11 +63,7 @@ def respond(states: MacroState, names: tuple[str, ...] = tuple(PARAMETERS)) -> C
     states
         States whose parameters (n, m) have these ``names``.
     """
-    assert states.parameters is not None
-    n = len(states)
-    z = np.concatenate([states.grad_u.reshape(n, 9), states.p[:, None], states.parameters], axis=1).astype(
-        complex
-    )
+    n, z = len(states), _inputs(states)
     values: dict[str, Any] = {name: x.real for name, x in _values(z, names).items()}
     slopes = _derivatives(z, lambda at: _values(at, names))
     H = {name: x[..., :9].reshape(*x.shape[:-1], 3, 3) for name, x in slopes.items()}
@@ -92,24 +88,78 @@ def respond(states: MacroState, names: tuple[str, ...] = tuple(PARAMETERS)) -> C
 
 
 class PorousFamilyLaw(CellLaw):
-    """Law of the family in closed form, with the parameters that are named; the others have their usual values."""
+    """Law of the family in closed form, with the parameters that are named; the others have their usual values.
+
+    Parameters
+    ----------
+    parameters
+        Names.
+    deformed
+        Predict the conductivity of the deformed pore, too.
+    """
 
     identity = IDENTITY
 
-    def __init__(self, *parameters: str) -> None:
-        self.parameters = parameters
+    def __init__(self, *parameters: str, deformed: bool = False) -> None:
+        self.parameters, self.deformed = parameters, deformed
 
     def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
-        """Return the responses but for the conductivity of the deformed pore, with their derivatives."""
-        found = respond(states, self.parameters)
-        return replace(found, conductivity=None, slopes=None, tangent=found.tangent if tangent else None)
+        """Return the responses with their derivatives."""
+        names = self.parameters
+        if not tangent:
+            return self._without_derivatives(states)
+        found = respond(self._named(states), names)
+        gradients, K = found.tangent, found.conductivity if self.deformed else None
+        if self.deformed and gradients is not None:
+            z = _inputs(self._named(states))
+            by = _derivatives(z, lambda at: {"K": _values(at, names)["conductivity"]})["K"]
+            by_H = by[..., :9].reshape(-1, 3, 3, 3, 3)
+            gradients = replace(gradients, conductivity_grad_u=by_H, conductivity_p=by[..., 9])
+        return replace(found, conductivity=K, slopes=None, tangent=gradients)
+
+    def _without_derivatives(self, states: MacroState) -> CellResponse:
+        values: dict[str, Any] = _values(_inputs(self._named(states)), self.parameters)
+        if not self.deformed:
+            del values["conductivity"]
+        converged = np.full(len(states), int(Status.converged), dtype=np.int64)
+        return CellResponse(status=converged, **{name: value.real for name, value in values.items()})
+
+    def slopes(self, states: MacroState) -> CellSlopes:
+        """Return the derivatives by the parameters."""
+        found = respond(self._named(states), self.parameters).slopes
+        assert found is not None
+        if self.deformed:
+            return found
+        n, z = len(states), _inputs(self._named(states))
+        K = _derivatives(z, lambda at: {"K": _undeformed(_named(at, self.parameters), n)})["K"]
+        return replace(found, conductivity=K[:, None, None, 10:] * np.eye(3)[..., None])
+
+    @staticmethod
+    def _named(states: MacroState) -> MacroState:
+        """Return the states with parameters, none of which there may be."""
+        return states if states.parameters is not None else states.with_parameters(np.zeros(0))
 
     def undeformed(self, parameters: Array) -> UndeformedCells:
         """Return φ_f, and K before the solid swells."""
         at: dict[str, Any] = {**DEFAULTS, **dict(zip(self.parameters, parameters.T, strict=True))}
         r, n = at["radius"], len(parameters)
-        K = np.broadcast_to(np.asarray(r**4 * (1 + 8 * r) / at["viscosity"]), n)
+        K = _undeformed(at, n)
         return UndeformedCells(np.broadcast_to(np.asarray(porosity(r)), n), K[:, None, None] * np.eye(3))
+
+
+def _inputs(states: MacroState) -> Numbers:
+    """Return (n, 10 + m): H row by row, p and the parameters."""
+    assert states.parameters is not None
+    n = len(states)
+    parts = [states.grad_u.reshape(n, 9), states.p[:, None], states.parameters]
+    inputs: Numbers = np.concatenate(parts, axis=1).astype(complex)
+    return inputs
+
+
+def _undeformed(at: dict[str, Any], n: int) -> Any:
+    """Return K (n,) of the undeformed cells."""
+    r = at["radius"]
+    return np.broadcast_to(np.asarray(r**4 * (1 + 8 * r) / at["viscosity"]), n)
 
 
 def rest_data(k: int = 20, inputs: InputSpace = INPUTS, *, slopes: bool = True) -> RestData:

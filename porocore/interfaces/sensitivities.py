@@ -1,0 +1,128 @@
+"""Unknowns of a macro run (changes of its data), and the derivatives of its histories by them (Sensitivities)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from porocore.states import Array
+
+#: What a surface may prescribe, as ``macro.boundary.SURFACE`` has it.
+BoundaryQuantity = Literal["displacement", "normal", "traction", "follower", "plate", "pressure", "flux"]
+
+
+@dataclass(frozen=True)
+class CellParameterChange:
+    """Change of a parameter of the cell by the same number everywhere, or of the factor of its field.
+
+    Attributes
+    ----------
+    name
+        Parameter of the law.
+    region
+        Region in which it changes; None: wherever the field of the body holds, which is where no region has a field of
+        its own of that name.
+    factor
+        The derivative is by the factor of the field, 1 at present, in place of the number that is added to it.
+    """
+
+    name: str
+    region: str | None = None
+    factor: bool = False
+
+
+@dataclass(frozen=True)
+class ModulusChange:
+    """Relative change of the modulus E of the solid, of all its materials alike: d/d ln E with W = E w(H, p/E).
+
+    Loads, prescribed displacements and pressures, and the conductivity at given states stay as they are in physical
+    units, so a stiffer body settles less.
+
+    Attributes
+    ----------
+    region
+        Region of which the solid changes; None: the whole body.
+    """
+
+    region: str | None = None
+
+
+@dataclass(frozen=True)
+class ViscosityChange:
+    """Relative change of the viscosity μ of the fluid, to which the flux is in inverse proportion: d/d ln μ."""
+
+
+@dataclass(frozen=True)
+class LoadChange:
+    """Change of the load, the common factor of all prescribed values, as ``load`` of a macro problem."""
+
+
+@dataclass(frozen=True)
+class BoundaryChange:
+    """Change of one prescribed value.
+
+    Attributes
+    ----------
+    surface
+        Name of the surface.
+    quantity
+        Of which the value is.
+    component
+        Component 0, 1 or 2 of a displacement or a traction.
+
+    The derivative is by the number as the boundary conditions have it, before the load and the ramp; where the value is
+    a function of time, it is by a factor of that function, 1 at present.
+    """
+
+    surface: str
+    quantity: BoundaryQuantity
+    component: int = 0
+
+
+@dataclass(frozen=True)
+class InitialPressureChange:
+    """Change of the pressure with which the body begins, everywhere."""
+
+
+MacroChange: TypeAlias = (
+    CellParameterChange
+    | ModulusChange
+    | ViscosityChange
+    | LoadChange
+    | BoundaryChange
+    | InitialPressureChange
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivities:
+    """Derivatives of the histories of a :class:`~porocore.interfaces.solution.MacroSolution` by k unknowns.
+
+    Times and lengths of the steps are held fixed, also where an error control has chosen them. Where the largest
+    settlement or pressure moves from one node to another, its derivative is that of the node where it is.
+
+    Attributes
+    ----------
+    changes
+        The unknowns.
+    settlement, pressure_max, drained : (steps, k)
+        Of the history.
+    probes : name → (steps, 4, k)
+        Of u_1, u_2, u_3 and p of each probe.
+    reactions : name → (steps, 3, k)
+        Of the force on each surface that is held or moved.
+    inflow : name → (steps, k)
+        Of the inflow through each surface with a prescribed pressure.
+    compression : name → (steps, k)
+        Of the compressive force on each plane surface; of a study.
+    """
+
+    changes: tuple[MacroChange, ...]
+    settlement: Array
+    pressure_max: Array
+    drained: Array
+    probes: Mapping[str, Array]
+    reactions: Mapping[str, Array]
+    inflow: Mapping[str, Array]
+    compression: Mapping[str, Array]

@@ -1,0 +1,119 @@
+"""Linear equations of the sensitivities of one time step: right-hand sides, solutions and their corrections."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from porocore.interfaces.law import MacroResponse
+from porocore.interfaces.law_changes import MemoryChanges, ResponseChanges
+from porocore.macro.boundary.conditions import Loads
+from porocore.macro.integration.discretisation import Discretisation, Residual, StepFailed
+from porocore.macro.integration.linearisation import Linearisation
+from porocore.macro.integration.newton import misfit_of
+from porocore.states import Array
+
+#: Relative residual of a solution that is small enough, one that is too large, and the corrections at most.
+SMALL, TOO_LARGE, CORRECTIONS = 1e-10, 1e-7, 3
+
+
+@dataclass(frozen=True, eq=False)
+class UnknownChange:
+    """Derivatives of stress (n, 3, 3), storage (n,) and flux (n, 3) at the points by one unknown."""
+
+    stress: Array
+    storage: Array
+    flux: Array
+
+    @classmethod
+    def each(cls, changes: ResponseChanges) -> list[UnknownChange]:
+        """Return those by each of k unknowns."""
+        parts = (
+            np.ascontiguousarray(np.moveaxis(part, -1, 0))
+            for part in (changes.stress, changes.storage, changes.flux)
+        )
+        return [cls(*each) for each in zip(*parts, strict=True)]
+
+
+def changes_at_points(d: Discretisation, x: list[Array]) -> tuple[Array, Array, Array]:
+    """Return the changes of H (n, 3, 3, k), p (n, k) and ∇p (n, 3, k) under changes of the unknowns."""
+    found = [d.states(each) for each in x]
+    return (
+        np.stack([states.grad_u for states, _ in found], axis=-1),
+        np.stack([states.p for states, _ in found], axis=-1),
+        np.stack([grad_p for _, grad_p in found], axis=-1),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class StepEquations:
+    """Equations J δx = −∂R of one step for k unknowns, with the tangent J at its solution.
+
+    Attributes
+    ----------
+    d
+        Discretisation.
+    linear
+        The tangent.
+    response, fixed
+        Of the law at the solution, with its tangent, and its derivatives at fixed (H, p, ∇p).
+    x : (local unknowns,)
+        The solution.
+    dt, loads
+        Of the step.
+    own
+        Changes of the loads, one for each unknown.
+    """
+
+    d: Discretisation
+    linear: Linearisation
+    response: MacroResponse
+    fixed: ResponseChanges
+    x: Array
+    dt: float
+    loads: Loads
+    own: list[Loads]
+
+    def solved(self) -> tuple[list[Array], list[UnknownChange], MemoryChanges, list[Array]]:
+        """Return the derivatives of the unknowns, of what is integrated, of the memory, and of the residual.
+
+        Raises
+        ------
+        StepFailed
+            A system has no solution.
+        """
+        d, tangent = self.d, self.response.tangent
+        assert tangent is not None
+        x = [
+            self._solve(-d.residual(each, self.dt, own, self.x).values, own.values)
+            for each, own in zip(UnknownChange.each(self.fixed), self.own, strict=True)
+        ]
+        still = np.zeros(len(d.prescribed))
+        for correction in range(CORRECTIONS + 1):
+            total, memory = self.fixed.moved(tangent, *changes_at_points(d, x))
+            parts = UnknownChange.each(total)
+            residuals = [self._residual(*each) for each in zip(parts, self.own, x, strict=True)]
+            misfits = [misfit_of(d, residual) for residual in residuals]
+            if max(misfits) <= SMALL or correction == CORRECTIONS:
+                break
+            for j, misfit in enumerate(misfits):
+                if misfit > SMALL:
+                    x[j] = x[j] - self._solve(residuals[j].values, still)
+        if not max(misfits) <= TOO_LARGE:
+            raise StepFailed(f"the linear solver leaves {max(misfits):.2g} of the right-hand side")
+        return x, parts, memory, [residual.values for residual in residuals]
+
+    def _solve(self, right: Array, jump: Array) -> Array:
+        return self.d.solve(self.linear.system, right, jump, again=True)
+
+    def _residual(self, change: UnknownChange, own: Loads, x: Array) -> Residual:
+        """Return the total derivative of the residual by one unknown, which is zero in the equations."""
+        d, found = self.d, self.d.residual(change, self.dt, own, self.x)
+        follower = d.follower_tangent(self.x, self.loads)
+        if follower is None:
+            return found
+        whole = np.zeros(d.mesh.size)
+        whole[: d.mesh.n_u] = (follower @ d.to_mesh(x)[: follower.shape[1]])[: d.mesh.n_u]
+        moved = np.where(np.arange(len(d.unknowns)) < d.owned, d.from_mesh(whole), 0.0)
+        return Residual(found.values + moved, found.force_scale, found.volume_scale)
