@@ -56,15 +56,15 @@ class Integrand(Protocol):
 
     @property
     def stress(self) -> Array:
-        """P_E."""
+        """P_E (n, 3, 3)."""
 
     @property
     def storage(self) -> Array:
-        """Fluid taken up."""
+        """Fluid taken up (n,)."""
 
     @property
     def flux(self) -> Array:
-        """Flux q."""
+        """Flux q (n, 3)."""
 
 
 @dataclass(frozen=True, eq=False)

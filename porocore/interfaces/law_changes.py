@@ -1,4 +1,4 @@
-"""Changes of a macroscopic law under unknowns: at points, of its memory, and of its response at fixed (H, p, ∇p).
+"""Changes of a macroscopic law under unknowns: of points, memory, and response at fixed (H, p, ∇p).
 
 Every array holds derivatives by k unknowns along its last axis, behind the batch axis of n points and the indices of
 the value.

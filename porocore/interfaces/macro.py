@@ -11,7 +11,7 @@ from porocore.core.parallel import Communicator
 from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import Prepared
 from porocore.interfaces.law import MacroLaw
-from porocore.interfaces.sensitivities import MacroChange, Sensitivities
+from porocore.interfaces.sensitivities import MacroChange, MacroSensitivities
 from porocore.interfaces.solution import MacroSolution, StepReport
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ class MacroSolver(ABC, Generic[Prepared]):
         changes: Sequence[MacroChange],
         *,
         on_step: Callable[[StepReport], None] | None = None,
-    ) -> tuple[MacroSolution, Sensitivities]:
+    ) -> tuple[MacroSolution, MacroSensitivities]:
         """Integrate as :meth:`solve` does, and return the exact derivatives of the histories by unknowns, too.
 
         They are those of the discrete equations at fixed time steps. A solver that declares :attr:`sensitivities`

@@ -1,4 +1,4 @@
-"""Unknowns of a macro run (changes of its data), and the derivatives of its histories by them (Sensitivities)."""
+"""Unknowns of a macro run (changes of its data); derivatives of its histories (MacroSensitivities)."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ MacroChange: TypeAlias = (
 
 
 @dataclass(frozen=True, eq=False)
-class Sensitivities:
+class MacroSensitivities:
     """Derivatives of the histories of a :class:`~porocore.interfaces.solution.MacroSolution` by k unknowns.
 
     Times and lengths of the steps are held fixed, also where an error control has chosen them. Where the largest

@@ -19,7 +19,7 @@ from porocore.interfaces.sensitivities import (
 from porocore.macro.laws import ClosedLaw, make_closure
 from porocore.macro.problem import MacroProblem
 from porocore.plugins.registry import registry
-from porocore.testing.synthetic.porous_family import PorousFamilyLaw
+from porocore.testing.synthetic.porous_law import PorousFamilyLaw
 
 #: Difference from central differences, as a share of the largest derivative of a series.
 ACCURACY = 1e-6

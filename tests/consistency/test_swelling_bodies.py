@@ -20,7 +20,8 @@ from porocore.sampling.execution import CellPool
 from porocore.states import MacroState
 from porocore.study.stages.stage_files import prepare_cell
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
-from porocore.testing.synthetic.porous_family import PorousFamilyLaw, porosity, porous_training_set
+from porocore.testing.synthetic.porous_family import porosity, porous_training_set
+from porocore.testing.synthetic.porous_law import PorousFamilyLaw
 from porocore.testing.synthetic.response import confined_column
 
 STRETCH = 1.06

@@ -14,7 +14,7 @@ from porocore.core.models.bounds import LARGEST_NUMBER
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import LawMemory, MacroLaw
 from porocore.interfaces.macro import MacroSolver
-from porocore.interfaces.sensitivities import MacroChange, Sensitivities
+from porocore.interfaces.sensitivities import MacroChange, MacroSensitivities
 from porocore.interfaces.solution import MacroSolution, StepReport, StepWork
 from porocore.macro.composition.body_fields import BodyFields, CellsAtPoints
 from porocore.macro.composition.turned_law import TurnedLaw
@@ -90,7 +90,7 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
         changes: Sequence[MacroChange],
         *,
         on_step: Callable[[StepReport], None] | None = None,
-    ) -> tuple[MacroSolution, Sensitivities]:
+    ) -> tuple[MacroSolution, MacroSensitivities]:
         """Run through the time plan with derivatives; see :meth:`porocore.MacroSolver.solve_with_sensitivities`."""
         body, law = _composed(prepared, law)
         with prepared.communicator.united():

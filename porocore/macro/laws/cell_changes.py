@@ -10,7 +10,7 @@ from porocore.core.fields.batch import Batch
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import CellLaw
 from porocore.interfaces.law_changes import PointChanges
-from porocore.states import Array, CellResponse, CellSlopes, MacroState
+from porocore.states import Array, CellResponse, CellSlopes, CellTangent, MacroState
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,32 +75,7 @@ def cell_changes(
             f"the cell law {type(law).__name__} gives no derivatives of the conductivity of the deformed pore, without "
             "which a run has no sensitivities; choose conductivity: piola, or a surrogate"
         )
-    n, k = changes.modulus.shape
-    scaled, p = changes.modulus, states.p[:, None]
-
-    def by_modulus(value: Array | None, by_p: Array | None, power: int, *shape: int) -> Array | None:
-        if value is None or by_p is None:
-            return None
-        change = (power * value - states.p.reshape(n, *(1 for _ in shape)) * by_p).reshape(n, -1, 1)
-        return np.asarray(change * scaled[:, None, :]).reshape(n, *shape, k)
-
-    mean_grad = by_modulus(cell.mean_grad, tangent.mean_grad_p, 0, 3, 3)
-    assert mean_grad is not None
-    K = cell.conductivity if undeformed is None else np.broadcast_to(undeformed, (n, 3, 3))
-    assert K is not None
-    flow = -K[..., None] * changes.viscosity[:, None, None, :]
-    moved = by_modulus(K, tangent.conductivity_p, 0, 3, 3) if undeformed is None else None
-    flow = flow if moved is None else flow + moved
-    found = CellChanges(
-        modulus=scaled,
-        mean_grad=mean_grad,
-        porosity=np.zeros_like(scaled),
-        conductivity=flow,
-        stress=by_modulus(cell.stress, tangent.stress_p, 1, 3, 3),
-        fluid_volume=None
-        if tangent.fluid_volume_p is None
-        else -p * tangent.fluid_volume_p[:, None] * scaled,
-    )
+    found = _without_parameters(cell, tangent, states.p, changes, undeformed)
     if changes.parameters is None or not changes.parameters.any():
         return found
     if undeformed is not None and cell.conductivity is not None:
@@ -109,6 +84,36 @@ def cell_changes(
             "parameters, and not of the undeformed one; choose conductivity: deformed"
         )
     return _with_parameters(found, law, law.slopes(states), changes.parameters, needed)
+
+
+def _without_parameters(
+    cell: CellResponse, tangent: CellTangent, p: Array, changes: PointChanges, undeformed: Array | None
+) -> CellChanges:
+    """Return the changes by modulus and viscosity."""
+    n, k = changes.modulus.shape
+    scaled = changes.modulus
+
+    def by_modulus(value: Array | None, by_p: Array | None, power: int, *shape: int) -> Array | None:
+        if value is None or by_p is None:
+            return None
+        change = (power * value - p.reshape(n, *(1 for _ in shape)) * by_p).reshape(n, -1, 1)
+        return np.asarray(change * scaled[:, None, :]).reshape(n, *shape, k)
+
+    mean_grad = by_modulus(cell.mean_grad, tangent.mean_grad_p, 0, 3, 3)
+    K = cell.conductivity if undeformed is None else np.broadcast_to(undeformed, (n, 3, 3))
+    assert mean_grad is not None
+    assert K is not None
+    flow = -K[..., None] * changes.viscosity[:, None, None, :]
+    moved = by_modulus(K, tangent.conductivity_p, 0, 3, 3) if undeformed is None else None
+    fluid = tangent.fluid_volume_p
+    return CellChanges(
+        modulus=scaled,
+        mean_grad=mean_grad,
+        porosity=np.zeros_like(scaled),
+        conductivity=flow if moved is None else flow + moved,
+        stress=by_modulus(cell.stress, tangent.stress_p, 1, 3, 3),
+        fluid_volume=None if fluid is None else -(p * fluid)[:, None] * scaled,
+    )
 
 
 def _with_parameters(

@@ -1,1 +1,1 @@
-"""Exact derivatives of a macro run by unknowns: their directions, the recursion over the steps, the histories."""
+"""Derivatives of a macro run by unknowns: their directions, the equations of each step, the histories."""

@@ -1,4 +1,4 @@
-"""Directions of change of a macro run: what its unknowns change at the points, in the loads and at the beginning."""
+"""Directions of change of a run under its unknowns: at the points, in the loads, at the beginning."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from porocore.interfaces.law import Integrand
-from porocore.interfaces.sensitivities import MacroChange, Sensitivities
+from porocore.interfaces.sensitivities import MacroChange, MacroSensitivities
 from porocore.macro.boundary.conditions import Loads
 from porocore.macro.integration.recorder import HistoryRecorder
 from porocore.states import Array
@@ -72,7 +72,7 @@ class SensitivityRecorder:
         pressure = moved[n_u:][np.argmax(whole[n_u:])]
         return np.array([settled, pressure, drained]), self._record.probe @ moved
 
-    def result(self) -> Sensitivities:
+    def result(self) -> MacroSensitivities:
         """Return all derivatives."""
         rows = np.swapaxes(np.array(self._rows), 1, 2)
         probes, supports, drains = self._names
@@ -83,7 +83,7 @@ class SensitivityRecorder:
                 {name: rows[:, first + i * width : first + (i + 1) * width] for i, name in enumerate(names)}
             )
             first += width * len(names)
-        return Sensitivities(
+        return MacroSensitivities(
             self._changes,
             settlement=rows[:, 0],
             pressure_max=rows[:, 1],

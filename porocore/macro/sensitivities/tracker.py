@@ -15,7 +15,7 @@ from porocore.core.units.results import spoken
 from porocore.errors import SolveError
 from porocore.interfaces.law import LawMemory, MacroLaw
 from porocore.interfaces.law_changes import MemoryChanges
-from porocore.interfaces.sensitivities import MacroChange, Sensitivities
+from porocore.interfaces.sensitivities import MacroChange, MacroSensitivities
 from porocore.macro.boundary.conditions import Loads
 from porocore.macro.composition.body_fields import BodyFields
 from porocore.macro.integration.discretisation import Discretisation, StepFailed
@@ -105,7 +105,7 @@ class SensitivityTracker:
         assert self._record is not None
         self._record.add_step(step.x, self._x, total, residuals, own, dt)
 
-    def result(self) -> Sensitivities:
+    def result(self) -> MacroSensitivities:
         """Return the derivatives of the histories."""
         assert self._record is not None
         return self._record.result()

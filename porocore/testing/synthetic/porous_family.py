@@ -24,7 +24,6 @@ import numpy.typing as npt
 
 from porocore.core.inputs.input_space import InputSpace
 from porocore.core.tensors.point_group import CUBIC
-from porocore.interfaces.law import CellLaw, UndeformedCells
 from porocore.interfaces.rest_data import ParameterKind, RestData
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import Array, CellResponse, CellSlopes, CellTangent, MacroState, Status
@@ -63,14 +62,14 @@ def respond(states: MacroState, names: tuple[str, ...] = tuple(PARAMETERS)) -> C
     states
         States whose parameters (n, m) have these ``names``.
     """
-    n, z = len(states), _inputs(states)
-    values: dict[str, Any] = {name: x.real for name, x in _values(z, names).items()}
-    slopes = _derivatives(z, lambda at: _values(at, names))
+    n, z = len(states), inputs_of(states)
+    values: dict[str, Any] = {name: x.real for name, x in values_at(z, names).items()}
+    slopes = complex_steps(z, lambda at: values_at(at, names))
     H = {name: x[..., :9].reshape(*x.shape[:-1], 3, 3) for name, x in slopes.items()}
     theta = {name: x[..., 10:] for name, x in slopes.items()}
-    by_phi = _derivatives(z, lambda at: {"porosity": porosity(_named(at, names)["radius"]) + 0 * at[:, 0]})[
-        "porosity"
-    ]
+    by_phi = complex_steps(
+        z, lambda at: {"porosity": porosity(with_defaults(at, names)["radius"]) + 0 * at[:, 0]}
+    )["porosity"]
     tangent = CellTangent(
         mean_grad_grad_u=H["mean_grad"],
         mean_grad_p=slopes["mean_grad"][..., 9],
@@ -87,76 +86,16 @@ def respond(states: MacroState, names: tuple[str, ...] = tuple(PARAMETERS)) -> C
     )
 
 
-class PorousFamilyLaw(CellLaw):
-    """Law of the family in closed form, with the parameters that are named; the others have their usual values.
-
-    Parameters
-    ----------
-    parameters
-        Names.
-    deformed
-        Predict the conductivity of the deformed pore, too.
-    """
-
-    identity = IDENTITY
-
-    def __init__(self, *parameters: str, deformed: bool = False) -> None:
-        self.parameters, self.deformed = parameters, deformed
-
-    def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
-        """Return the responses with their derivatives."""
-        names = self.parameters
-        if not tangent:
-            return self._without_derivatives(states)
-        found = respond(self._named(states), names)
-        gradients, K = found.tangent, found.conductivity if self.deformed else None
-        if self.deformed and gradients is not None:
-            z = _inputs(self._named(states))
-            by = _derivatives(z, lambda at: {"K": _values(at, names)["conductivity"]})["K"]
-            by_H = by[..., :9].reshape(-1, 3, 3, 3, 3)
-            gradients = replace(gradients, conductivity_grad_u=by_H, conductivity_p=by[..., 9])
-        return replace(found, conductivity=K, slopes=None, tangent=gradients)
-
-    def _without_derivatives(self, states: MacroState) -> CellResponse:
-        values: dict[str, Any] = _values(_inputs(self._named(states)), self.parameters)
-        if not self.deformed:
-            del values["conductivity"]
-        converged = np.full(len(states), int(Status.converged), dtype=np.int64)
-        return CellResponse(status=converged, **{name: value.real for name, value in values.items()})
-
-    def slopes(self, states: MacroState) -> CellSlopes:
-        """Return the derivatives by the parameters."""
-        found = respond(self._named(states), self.parameters).slopes
-        assert found is not None
-        if self.deformed:
-            return found
-        n, z = len(states), _inputs(self._named(states))
-        K = _derivatives(z, lambda at: {"K": _undeformed(_named(at, self.parameters), n)})["K"]
-        return replace(found, conductivity=K[:, None, None, 10:] * np.eye(3)[..., None])
-
-    @staticmethod
-    def _named(states: MacroState) -> MacroState:
-        """Return the states with parameters, none of which there may be."""
-        return states if states.parameters is not None else states.with_parameters(np.zeros(0))
-
-    def undeformed(self, parameters: Array) -> UndeformedCells:
-        """Return φ_f, and K before the solid swells."""
-        at: dict[str, Any] = {**DEFAULTS, **dict(zip(self.parameters, parameters.T, strict=True))}
-        r, n = at["radius"], len(parameters)
-        K = _undeformed(at, n)
-        return UndeformedCells(np.broadcast_to(np.asarray(porosity(r)), n), K[:, None, None] * np.eye(3))
-
-
-def _inputs(states: MacroState) -> Numbers:
+def inputs_of(states: MacroState) -> Numbers:
     """Return (n, 10 + m): H row by row, p and the parameters."""
     assert states.parameters is not None
     n = len(states)
     parts = [states.grad_u.reshape(n, 9), states.p[:, None], states.parameters]
-    inputs: Numbers = np.concatenate(parts, axis=1).astype(complex)
-    return inputs
+    z: Numbers = np.concatenate(parts, axis=1).astype(complex)
+    return z
 
 
-def _undeformed(at: dict[str, Any], n: int) -> Any:
+def undeformed_conductivity(at: dict[str, Any], n: int) -> Any:
     """Return K (n,) of the undeformed cells."""
     r = at["radius"]
     return np.broadcast_to(np.asarray(r**4 * (1 + 8 * r) / at["viscosity"]), n)
@@ -214,7 +153,7 @@ def _spread(k: int, ranges: Array) -> Array:
     return spread
 
 
-def _derivatives(z: Numbers, function: Callable[[Numbers], dict[str, Any]]) -> dict[str, Array]:
+def complex_steps(z: Numbers, function: Callable[[Numbers], dict[str, Any]]) -> dict[str, Array]:
     """Return the derivatives of a function of z (n, v), the last axis of length v."""
     found: dict[str, list[Array]] = {}
     for k in range(z.shape[1]):
@@ -225,13 +164,14 @@ def _derivatives(z: Numbers, function: Callable[[Numbers], dict[str, Any]]) -> d
     return {name: np.stack(parts, axis=-1) for name, parts in found.items()}
 
 
-def _named(z: Numbers, names: tuple[str, ...]) -> dict[str, Any]:
+def with_defaults(z: Numbers, names: tuple[str, ...]) -> dict[str, Any]:
+    """Return the parameters (n,) by name at z (n, 10 + m), and those that are not named."""
     return DEFAULTS | {name: z[:, 10 + k] for k, name in enumerate(names)}
 
 
-def _values(z: Numbers, names: tuple[str, ...]) -> dict[str, Numbers]:
+def values_at(z: Numbers, names: tuple[str, ...]) -> dict[str, Numbers]:
     """Return W, P_E, φ, <∇u¹> and K_ref at z (n, 10 + m): H row by row, p and the parameters."""
-    at, n = _named(z, names), len(z)
+    at, n = with_defaults(z, names), len(z)
     r, nu, young, stretch, viscosity = (np.broadcast_to(at[name], n).astype(complex) for name in DEFAULTS)
     s2 = stretch[:, None, None]
     F, p = (np.eye(3) + z[:, :9].reshape(n, 3, 3)) / s2, z[:, 9] / young
