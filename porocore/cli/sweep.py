@@ -105,7 +105,8 @@ def parse_over(texts: Sequence[str], settings: RunConfig) -> SweepPlan:
         A text cannot be read, a name is unknown, or the values are no plan.
     """
     from porocore.cell.family.parameters import require_known
-    from porocore.study.sweep.plan import SweepPlan, quantities_of
+    from porocore.study.sweep.family import quantities_of
+    from porocore.study.sweep.plan import SweepPlan
 
     if not texts:
         raise ConfigurationError(f"--over: expected {_SUCH_AS}, got nothing")

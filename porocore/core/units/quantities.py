@@ -64,6 +64,12 @@ def has_unit(text: str) -> bool:
     )
 
 
+def unit_within(text: str) -> str:
+    """Return the unit of a text such as ``5 mm``; empty where there is none."""
+    match = _NUMBER_AND_UNIT.fullmatch(text) if has_unit(text) else None
+    return "" if match is None else match["unit"]
+
+
 def in_si(text: str, quantity: str) -> Fraction:
     """Return the value of a text such as ``5 mm`` in the SI unit of a quantity, without rounding.
 

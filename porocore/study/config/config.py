@@ -84,6 +84,8 @@ class RunConfig(StrictModel):
     """Units of the results, which need scales; SI units by default."""
     scenarios: dict[str, Scales] = Field(default={})
     """Further scales by name; the report gives the main results in SI units for each."""
+    calibration: dict[str, Any] | None = None
+    """Unknowns and measured curves of ``porocore calibrate``; other commands leave them alone."""
 
     @field_validator("output_units")
     @classmethod

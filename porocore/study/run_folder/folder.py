@@ -35,7 +35,7 @@ CONFIG, RECORD, LOCK = "config.yaml", RUN_RECORD, ".lock"
 #: The temporary names of :func:`porocore.core.files.atomic.atomic_path`.
 _HALF_WRITTEN = re.compile(r"\..+\.\d+\.part")
 #: Keys of the configuration that may change when a run continues.
-NOT_PART_OF_A_RUN = ("title ", "scales", "output_units", "scenarios")
+NOT_PART_OF_A_RUN = ("title ", "scales", "output_units", "scenarios", "calibration")
 
 
 class RunFolder(RunFiles):

@@ -7,27 +7,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise, product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from porocore.cell.cell import Cell
 from porocore.cell.family.parameters import number, possible_parameters, require_known
-from porocore.cell.family.ranges import replaced
 from porocore.core.echo import echo, joined
-from porocore.core.files.yaml_document import YamlDocument
-from porocore.core.units.texts import dimensions
 from porocore.errors import ConfigurationError
 from porocore.study.config.config import RunConfig
-from porocore.study.config.loading import validated
+from porocore.study.sweep.family import family_over, quantities_of, rounded
 
-#: Digits to which values are rounded, so that those of equal steps have short names.
-DIGITS = 12
 #: Values of a sweep at most, of two parameters together.
 MOST_VALUES = 10_000
-#: Sampler that varies no parameters, and the design that samples the family of a study that has it.
-WITHOUT_PARAMETERS, DESIGN = "density-sweep", {"count": 64, "corners": True}
 #: Folder of the values below that of the run.
 FOLDER = "sweep"
 
@@ -104,23 +95,14 @@ class SweepPlan:
             raise ConfigurationError(
                 f"expected one or two parameters, got {joined(map(str, values)) if values else 'none'}"
             )
-        paths = {name: path for path, name in possible_parameters(config.cell).items()}
-        require_known(values, [*paths])
+        require_known(values, [*possible_parameters(config.cell).values()])
         found = {name: _values(name, given) for name, given in values.items()}
         if (count := math.prod(map(len, found.values()))) > MOST_VALUES:
             raise ConfigurationError(f"expected at most {MOST_VALUES} values in all, got {count}")
-        ranges = {parameter.name: parameter for parameter in config.cell.parameters}
-        for name in found.keys() & ranges.keys():
-            for value in found[name]:
-                ranges[name].require_inside(value)
-        new = {paths[name]: {"range": [min(v), max(v)]} for name, v in found.items() if name not in ranges}
-        data = config.model_dump(mode="json")
-        data["cell"] = replaced(data["cell"], new)
-        for name, given in found.items():
-            middle = ranges[name].base if name in ranges else (min(given) + max(given)) / 2
-            data["macro"]["fields"].setdefault(name, _rounded(middle))
-        notes = () if config.cell.parameters else _sampled_by_a_design(data["sampling"])
-        family = config if data == config.model_dump(mode="json") else _validated(data)
+        for parameter in config.cell.parameters:
+            for value in found.get(parameter.name, ()):
+                parameter.require_inside(value)
+        family, notes = family_over(config, {name: (min(v), max(v)) for name, v in found.items()})
         quantities = quantities_of(config.cell)
         swept = tuple(SweptParameter(name, v, quantities[name]) for name, v in found.items())
         return cls(family, swept, notes)
@@ -159,41 +141,6 @@ class SweepPlan:
         return np.array([values], dtype=float)
 
 
-def _sampled_by_a_design(sampling: dict[str, Any]) -> tuple[str, ...]:
-    """Put a design in the place of a sampler that varies no parameters; return a note where that is so."""
-    if sampling["sampler"] != WITHOUT_PARAMETERS:
-        return ()
-    inputs = {name: {**swept, "step": None} for name, swept in sampling["inputs"].items()}
-    sampling |= {"sampler": "sobol", "options": dict(DESIGN), "inputs": inputs, "tolerance": None}
-    return (
-        f"sampling: {WITHOUT_PARAMETERS} varies no parameters of the cell; sobol samples the family with "
-        f"{DESIGN['count']} states",
-    )
-
-
-def _validated(data: dict[str, Any]) -> RunConfig:
-    """Return the configuration of settings; its faults have keys and no place."""
-    try:
-        return validated(YamlDocument.of(data, Path.cwd()))
-    except ConfigurationError as error:
-        lines = (line.removeprefix("settings: ") for line in str(error).splitlines())
-        raise ConfigurationError("\n".join(lines)) from None
-
-
-def quantities_of(cell: Cell) -> dict[str, str]:
-    """Return the quantity of every number of a cell that may be a parameter, by name; '' for a plain number."""
-    names = possible_parameters(cell)
-    return {
-        names[place.path]: "" if dimension is None else dimension.quantity
-        for place, dimension in dimensions(type(cell), cell)
-        if place.path in names
-    }
-
-
-def _rounded(value: float) -> float:
-    return float(f"{value:.{DIGITS}g}")
-
-
 def _values(name: str, given: Sequence[float]) -> tuple[float, ...]:
     """Return the values of a parameter in ascending order.
 
@@ -205,7 +152,7 @@ def _values(name: str, given: Sequence[float]) -> tuple[float, ...]:
     try:
         if isinstance(given, str | Mapping):
             raise TypeError
-        values = sorted(_rounded(number(name, value)) for value in given)
+        values = sorted(rounded(number(name, value)) for value in given)
     except TypeError:
         raise ConfigurationError(f"{name}: expected a sequence of values, got {echo(given)}") from None
     if len(values) < 2:

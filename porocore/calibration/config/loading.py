@@ -1,0 +1,180 @@
+"""Reading of a calibration: the section of a study or a file of its own, its studies and curves, one error."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from porocore.calibration.config.settings import CalibrationSettings, ExperimentSettings
+from porocore.calibration.config.unknowns import keyed, planned_unknowns
+from porocore.calibration.observations.reading import read_curve
+from porocore.calibration.plan import CalibrationPlan, Experiment, PlannedUnknown
+from porocore.core.files.yaml_document import Location, YamlDocument, dotted
+from porocore.core.models.strict import StrictModel
+from porocore.core.units.results import speaking
+from porocore.errors import ConfigurationError
+from porocore.study.config.config import RunConfig
+from porocore.study.config.errors import faults, located
+from porocore.study.config.loading import validated
+from porocore.study.sweep.family import family_over
+
+#: Key of the section in a study.
+SECTION = "calibration"
+
+
+class _Section(StrictModel):
+    calibration: CalibrationSettings
+
+
+def read_plan(source: Path | str | Mapping[str, Any], *, synthetic: bool = False) -> CalibrationPlan:
+    """Return the plan of a calibration from a file, or from settings nested as in one.
+
+    Parameters
+    ----------
+    source
+        A study with a section ``calibration:``, or unknowns and experiments alone.
+    synthetic
+        Values of the curves will be made up.
+
+    Raises
+    ------
+    ConfigurationError
+        Each fault on a line of its own: file, line, key, what was expected and what came.
+    """
+    document = (
+        YamlDocument.of(source, Path.cwd())
+        if isinstance(source, Mapping)
+        else YamlDocument.read(Path(source))
+    )
+    settings, at = _settings(document)
+    with located(document):
+        studies = {
+            name: _study(document, name, experiment, at)
+            for name, experiment in _experiments(settings, document).items()
+        }
+        return _plan(document, settings, studies, at, synthetic)
+
+
+def _settings(document: YamlDocument) -> tuple[CalibrationSettings, Location]:
+    """Return the settings, and the location of their section in the document."""
+    inside = SECTION in document.data
+    if not inside and not document.data.keys() & {"unknowns", "experiments"}:
+        where = "the settings" if document.path is None else str(document.path)
+        raise ConfigurationError(
+            f"{where}: expected a section 'calibration:' with unknowns and observations, or a file with 'unknowns:' "
+            "and 'experiments:', got neither"
+        )
+    root = _Section if inside else CalibrationSettings
+    data = {SECTION: document.data[SECTION]} if inside else document.data
+    try:
+        read = root.model_validate(data)
+    except ValidationError as error:
+        found = dict.fromkeys(
+            (document.line(at), text) for at, text in faults(document, error.errors(), root)
+        )
+        raise ConfigurationError(
+            "\n".join(f"{document.at_line(line)}: {text}" for line, text in sorted(found))
+        ) from error
+    return (read.calibration, (SECTION,)) if isinstance(read, _Section) else (read, ())
+
+
+def _experiments(settings: CalibrationSettings, document: YamlDocument) -> dict[str, ExperimentSettings]:
+    """Return the experiments by name; the only one of a study has none."""
+    if settings.experiments:
+        return settings.experiments
+    if SECTION not in document.data:
+        raise ConfigurationError(
+            "observations: a file of its own has 'experiments:' with the study of each, and observations below them"
+        )
+    return {"": ExperimentSettings(observations=settings.observations)}
+
+
+def _key(at: Location, *keys: str) -> str:
+    return dotted((*at, *keys))
+
+
+def _study(
+    document: YamlDocument, name: str, experiment: ExperimentSettings, at: Location
+) -> tuple[RunConfig, float, ExperimentSettings]:
+    """Return the study of an experiment and its load."""
+    key = (*at, "experiments", name) if name else at
+    if experiment.study is None:
+        if SECTION not in document.data:
+            raise ConfigurationError(
+                f"{_key(key, 'study')}: missing; add the configuration of the study of this experiment"
+            )
+        config = validated(replace(document, data={k: v for k, v in document.data.items() if k != SECTION}))
+    else:
+        config = validated(YamlDocument.read(document.folder / experiment.study))
+    loads = config.macro.loads
+    if experiment.load is None and len(loads) > 1:
+        told = ", ".join(f"{load:g}" for load in loads)
+        where = _key(key, "load") if name else "macro.loads"
+        raise ConfigurationError(
+            f"{where}: expected one load for the experiment, got those of the study, {told}; "
+            + ("add 'load:'" if name else "keep one, or list experiments with a load each")
+        )
+    load = loads[0] if experiment.load is None else experiment.load
+    if load == 0:
+        raise ConfigurationError(f"{_key(key, 'load')}: a load of 0 moves nothing; give another")
+    macro = config.macro.model_copy(update={"loads": (load,)})
+    return config.model_copy(update={"macro": macro}), load, experiment
+
+
+def _plan(
+    document: YamlDocument,
+    settings: CalibrationSettings,
+    studies: Mapping[str, tuple[RunConfig, float, ExperimentSettings]],
+    at: Location,
+    synthetic: bool,
+) -> CalibrationPlan:
+    plain = {name: Experiment(name, config, load, ()) for name, (config, load, _) in studies.items()}
+    unknowns = planned_unknowns(settings, plain, at)
+    experiments, notes = [], dict[str, None]()
+    for name, (config, load, experiment) in studies.items():
+        family, said = _family(config, plain[name], unknowns, at)
+        notes |= dict.fromkeys(said)
+        curves = []
+        for observed, observation in experiment.observations.items():
+            keys = ("experiments", name, "observations") if name else ("observations",)
+            with keyed(_key(at, *keys, observed)), speaking(config.result_units):
+                curves.append(
+                    read_curve(
+                        observed, observation, document.folder, config.scales, config.macro.time.end,
+                        experiment=name, synthetic=synthetic,
+                    )
+                )  # fmt: skip
+        experiments.append(Experiment(name, family, load, tuple(curves)))
+    title = settings.title or next(iter(experiments)).config.title
+    plan = CalibrationPlan(title, tuple(experiments), tuple(unknowns), settings.fit, tuple(notes))
+    points, free = sum(map(len, plan.curves)), sum(each.unknown.prior is None for each in unknowns)
+    if points < free:
+        raise ConfigurationError(
+            f"{_key(at, 'unknowns')}: expected at least as many measured values as unknowns without a prior, got "
+            f"{points} for {free}; measure more, or give priors"
+        )
+    return plan
+
+
+def _family(
+    config: RunConfig, experiment: Experiment, unknowns: list[PlannedUnknown], at: Location
+) -> tuple[RunConfig, tuple[str, ...]]:
+    """Return the study of the family of cells that the bounds of the unknowns span."""
+    ranges = {}
+    for each in unknowns:
+        number = each.numbers.get(experiment.name)
+        if number is not None and number.kind == "cell":
+            factor = each.dimensionless(experiment)
+            ranges[number.name] = (each.unknown.lower * factor, each.unknown.upper * factor)
+    if not ranges:
+        return config, ()
+    try:
+        return family_over(config, ranges)
+    except ConfigurationError as error:
+        raise ConfigurationError(
+            f"{_key(at, 'unknowns')}: the bounds span no family of cells: {error}"
+        ) from error

@@ -1,0 +1,196 @@
+"""Models of the section `calibration:`: unknowns, experiments with their observations, fit."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from porocore.calibration.problem import Scale
+from porocore.core.echo import echo
+from porocore.core.models.bounds import LARGEST_NUMBER, LARGEST_SEED
+from porocore.core.models.strict import StrictModel
+
+#: Points of one curve at most.
+MOST_POINTS = 100_000
+
+
+def _no_switch(value: object) -> object:
+    if isinstance(value, bool):
+        raise ValueError(f"expected a number, got {echo(value)}; write a number")
+    return value
+
+
+#: A plain number, or a text with a unit, whose quantity another key decides.
+Value = Annotated[
+    Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
+    | Annotated[str, Field(max_length=120, min_length=1)],
+    BeforeValidator(_no_switch),
+]
+Positive = Annotated[float, Field(gt=0, le=LARGEST_NUMBER)]
+Name = Annotated[str, Field(min_length=1, max_length=200)]
+Kind = Literal["settlement", "displacement", "force", "pressure", "drained", "inflow"]
+
+
+class PriorSettings(StrictModel):
+    """Knowledge of an unknown from elsewhere, as a normal distribution."""
+
+    mean: Value
+    """Its mean; on a log scale the distribution is that of the logarithm, and this its median."""
+    deviation: Value
+    """Its standard deviation, with the unit of the mean; on a log scale that of ln x, a plain number such as 0.2."""
+
+
+class UnknownSettings(StrictModel):
+    """One number that is fitted."""
+
+    of: Name | None = None
+    """The number: a parameter or any other number of the cell such as ``radius``, ``modulus`` of the whole solid,
+    ``viscosity`` of the fluid, ``pore`` (edge of the cell), ``load``, a value such as ``boundary.y+.pressure``, or
+    ``time_shift``, which is added to the times of the data; null: that which the unknown is called."""
+    lower: Value
+    """Lower bound of the search."""
+    upper: Value
+    """Upper bound of the search; the cells are sampled between the two."""
+    start: Value | None = None
+    """First value; null: that of the study, or the middle where that is outside."""
+    scale: Scale | None = None
+    """``log``: search and intervals are in ln x; null: ``log`` for modulus, viscosity and pore, else ``linear``."""
+    prior: PriorSettings | None = None
+    """What is known from elsewhere; null: the data alone decide."""
+    experiments: tuple[Name, ...] = ()
+    """Experiments that it belongs to; empty: all."""
+
+
+class SyntheticTimes(StrictModel):
+    """Times of a curve that is not measured yet."""
+
+    first: Value
+    """First time."""
+    last: Value
+    """Last time."""
+    count: Annotated[int, Field(ge=2, le=MOST_POINTS)] = 40
+    """Number of times."""
+    spacing: Scale = "log"
+    """``log``: their logarithms are equally spaced; ``linear``: they are."""
+
+
+class ObservationSettings(StrictModel):
+    """One measured curve: a column of a CSV file against a column of times."""
+
+    quantity: Kind
+    """What was measured: ``settlement`` (the largest one), ``displacement`` of a probe, ``force`` on a surface (in
+    compression, or with ``component`` along an axis), ``pressure`` (the largest, or of a probe), ``drained`` volume, or
+    ``inflow`` through a surface."""
+    surface: Name | None = None
+    """Surface of a force or an inflow."""
+    probe: Name | None = None
+    """Probe of a displacement or a pressure."""
+    component: Literal[1, 2, 3] | None = None
+    """Component of a displacement or a force."""
+    file: Annotated[str, Field(min_length=1)] | None = None
+    """CSV file with a line of headings; a relative path starts at the folder of the configuration."""
+    time: Name = "time"
+    """Heading of the times, without its unit."""
+    values: Name | None = None
+    """Heading of the values, without its unit; null: the only other column, or that with the name of the curve."""
+    time_unit: Annotated[str, Field(max_length=60)] | None = None
+    """Unit of the times; null: the one in brackets in the heading; without any they are dimensionless."""
+    unit: Annotated[str, Field(max_length=60)] | None = None
+    """Unit of the values, as that of the times."""
+    factor: Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)] = 1.0
+    """Factor on the values that were read, such as -1 for another sign."""
+    deviation: Value | None = None
+    """Standard deviation of every value, in their unit or with its own."""
+    deviation_share: Annotated[float, Field(gt=0, le=1)] | None = None
+    """Standard deviation as a share of the largest value in size, such as 0.01."""
+    deviation_column: Name | None = None
+    """Heading of the standard deviations, in the unit of the values."""
+    weight: Positive = 1.0
+    """So often does every value count: its deviation is divided by the square root."""
+    weight_column: Name | None = None
+    """Heading of weights of the single values."""
+    since: Value | None = None
+    """Earlier times do not count."""
+    until: Value | None = None
+    """Later times do not count."""
+    times: SyntheticTimes | None = None
+    """Times of made-up data (``--synthetic``), where there is no file yet."""
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        needs: dict[str, tuple[str, ...]] = {
+            "displacement": ("probe", "component"),
+            "force": ("surface",),
+            "inflow": ("surface",),
+        }
+        may = {"force": ("component",), "pressure": ("probe",)}
+        for key in ("surface", "probe", "component"):
+            given = {"surface": self.surface, "probe": self.probe, "component": self.component}[key]
+            if given is None and key in needs.get(self.quantity, ()):
+                raise ValueError(f"the quantity '{self.quantity}' needs '{key}:'; add it")
+            if given is not None and key not in (*needs.get(self.quantity, ()), *may.get(self.quantity, ())):
+                raise ValueError(f"the quantity '{self.quantity}' has no '{key}'; remove it")
+        if self.factor == 0:
+            raise ValueError("a factor of 0 leaves nothing of the values; give another")
+        said = (self.deviation, self.deviation_share, self.deviation_column)
+        if sum(each is not None for each in said) != 1:
+            raise ValueError(
+                "expected exactly one of deviation, deviation_share and deviation_column, which tell how far a value "
+                "may be off"
+            )
+        return self
+
+
+#: Curves by name.
+Observations = Annotated[dict[str, ObservationSettings], Field(min_length=1)]
+
+
+class ExperimentSettings(StrictModel):
+    """One test: a study under one load, and what was measured in it."""
+
+    study: Annotated[str, Field(min_length=1)] | None = None
+    """Configuration of the study; null: that in which the section stands."""
+    load: Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)] | None = None
+    """Load of the test, in place of ``macro.loads``; null: the only one of these."""
+    observations: Observations
+    """Measured curves by name."""
+
+
+class FitSettings(StrictModel):
+    """How the unknowns are searched."""
+
+    starts: Annotated[int, Field(ge=1, le=100)] = 3
+    """Searches: one from the start values, the others from points spread over the bounds."""
+    evaluations: Annotated[int, Field(ge=2, le=10_000)] = 60
+    """Evaluations of one search at most."""
+    tolerance: Annotated[float, Field(ge=1e-14, le=1e-2)] = 1e-10
+    """A search ends where the sum of squares, or the unknowns, change by less than this share."""
+    rounds: Annotated[int, Field(ge=0, le=20)] = 3
+    """So often are further cells solved where the fitted body leaves the states that the surrogate is trusted in."""
+    seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 0
+    """Seed of the noise of made-up data."""
+
+
+class CalibrationSettings(StrictModel):
+    """Unknowns of one or more experiments, and the curves that were measured in them."""
+
+    title: str = ""
+    """Heading of the report; empty: that of the study."""
+    unknowns: Annotated[dict[Name, UnknownSettings], Field(min_length=1, max_length=50)]
+    """Numbers that are fitted, by names."""
+    observations: Annotated[dict[str, ObservationSettings], Field(max_length=100)] = Field(default={})
+    """Measured curves by name, where there is one experiment: the study in which the section stands."""
+    experiments: Annotated[dict[str, ExperimentSettings], Field(max_length=100)] = Field(default={})
+    """Tests by name, where there are several, or in a file of its own."""
+    fit: FitSettings = FitSettings()
+    """How the unknowns are searched."""
+
+    @model_validator(mode="after")
+    def _one_or_the_other(self) -> Self:
+        if bool(self.observations) == bool(self.experiments):
+            raise ValueError(
+                "expected either 'observations:' of this study or 'experiments:' with observations of their own; "
+                "give one of them"
+            )
+        return self

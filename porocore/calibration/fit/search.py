@@ -1,0 +1,169 @@
+"""Search of the unknowns (fit): bounded trust-region least squares from several starts, with exact slopes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from porocore.calibration.config.settings import FitSettings
+from porocore.calibration.problem import Fitted, Misfit
+from porocore.core.console import Console, Task
+from porocore.errors import SolveError
+from porocore.states import Array
+
+#: Other starts lie this share of the bounds' distance away from them.
+AWAY = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """End of the search from one start.
+
+    Attributes
+    ----------
+    start : (k,)
+        Coordinates where it began.
+    end
+        Where it ended; None: the start could not be computed.
+    converged
+        Whether it ended by its tolerance, and not by the number of evaluations.
+    evaluations
+        Evaluations of the misfit.
+    failure
+        Why there is no end.
+    """
+
+    start: Array
+    end: Fitted | None
+    converged: bool
+    evaluations: int
+    failure: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationFit:
+    """Best point of all searches.
+
+    Attributes
+    ----------
+    best
+        The one with the smallest misfit.
+    searches
+        All of them.
+    """
+
+    best: Fitted
+    searches: tuple[Search, ...]
+
+    @property
+    def converged(self) -> bool:
+        """True where the search that found the best point ended by its tolerance."""
+        return any(each.converged and each.end is self.best for each in self.searches)
+
+    @property
+    def agreeing(self) -> int:
+        """Number of searches that ended with the same misfit, within a thousandth of a standard deviation's."""
+        costs = [each.end.cost for each in self.searches if each.end is not None]
+        return sum(cost <= self.best.cost * (1 + 1e-6) + 1e-3 for cost in costs)
+
+
+def starting_points(misfit: Misfit, count: int) -> list[Array]:
+    """Return coordinates of the starts: that of the unknowns, then points spread over the bounds."""
+    from scipy.stats import qmc
+
+    lower, upper = misfit.bounds
+    low, high = lower + AWAY * (upper - lower), upper - AWAY * (upper - lower)
+    spread = qmc.Halton(len(lower), scramble=False).random(count)[1:]
+    return [misfit.start, *(low + (high - low) * point for point in spread)]
+
+
+def fit(
+    misfit: Misfit, settings: FitSettings, console: Console, first: Sequence[Array] | None = None
+) -> CalibrationFit:
+    """Search the unknowns that fit the data best, within their bounds.
+
+    Each search is scipy's trust-region method for bounded least squares with the exact Jacobian. A step to where the
+    experiment cannot be computed is shortened.
+
+    Parameters
+    ----------
+    misfit
+        Residuals and their slopes.
+    settings
+        Number of starts, most evaluations, tolerance.
+    console
+        Shows the progress.
+    first
+        Coordinates of the starts; by default :func:`starting_points`.
+
+    Raises
+    ------
+    SolveError
+        The experiment can be computed at none of the starts.
+    """
+    starts = starting_points(misfit, settings.starts) if first is None else first
+    searches = []
+    with console.task("fit", "searches") as task:
+        for done, start in enumerate(starts):
+            searches.append(_search(misfit, start, settings, _progress(task, done, len(starts), settings)))
+        task.update(len(starts), len(starts), detail="")
+    ends = [each.end for each in searches if each.end is not None]
+    if not ends:
+        raise SolveError(
+            f"the experiments can be computed at none of the {len(starts)} starts; {searches[0].failure}"
+        )
+    for failed in (each for each in searches if each.end is None):
+        console.warn(f"fit: no search from one of the starts: {failed.failure}")
+    return CalibrationFit(min(ends, key=lambda end: end.cost), tuple(searches))
+
+
+def _progress(task: Task, done: int, count: int, settings: FitSettings) -> Callable[[int, float], None]:
+    def show(evaluations: int, cost: float) -> None:
+        reached = done + min(1.0, evaluations / settings.evaluations)
+        detail = f"evaluation {evaluations}, sum of squares {2 * cost:.5g}"
+        task.update(done, count, detail=detail, work=(reached, count - reached))
+
+    return show
+
+
+def _search(
+    misfit: Misfit, start: Array, settings: FitSettings, show: Callable[[int, float], None]
+) -> Search:
+    from scipy.optimize import least_squares
+
+    lower, upper = misfit.bounds
+    evaluations, least = 0, np.inf
+
+    def residuals(x: Array) -> Array:
+        nonlocal evaluations, least
+        evaluations += 1
+        try:
+            found = misfit.at(x)
+        except SolveError:
+            # scipy shortens a step to numbers that are not finite.
+            return np.full(size, np.nan)
+        least = min(least, found.cost)
+        show(evaluations, least)
+        return found.residuals
+
+    inside = np.clip(start, lower + 1e-6 * (upper - lower), upper - 1e-6 * (upper - lower))
+    try:
+        size = len(misfit.at(inside).residuals)
+    except SolveError as error:
+        return Search(start, None, False, 1, str(error))
+    found: Any = least_squares(
+        residuals,
+        inside,
+        jac=lambda x: misfit.at(x).jacobian,
+        bounds=(lower, upper),
+        method="trf",
+        x_scale="jac",
+        ftol=settings.tolerance,
+        xtol=settings.tolerance,
+        gtol=settings.tolerance,
+        max_nfev=settings.evaluations,
+    )
+    return Search(start, misfit.at(np.asarray(found.x, dtype=float)), found.status > 0, evaluations)

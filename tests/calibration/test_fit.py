@@ -1,0 +1,157 @@
+"""Search of the unknowns on closed forms: known answers, bounds, starts, failures; killed fits; data without a fit."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from porocore.calibration.config.settings import FitSettings
+from porocore.calibration.fit.quality import FitQuality
+from porocore.calibration.fit.record import EvaluationRecord, RecordedModel
+from porocore.calibration.fit.search import CalibrationFit, fit
+from porocore.calibration.problem import CurveData, CurveModel, CurvePrediction, Misfit, NormalPrior, Unknown
+from porocore.core.console import Console
+from porocore.errors import RunFolderError, SolveError
+from porocore.states import Array
+
+TIMES = np.linspace(0.1, 5, 40)
+TRUE = np.array([2.0, 0.7])
+UNKNOWNS = (Unknown("height", 1.0, 0.1, 10.0, "log"), Unknown("rate", 2.0, 0.05, 5.0))
+
+
+class Relaxation(CurveModel):
+    """a (1 − exp(−b t)), which cannot be computed where b is above a bound."""
+
+    def __init__(
+        self, unknowns: tuple[Unknown, ...] = UNKNOWNS, most: float = np.inf, last: int | None = None
+    ) -> None:
+        self.unknowns, self.most, self.last, self.count = unknowns, most, last, 0
+
+    def curves(self, values: Array) -> CurvePrediction:
+        a, b = values
+        if self.count == self.last:
+            raise KeyboardInterrupt
+        self.count += 1
+        if b > self.most:
+            raise SolveError(f"no solution at {b:g}")
+        e = np.exp(-b * TIMES)
+        return CurvePrediction(a * (1 - e), np.stack([1 - e, a * TIMES * e], axis=1))
+
+
+def data(noise: float = 0.0, seed: int = 0) -> CurveData:
+    exact = Relaxation().curves(TRUE).values
+    values = exact + noise * np.random.default_rng(seed).standard_normal(len(exact))
+    return CurveData(
+        values, np.full(len(exact), noise or 0.01), np.zeros(len(exact), np.int64), TIMES, ("curve",)
+    )
+
+
+def fitted(model: CurveModel, measured: CurveData, **settings: int) -> tuple[Misfit, CalibrationFit]:
+    misfit = Misfit(model, measured)
+    return misfit, fit(misfit, FitSettings(**settings), Console(io.StringIO()))
+
+
+def test_exact_data_give_the_exact_unknowns_from_every_start() -> None:
+    misfit, found = fitted(Relaxation(), data(), starts=4)
+    np.testing.assert_allclose(misfit.values(found.best.coordinates), TRUE, rtol=1e-8)
+    assert found.converged
+    assert found.agreeing == 4
+
+
+def test_noisy_data_give_the_minimum_of_the_sum_of_squares() -> None:
+    """Against a fine grid of the sum of squares around it, without any slope."""
+    measured = data(0.05)
+    misfit, found = fitted(Relaxation(), measured)
+    a, b = misfit.values(found.best.coordinates)
+
+    def cost(a: float, b: float) -> float:
+        return float(np.sum(((a * (1 - np.exp(-b * TIMES)) - measured.values) / measured.deviations) ** 2))
+
+    least = cost(a, b)
+    assert least == pytest.approx(2 * found.best.cost, rel=1e-12)
+    around = [(a * (1 + i * 1e-4), b * (1 + j * 1e-4)) for i in (-1, 0, 1) for j in (-1, 0, 1) if i or j]
+    assert all(cost(*point) > least for point in around)
+
+
+def test_a_prior_moves_the_answer_as_a_measurement_would() -> None:
+    """With one unknown and a straight model: the mean weighted by the inverse variances."""
+
+    class Constant(CurveModel):
+        unknowns = (Unknown("x", 1.0, -10.0, 10.0, prior=NormalPrior(0.0, 0.5)),)
+
+        def curves(self, values: Array) -> CurvePrediction:
+            return CurvePrediction(np.full(4, values[0]), np.ones((4, 1)))
+
+    measured = CurveData(np.full(4, 3.0), np.full(4, 1.0), np.zeros(4, np.int64), np.arange(4.0), ("c",))
+    misfit, found = fitted(Constant(), measured)
+    assert misfit.values(found.best.coordinates)[0] == pytest.approx(4 * 3.0 / (4 + 4), rel=1e-8)
+
+
+def test_the_bounds_hold() -> None:
+    narrow = (UNKNOWNS[0], Unknown("rate", 1.5, 1.0, 5.0))
+    misfit, found = fitted(Relaxation(narrow), data())
+    a, b = misfit.values(found.best.coordinates)
+    assert 1.0 <= b == pytest.approx(1.0, abs=1e-6)
+    assert a != pytest.approx(2.0, rel=0.05)
+
+
+def test_steps_to_where_nothing_can_be_computed_are_shortened() -> None:
+    model = Relaxation(most=2.1)
+    misfit, found = fitted(model, data(), starts=5)
+    np.testing.assert_allclose(misfit.values(found.best.coordinates), TRUE, rtol=1e-8)
+    assert any("no solution" in each.failure for each in found.searches)
+
+
+def test_no_start_that_can_be_computed_is_one_message() -> None:
+    with pytest.raises(SolveError, match="at none of the 2 starts; no solution at"):
+        fitted(Relaxation(most=0.01), data(), starts=2)
+
+
+@pytest.mark.parametrize("killed_after", [0, 1, 2, 7, 15, 20])
+def test_a_fit_that_was_killed_goes_on_to_the_same_answer(killed_after: int, tmp_path: Path) -> None:
+    def recorded(model: CurveModel) -> RecordedModel:
+        return RecordedModel(model, EvaluationRecord(tmp_path / "evaluations.jsonl", "one"))
+
+    measured = data(0.05)
+    whole = Relaxation()
+    _, through = fitted(whole, measured)
+    assert whole.count > 20
+    with pytest.raises(KeyboardInterrupt):
+        fitted(recorded(Relaxation(last=killed_after)), measured)
+    with (tmp_path / "evaluations.jsonl").open("a", encoding="utf-8") as file:
+        file.write('{"unknowns": [1.0, 0.')  # half a line, as a kill leaves it
+    rest = Relaxation()
+    _, resumed = fitted(recorded(rest), measured)
+    np.testing.assert_array_equal(resumed.best.coordinates, through.best.coordinates)
+    np.testing.assert_array_equal(resumed.best.jacobian, through.best.jacobian)
+    kept = EvaluationRecord(tmp_path / "evaluations.jsonl", "one")
+    assert len(kept) == killed_after + rest.count
+
+
+def test_failures_are_kept_and_other_records_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "evaluations.jsonl"
+    model = RecordedModel(Relaxation(most=1.0), EvaluationRecord(path, "one"))
+    for _ in range(2):
+        with pytest.raises(SolveError, match="no solution at 3"):
+            model.curves(np.array([1.0, 3.0]))
+    assert [found for _, found in EvaluationRecord(path, "one")] == [None]
+    with pytest.raises(RunFolderError, match="holds evaluations of another calibration"):
+        EvaluationRecord(path, "other")
+    path.write_text("nonsense\n", encoding="utf-8")
+    with pytest.raises(RunFolderError, match="is damaged"):
+        EvaluationRecord(path, "one")
+
+
+def test_data_that_nothing_explains_are_told_in_one_sentence() -> None:
+    misfit, found = fitted(Relaxation(), data(0.05))
+    quality = FitQuality.of_fit(misfit, found.best)
+    assert 0.5 < quality.reduced < 1.5
+    assert quality.complaint == ""
+    falling = CurveData(-data().values, data().deviations, data().curve, TIMES, ("force",))
+    misfit, found = fitted(Relaxation(), falling)
+    quality = FitQuality.of_fit(misfit, found.best)
+    assert "no values of the unknowns explain the data" in quality.complaint
+    assert "the curve 'force' is off by" in quality.complaint

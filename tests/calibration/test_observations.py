@@ -1,0 +1,152 @@
+"""Measured curves: CSV files with units, deviations and weights, the part that counts; interpolation with slopes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from porocore.calibration.config.settings import ObservationSettings
+from porocore.calibration.observations.curve import ObservedCurve, curve_data
+from porocore.calibration.observations.interpolation import HistoryInterpolation
+from porocore.calibration.observations.reading import read_curve
+from porocore.core.units.scales import Scales
+from porocore.errors import ConfigurationError
+
+SCALES = Scales(modulus=0.5e6, length=1e-3, pore=2e-6, viscosity=1e-3)
+TABLE = "time [min], settlement [um], sd [um], w\n0.5, 2, 0.1, 1\n1, 4, 0.2, 4\n2, 6, 0.1, 1\n4, 8, 0.1, 1\n"
+
+
+def read(
+    tmp_path: Path, table: str | bytes = TABLE, scales: Scales | None = SCALES, **changes: Any
+) -> ObservedCurve:
+    path = tmp_path / "curve.csv"
+    path.write_bytes(table if isinstance(table, bytes) else table.encode())
+    settings = {"quantity": "settlement", "file": "curve.csv", "deviation_share": 0.01, **changes}
+    settings = {key: value for key, value in settings.items() if value is not None}
+    if "deviation" in settings or "deviation_column" in settings:
+        del settings["deviation_share"]
+    return read_curve("creep", ObservationSettings(**settings), tmp_path, scales, 1e9)
+
+
+def test_values_times_and_units_are_those_of_the_file(tmp_path: Path) -> None:
+    curve = read(tmp_path)
+    assert curve.measured is not None
+    np.testing.assert_allclose(curve.measured, [2, 4, 6, 8])
+    time = SCALES.length**2 * SCALES.viscosity / (SCALES.modulus * SCALES.pore**2)  # type: ignore[operator]
+    np.testing.assert_allclose(curve.times * time, [30, 60, 120, 240])
+    np.testing.assert_allclose(curve.displayed_times, [0.5, 1, 2, 4])
+    np.testing.assert_allclose(curve.measured / curve.factor * SCALES.length, [2e-6, 4e-6, 6e-6, 8e-6])
+    np.testing.assert_allclose(curve.deviations, 0.08)
+
+
+def test_deviations_by_number_column_and_weight(tmp_path: Path) -> None:
+    np.testing.assert_allclose(read(tmp_path, deviation="0.3 um").deviations, 0.3)
+    np.testing.assert_allclose(read(tmp_path, deviation="300 nm", weight=9).deviations, 0.1)
+    by_row = read(tmp_path, deviation_column="sd", weight_column="w", factor=-2)
+    np.testing.assert_allclose(by_row.deviations, [0.2, 0.2, 0.2, 0.2])
+    assert by_row.measured is not None
+    np.testing.assert_allclose(by_row.measured, [-4, -8, -12, -16])
+
+
+def test_only_the_part_between_since_and_until_counts(tmp_path: Path) -> None:
+    np.testing.assert_allclose(read(tmp_path, since=1).displayed_times, [1, 2, 4])
+    np.testing.assert_allclose(read(tmp_path, since="45 s", until="1 h").displayed_times, [1, 2, 4])
+
+
+def test_other_tables_and_dimensionless_ones(tmp_path: Path) -> None:
+    german = "# from the machine\n\nzeit (min);weg [um]\n1;2\n\n2;3\n3;4\n"
+    assert len(read(tmp_path, german, time="Zeit")) == 3
+    plain = read(tmp_path, "\ufefftime,settlement [-]\n1,2\n2,3\n3,4\n", None)
+    assert (plain.unit, plain.factor, plain.time_factor) == ("", 1.0, 1.0)
+    keyed = read(tmp_path, "time,x\n1,2\n2,3\n3,4\n", time_unit="h", unit="mm")
+    np.testing.assert_allclose(keyed.factor, 1.0)
+
+
+REFUSED = {
+    "no file": (None, {"file": "other.csv"}, "other.csv: no such file"),
+    "empty": ("", {}, "got an empty file"),
+    "no headings": ("1,2\n2,3\n3,4\n", {}, "curve.csv:1: expected a line of headings"),
+    "ragged": ("time,s\n1,2\n2\n3,4\n", {}, "curve.csv:3: expected 2 entries"),
+    "text": ("time,s\n1,2\n2,x\n3,4\n", {}, "curve.csv:3: s: expected a finite number, got 'x'"),
+    "nan": ("time,s\n1,2\n2,nan\n3,4\n", {}, "curve.csv:3: s: expected a finite number, got 'nan'"),
+    "inf": ("time,s\n1,2\n2,-inf\n3,4\n", {}, "got '-inf'"),
+    "hole": ("time,s\n1,2\n2,\n3,4\n", {}, "got ''"),
+    "time back": (
+        "time,s\n1,2\n3,3\n2,4\n",
+        {},
+        "curve.csv:4: time: expected increasing times, got 2 after 3",
+    ),
+    "time twice": ("time,s\n1,2\n1,3\n2,4\n", {}, "got 1 after 1"),
+    "time before": ("time,s\n-1,2\n1,3\n2,4\n", {}, "curve.csv:2: time: expected a time from 0"),
+    "no time": ("t,s\n1,2\n", {}, "no column is called 'time'; the headings are t, s"),
+    "twice": ("time,s,s\n1,2,3\n", {"values": "s"}, "the heading 's' is there 2 times"),
+    "which": ("time,a,b\n1,2,3\n", {}, "values: missing;"),
+    "misspelt": (
+        TABLE,
+        {"values": "setlement"},
+        "no column is called 'setlement'; did you mean 'settlement'?",
+    ),
+    "of another quantity": (
+        "time,s [kPa]\n1,2\n2,3\n3,4\n",
+        {},
+        "s: expected a length, such as 5 mm, got 'kPa', which is a",
+    ),
+    "unknown unit": ("time [parsnip],s\n1,2\n2,3\n3,4\n", {}, "the unit 'parsnip' is not known"),
+    "two units": (TABLE, {"unit": "mm"}, "unit: expected 'um', the unit in the heading"),
+    "no scales": (TABLE, {"scales": None}, "'min' has a unit, but the configuration has no scales"),
+    "few": (TABLE, {"since": 1.5}, "expected at least 3 values from 1.5, got 2"),
+    "deviation unit": (TABLE, {"deviation": "1 s"}, "deviation: expected a length, such as 5 mm, got '1 s'"),
+    "deviation zero": (TABLE, {"deviation": 0}, "deviation: expected a number above 0, got 0"),
+    "deviation column": (
+        TABLE.replace("0.2", "0"),
+        {"deviation_column": "sd"},
+        "curve.csv:3: sd: expected a number above 0, got 0",
+    ),
+    "bytes": (b"time,s\n\xff,1\n", {}, "expected a CSV file in UTF-8, got other bytes"),
+    "behind the end": ("time,s\n1,2\n2,3\n1e12,4\n", {}, "lies behind the end of the study"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_bad_tables_are_refused_in_one_message(case: str, tmp_path: Path) -> None:
+    table, changes, words = REFUSED[case]
+    scales = SCALES if "scales" not in changes else None
+    settings = {key: value for key, value in changes.items() if key != "scales"}
+    with pytest.raises(ConfigurationError) as refused:
+        read(tmp_path, TABLE if table is None else table, scales, **settings)
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_made_up_data_scatter_as_they_say_and_are_the_same_again(tmp_path: Path) -> None:
+    times = {"first": "1 s", "last": "1 h", "count": 4000}
+    planned = ObservationSettings(
+        quantity="settlement", times=times, unit="um", time_unit="s", deviation_share=0.02
+    )
+    curve = read_curve("creep", planned, tmp_path, SCALES, 1e9, synthetic=True)
+    assert curve.displayed_times[[0, -1]] == pytest.approx([1, 3600])
+    exact = np.linspace(1, 5, len(curve))
+    one, other, again = (curve.made_up(exact, [seed, 0]) for seed in (1, 2, 1))
+    data = curve_data([one])
+    np.testing.assert_allclose(data.deviations, 0.1)
+    assert np.std(data.values - exact) == pytest.approx(0.1, rel=0.05)
+    np.testing.assert_array_equal(one.measured, again.measured)
+    assert np.corrcoef(one.measured - exact, other.measured - exact)[0, 1] < 0.1  # type: ignore[operator]
+
+
+def test_interpolation_is_exact_on_straight_lines_and_has_the_slope_of_differences() -> None:
+    steps = np.array([0.0, 0.1, 0.3, 1.0, 2.0])
+    times = np.array([0.05, 0.3, 0.9, 1.7, 2.0, 3.0, -0.5])
+    found = HistoryInterpolation.at(steps, times)
+    np.testing.assert_allclose(found.values(3 * steps + 1), 3 * np.clip(times, 0, 2) + 1, rtol=1e-14)
+    both = np.stack([steps, -steps], axis=1)
+    np.testing.assert_allclose(found.values(both)[:, 1], -np.clip(times, 0, 2), rtol=1e-14)
+    series, h = np.sin(steps), 1e-7
+    inside = times[[0, 2, 3]]
+    later, earlier = (HistoryInterpolation.at(steps, inside + sign * h).values(series) for sign in (1, -1))
+    rates = HistoryInterpolation.at(steps, inside).rates(series)
+    np.testing.assert_allclose(rates, (later - earlier) / (2 * h), rtol=1e-7)
+    assert (found.rates(series)[-2:] == 0).all()

@@ -1,0 +1,255 @@
+"""Plan of a calibration from a section of a study or a file of its own: unknowns, units, families; what is refused."""
+
+from __future__ import annotations
+
+import copy
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from porocore.calibration.config.loading import read_plan
+from porocore.calibration.plan import CalibrationPlan
+from porocore.errors import ConfigurationError
+from porocore.study.config.loading import load_config
+
+SIDE = {"displacement": [0, None, 0]}
+STUDY: dict[str, Any] = {
+    "title": "A column",
+    "cell": {
+        "geometry": {"kind": "orthogonal-channels", "radius": 0.25},
+        "material": {"poisson_ratio": 0.3},
+        "viscosity": "1 mPa s",
+        "mesh": {"size": 0.5, "fluid_size": 0.5, "element": "linear"},
+    },
+    "scales": {"modulus": "0.5 MPa", "length": "1 mm", "pore": "2 um", "viscosity": "1 mPa s"},
+    "sampling": {
+        "inputs": {"H22": {"range": [-0.1, 0.02], "step": 0.02}, "p": {"range": [-0.02, 0.05], "step": 0.02}}
+    },
+    "surrogate": {"backend": "polynomial"},
+    "closure": "potential",
+    "macro": {
+        "body": {"kind": "box", "size": [0.1, 1.0, 0.1], "elements": [1, 4, 1]},
+        "boundary": {
+            **dict.fromkeys(("x-", "x+", "z-", "z+"), SIDE),
+            "y-": {"displacement": [0, 0, 0]},
+            "y+": {"traction": [0, "25 kPa", 0], "pressure": 0},
+        },
+        "loads": [-1],
+        "time": {"end": "1 h", "step": "60 s", "ramp_increments": 2, "ramp_step": "1 s"},
+    },
+}
+SECTION: dict[str, Any] = {
+    "unknowns": {
+        "radius": {"lower": 0.2, "upper": 0.3},
+        "stiffness": {"of": "modulus", "lower": "100 kPa", "upper": "2 MPa", "start": "400 kPa"},
+        "viscosity": {
+            "lower": "0.5 mPa s",
+            "upper": "2 mPa s",
+            "prior": {"mean": "1 mPa s", "deviation": 0.3},
+        },
+        "boundary.y+.traction.y": {"lower": "20 kPa", "upper": "30 kPa"},
+        "delay": {"of": "time_shift", "lower": "-5 s", "upper": "5 s"},
+    },
+    "observations": {"settlement": {"quantity": "settlement", "file": "creep.csv", "deviation": "1 um"}},
+}
+SHIFT = {"of": "time_shift", "lower": "-5 s", "upper": "5 s"}
+CREEP = "time [s], settlement [um]\n10, 5\n60, 10\n300, 20\n600, 25\n1200, 28\n"
+
+
+def write(
+    folder: Path, section: dict[str, Any] | None = None, study: dict[str, Any] = STUDY, name: str = "a.yaml"
+) -> Path:
+    (folder / "creep.csv").write_text(CREEP, encoding="utf-8")
+    data = study if section is None else {**study, "calibration": section}
+    path = folder / name
+    path.write_text(yaml.safe_dump(data, sort_keys=False), encoding="utf-8")
+    return path
+
+
+def changed(**unknowns: Any) -> dict[str, Any]:
+    section = copy.deepcopy(SECTION)
+    section["unknowns"] = {**section["unknowns"], **unknowns}
+    section["unknowns"] = {k: v for k, v in section["unknowns"].items() if v is not None}
+    return section
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory: pytest.TempPathFactory) -> CalibrationPlan:
+    return read_plan(write(tmp_path_factory.mktemp("plan"), SECTION))
+
+
+def test_unknowns_have_the_units_bounds_and_first_values_of_the_file(plan: CalibrationPlan) -> None:
+    radius, stiffness, viscosity, traction, delay = (each.unknown for each in plan.unknowns)
+    assert (radius.start, radius.lower, radius.upper, radius.unit, radius.scale) == (
+        0.25,
+        0.2,
+        0.3,
+        "",
+        "linear",
+    )
+    assert (stiffness.start, stiffness.upper, stiffness.unit, stiffness.scale) == (400, 2000, "kPa", "log")
+    assert (viscosity.start, viscosity.unit) == (1.0, "mPa s")
+    assert viscosity.prior is not None
+    assert (viscosity.prior.mean, viscosity.prior.deviation) == (0.0, 0.3)
+    assert (traction.start, traction.lower) == (pytest.approx(25), 20)
+    assert (delay.start, delay.lower, delay.unit) == (0.0, -5, "s")
+
+
+def test_values_become_dimensionless_by_the_scales_of_the_study(plan: CalibrationPlan) -> None:
+    (experiment,) = plan.experiments
+    factors = [each.dimensionless(experiment) for each in plan.unknowns]
+    np.testing.assert_allclose(factors[:4], [1.0, 1e3 / 0.5e6, 1.0, 1e3 / 0.5e6], rtol=1e-14)
+    time = 1e-3**2 * 1e-3 / (0.5e6 * 2e-6**2)
+    assert factors[4] == pytest.approx(1 / time, rel=1e-14)
+
+
+def test_the_cells_are_a_family_between_the_bounds(plan: CalibrationPlan) -> None:
+    config = plan.experiments[0].config
+    assert [(each.name, each.lower, each.upper) for each in config.cell.parameters] == [("radius", 0.2, 0.3)]
+    assert config.sampling.sampler == "sobol"
+    assert "density-sweep varies no parameters" in plan.notes[0]
+
+
+def test_the_section_leaves_the_study_alone(tmp_path: Path) -> None:
+    with_it, without = load_config(write(tmp_path, SECTION)), load_config(write(tmp_path, name="b.yaml"))
+    assert with_it.identity == without.identity
+
+
+@pytest.fixture
+def two(tmp_path: Path) -> dict[str, Any]:
+    """A file of its own with two studies, of which the second has another length and two loads."""
+    write(tmp_path, name="a.yaml")
+    longer = copy.deepcopy(STUDY)
+    longer["scales"]["length"], longer["macro"]["loads"] = "2 mm", [-0.1, -1]
+    write(tmp_path, study=longer, name="b.yaml")
+    observations = SECTION["observations"]
+    return {
+        "unknowns": changed(delay={**SHIFT, "experiments": ["slow"]})["unknowns"],
+        "experiments": {
+            "quick": {"study": "a.yaml", "observations": observations},
+            "slow": {"study": "b.yaml", "load": -0.5, "observations": observations},
+        },
+    }
+
+
+def test_a_file_of_its_own_names_studies_with_other_scales(two: dict[str, Any], tmp_path: Path) -> None:
+    plan = read_plan(write(tmp_path, study=two, name="both.yaml"))
+    assert [each.name for each in plan.curves] == ["quick: settlement", "slow: settlement"]
+    assert [each.load for each in plan.experiments] == [-1, -0.5]
+    assert plan.experiments[1].config.macro.loads == (-0.5,)
+    assert [*plan.unknowns[4].numbers] == ["slow"]
+    np.testing.assert_allclose(plan.curves[0].times, 4 * plan.curves[1].times)
+
+
+def test_an_experiment_has_one_load(two: dict[str, Any], tmp_path: Path) -> None:
+    del two["experiments"]["slow"]["load"]
+    with pytest.raises(
+        ConfigurationError, match=r"experiments\.slow\.load: expected one load .* -0\.1, -1; add 'load:'"
+    ):
+        read_plan(write(tmp_path, study=two, name="both.yaml"))
+
+
+def test_plain_numbers_mean_the_same_in_all_studies(two: dict[str, Any], tmp_path: Path) -> None:
+    two["unknowns"]["stiffness"] = {"of": "modulus", "lower": 0.2, "upper": 4}
+    assert read_plan(write(tmp_path, study=two, name="both.yaml")).unknowns[1].unknown.start == 1.0
+    two["unknowns"]["delay"] = {"of": "time_shift", "lower": -1, "upper": 1}
+    with pytest.raises(ConfigurationError, match=r"unknowns\.delay: expected values with a unit"):
+        read_plan(write(tmp_path, study=two, name="both.yaml"))
+
+
+def curve(**changes: Any) -> dict[str, Any]:
+    given = {"quantity": "settlement", "file": "creep.csv", "deviation": "1 um", **changes}
+    return {**SECTION, "observations": {"s": given}}
+
+
+def radius(**changes: Any) -> dict[str, Any]:
+    return changed(radius={"lower": 0.2, "upper": 0.3, **changes})
+
+
+def stiffness(lower: Any, upper: Any = "2 MPa") -> dict[str, Any]:
+    return changed(stiffness={"of": "modulus", "lower": lower, "upper": upper})
+
+
+#: Section, key below ``calibration``, words.
+REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
+    "number": (changed(radios={"lower": 1, "upper": 2}), "unknowns.radios", "did you mean 'radius'?"),
+    "of": (
+        changed(a={"of": "modules", "lower": 1, "upper": 2}),
+        "unknowns.a.of",
+        "expected a number of the study, got 'modules'; did you mean 'modulus'?",
+    ),
+    "bounds": (radius(upper=0.1), "unknowns.radius", "expected lower < upper, got 0.2 and 0.1"),
+    "no cell": (radius(upper=0.7), "unknowns", "cell.geometry.radius"),
+    "start": (radius(start=0.4), "unknowns.radius.start", "expected a value within the bounds, got 0.4"),
+    "log": (
+        changed(delay={**SHIFT, "scale": "log"}),
+        "unknowns.delay.lower",
+        "expected a number above 0 for a",
+    ),
+    "unit": (stiffness("1 mm"), "unknowns.stiffness.lower", "expected a stress, such as 2 kPa, got 'mm'"),
+    "one unit": (
+        stiffness(1),
+        "unknowns.stiffness.lower",
+        "expected a value with a unit, such as 1 MPa, got 1",
+    ),
+    "plain": (radius(lower="0.2 mm"), "unknowns.radius", "expected plain numbers, got 'mm' as a unit"),
+    "text": (
+        radius(lower="low"),
+        "unknowns.radius.lower",
+        "expected a number, or one with a unit, got 'low'",
+    ),
+    "switch": (radius(lower=True), "unknowns.radius.lower", "expected a number, got true"),
+    "missing": (changed(radius={"lower": 0.2}), "unknowns.radius.upper", "missing; add 'upper:'"),
+    "key": (radius(uper=0.3), "unknowns.radius.uper", "unknown key; did you mean 'upper'?"),
+    "twice": (
+        changed(r=radius()["unknowns"]["radius"] | {"of": "radius"}),
+        "unknowns.r",
+        "'radius' is the same number",
+    ),
+    "experiment": (radius(experiments=["slow"]), "unknowns.radius.experiments", "there is one alone"),
+    "prior": (
+        radius(prior={"mean": 0.25, "deviation": 0}),
+        "unknowns.radius.prior.deviation",
+        "expected a number above 0, got 0",
+    ),
+    "file": (curve(file="no.csv"), "observations.s", "no.csv: no such file"),
+    "no file": (curve(file=None), "observations.s.file", "missing; add the CSV file"),
+    "until": (curve(until="3 m"), "observations.s.until", "expected a time, such as 30 s, got '3 m'"),
+    "deviations": (curve(deviation_share=0.1), "observations.s", "expected exactly one of deviation"),
+    "probe": (curve(quantity="displacement"), "observations.s", "the quantity 'displacement' needs 'probe:'"),
+    "surface": (curve(surface="y+"), "observations.s", "the quantity 'settlement' has no 'surface'"),
+    "nothing": ({"unknowns": SECTION["unknowns"]}, "", "expected either 'observations:' of this study"),
+    "few": (curve(until="400 s"), "unknowns", "as unknowns without a prior, got 3 for 4"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_faults_are_told_with_file_line_and_key(case: str, tmp_path: Path) -> None:
+    section, key, words = REFUSED[case]
+    path = write(tmp_path, section)
+    with pytest.raises(ConfigurationError) as refused:
+        read_plan(path)
+    told = str(refused.value)
+    assert words in told
+    assert "\n" not in told
+    where, _, text = told.partition(": ")
+    file, _, line = where.rpartition(":")
+    assert file == str(path)
+    assert text.startswith(f"calibration{'.' if key else ''}{key}: ")
+    last = (key or "calibration").rpartition(".")[2]
+    lines = path.read_text(encoding="utf-8").splitlines()
+    assert "missing" in words or last in lines[int(line) - 1]
+
+
+def test_a_study_without_a_section_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        ConfigurationError, match="expected a section 'calibration:' with unknowns and observations"
+    ):
+        read_plan(write(tmp_path))
+    with pytest.raises(
+        ConfigurationError, match="a file of its own has 'experiments:' with the study of each"
+    ):
+        read_plan({"unknowns": SECTION["unknowns"], "observations": SECTION["observations"]})
