@@ -44,7 +44,7 @@ ROOMS = {
         "study",
         "testing",
     ),
-    "calibration": ("core", "interfaces", "plugins", "cell", "sampling", "macro", "report", "study"),
+    "calibration": ("core", "interfaces", "cell", "study"),
     "cli": (
         "core",
         "interfaces",
@@ -55,7 +55,6 @@ ROOMS = {
         "study",
         "testing",
         "verification",
-        "calibration",
     ),
 }
 #: A room holds at most so many files and sub-rooms.
