@@ -1,4 +1,4 @@
-"""Plan of a calibration (CalibrationPlan): experiments with their studies and curves, unknowns and what they are."""
+"""Plan of a calibration (CalibrationPlan): experiments with studies and curves; unknowns."""
 
 from __future__ import annotations
 

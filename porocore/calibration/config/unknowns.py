@@ -1,4 +1,4 @@
-"""Unknowns from their settings: numbers of the studies, units, bounds, first values, priors; keys in messages."""
+"""Unknowns from their settings: numbers of the studies, units, bounds, first values, priors."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Bounded least squares from several starts, with every evaluation kept so that a fit goes on where it was killed."""
+"""Bounded least squares from several starts; every evaluation is kept, so that a killed fit goes on."""

@@ -1,4 +1,4 @@
-"""Quality of a fit: reduced chi-square, how far each curve is off, one sentence on data that nothing explains."""
+"""Quality of a fit: reduced chi-square, how far each curve is off, data that nothing explains."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Measured quantity of a solution (MeasuredSeries): settlement, probe, force, pressure, drained volume, inflow."""
+"""Measured quantity of a solution (MeasuredSeries): settlement, probe, force, pressure, volume, inflow."""
 
 from __future__ import annotations
 

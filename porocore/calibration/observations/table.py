@@ -1,4 +1,4 @@
-"""Table of measured numbers from a CSV file: headings with units, columns by name, one message for what is wrong."""
+"""Table of measured numbers from a CSV file: headings with units, columns by name, what is wrong."""
 
 from __future__ import annotations
 
