@@ -15,7 +15,7 @@ from porocore.study.config.config import RunConfig
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
-    """One test.
+    """One test: its study, load and curves.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ class PlannedUnknown:
 
 @dataclass(frozen=True, eq=False)
 class CalibrationPlan:
-    """What is fitted to what.
+    """Experiments and unknowns of a calibration.
 
     Attributes
     ----------

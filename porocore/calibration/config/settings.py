@@ -158,7 +158,7 @@ class ExperimentSettings(StrictModel):
 
 
 class FitSettings(StrictModel):
-    """How the unknowns are searched."""
+    """Search of the unknowns: starts, evaluations, tolerance."""
 
     starts: Annotated[int, Field(ge=1, le=100)] = 3
     """Searches: one from the start values, the others from points spread over the bounds."""

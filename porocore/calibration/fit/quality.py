@@ -15,7 +15,7 @@ LARGE, CHANCE = 2.0, 1e-6
 
 @dataclass(frozen=True)
 class FitQuality:
-    """How well the best point explains the data.
+    """Quality of the best point: chi-square and the distances of each curve.
 
     Attributes
     ----------
