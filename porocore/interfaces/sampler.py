@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Protocol
 
 from porocore.core.inputs.input_space import InputSpace
 from porocore.core.tensors.point_group import TRIVIAL, PointGroup
+from porocore.interfaces.rest_data import RestData
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import Array, CellResponse, MacroState
 
@@ -94,6 +95,11 @@ class Sampler(ABC):
     @abstractmethod
     def expected(self) -> int:
         """Estimated number of all states, for the progress display."""
+
+    @property
+    def members(self) -> int:
+        """Number of times that a member of a family of cells is prepared for the states, at most."""
+        return self.expected
 
     @property
     def outlook(self) -> Outlook:
@@ -186,6 +192,8 @@ class StudyFacts:
         Point group of the cell, see :class:`~porocore.interfaces.surrogate.TrainingSet`.
     remember
         Keeps decisions that take time, for a sampling that is resumed.
+    rests
+        Undeformed members of a cell with parameters; None for a cell without.
     """
 
     reference: CellResponse
@@ -195,6 +203,7 @@ class StudyFacts:
     judge: Judge
     symmetry: PointGroup = TRIVIAL
     remember: Remember = make_anew
+    rests: RestData | None = None
 
 
 class StudySampler(Sampler):

@@ -25,6 +25,7 @@ from porocore.sampling.samplers.candidates import (
     spacing,
     spread_out,
 )
+from porocore.sampling.samplers.members import MemberChoice
 from porocore.sampling.samplers.options import positive, refuse_unknown, whole
 from porocore.sampling.samplers.rounds import RoundSampler, from_unit
 from porocore.states import Array, CellResponse, Status
@@ -33,6 +34,10 @@ from porocore.states import Array, CellResponse, Status
 GROWTH = 0.1
 #: A round of :class:`Active` is chosen from so many candidates at most, but for two for each state.
 MOST_CANDIDATES = 512
+#: Of a family of cells so many, since each state is a candidate at every member.
+MOST_AT_MEMBERS = 2048
+#: Members of a family that the states before the first round are solved at, at least.
+FIRST_MEMBERS = 4
 #: States of :class:`Active` are at least this share of their mean spacing apart.
 APART = 0.5
 
@@ -51,12 +56,23 @@ class LearningSampler(RoundSampler, StudySampler):
     decision: float = 0.1
 
     def __init__(
-        self, inputs: InputSpace, count: int, initial: int | None, usual: int, batch: int, seed: int
+        self,
+        inputs: InputSpace,
+        count: int,
+        initial: int | None,
+        usual: int,
+        batch: int,
+        seed: int,
+        states_per_member: int,
     ) -> None:
         super().__init__(inputs, whole("sampling.options.count", count, 2))
+        self.states_per_member = whole("sampling.options.states_per_member", states_per_member, 1)
+        if inputs.parameters:
+            usual = max(usual, FIRST_MEMBERS * self.states_per_member)
         self.initial = usual if initial is None else whole("sampling.options.initial", initial, 2)
         self.batch = whole("sampling.options.batch", batch, 1)
         self.seed = whole("sampling.options.seed", seed, 0, LARGEST_SEED)
+        self.choice = MemberChoice.for_states(inputs, count, self.states_per_member, self.seed)
 
     @abstractmethod
     def choose_round(self, room: int) -> Array:
@@ -115,7 +131,8 @@ class LearningSampler(RoundSampler, StudySampler):
             return None
         rows = CellResponse.concatenate([self.observed[i] for i in np.flatnonzero(good)])
         states, study = self.inputs.scatter(from_unit(self.inputs, self.points[good])), self.study
-        return TrainingSet(states, rows, self.inputs, study.reference, study.identity, {}, study.symmetry)
+        rest = study.reference, study.identity
+        return TrainingSet(states, rows, self.inputs, *rest, {}, study.symmetry, rests=study.rests)
 
     def judge(self, unit: Array) -> Judgement | None:
         """Return the committee's judgement of points (m, d) of the unit box; None with fewer than two known states."""
@@ -132,6 +149,11 @@ class LearningSampler(RoundSampler, StudySampler):
         fewest = self.expected if self.tolerance is None else max(self.least, least_states(len(self.inputs)))
         fewest = min(max(fewest, asked), self.expected)
         return Outlook(self.expected, fewest, asked, self.round_size(self.count), self.decision)
+
+    @property
+    def members(self) -> int:
+        """Number of times that a member of a family is prepared; 1 for a cell without parameters."""
+        return ceil(self.expected / self.states_per_member) if self.inputs.parameters else 1
 
     @property
     def least(self) -> int:
@@ -183,6 +205,9 @@ class Active(LearningSampler):
         as a surrogate needs; None: when the budget is used up.
     seed : int, at least 0
         Seed of the design and of the candidates.
+    states_per_member : int, at least 1
+        States that are solved at one member of a family of cells before another is prepared: the budget has as many
+        members as it asks for, and a round keeps to a few of them. Without parameters it does nothing.
 
     Raises
     ------
@@ -199,33 +224,52 @@ class Active(LearningSampler):
         candidates: int = 8,
         tolerance: float | None = None,
         seed: int = 0,
+        states_per_member: int = 4,
         **unknown: Any,
     ) -> None:
-        refuse_unknown("active", ("count", "initial", "batch", "candidates", "seed"), unknown)
+        known = ("count", "initial", "batch", "candidates", "seed", "states_per_member")
+        refuse_unknown("active", known, unknown)
         d = len(inputs)
         usual = max(6, corner_count(d) + d)
-        super().__init__(inputs, count, initial, usual, batch, seed)
+        super().__init__(inputs, count, initial, usual, batch, seed, states_per_member)
         self.tolerance = None if tolerance is None else positive("sampling.tolerance", tolerance)
         self.candidates = whole("sampling.options.candidates", candidates, 2)
-        self._stream = SobolStream(d, self.seed)
+        self._stream = SobolStream(d - len(inputs.parameters), self.seed)
 
     def choose_round(self, room: int) -> Array:
         """Return the design, or the most valuable of the next candidates."""
         if not len(self.points):
-            d, first = len(self.inputs), min(self.initial, room)
-            return opening(d, first, self.seed) if d <= MOST_CORNER_INPUTS else self._stream.take(first)
+            return self._first(min(self.initial, room))
         size = self.round_size(room)
-        unit = self._stream.take(max(min(self.candidates * size, MOST_CANDIDATES), 2 * size))
+        most = MOST_AT_MEMBERS // len(self.choice.values) if self.inputs.parameters else MOST_CANDIDATES
+        states = self._stream.take(max(min(self.candidates * size, most), 2 * size))
+        unit = self.choice.with_each(states)
+        return self.choice.together(unit[self._chosen(unit, size)])
+
+    def _first(self, count: int) -> Array:
+        d = len(self.inputs)
+        if not self.inputs.parameters and d <= MOST_CORNER_INPUTS:
+            return opening(d, count, self.seed)
+        return self.choice.in_rows(self._stream.take(count))
+
+    def _chosen(self, unit: Array, size: int) -> list[int]:
+        """Return at most ``size`` of the candidates (m, d) as indices; none where the sampling ends."""
         reachable = self.reachable(unit)
         judgement = self.judge(unit)
         if judgement is None or not judgement.disagreement.any():
             # Too little is known for a disagreement.
-            return unit[spread_out(unit, reachable.astype(float), self.points, size)]
+            return self._spread_out(unit, reachable, size)
         if self.tolerance is not None and self.enough and judgement.disagreement.max() < self.tolerance:
-            return unit[:0]
+            return []
         apart = APART * spacing(len(self.points) + size, len(self.inputs))
-        chosen = most_worth(unit, judgement, reachable, self.points, size, apart)
-        return unit[chosen or spread_out(unit, reachable.astype(float), self.points, size)]
+        worth = np.where(reachable, judgement.worth(), 0.0)
+        allowed = reachable & self.choice.few(unit, worth, self.points, size)
+        chosen = most_worth(unit, judgement, allowed, self.points, size, apart)
+        return chosen or self._spread_out(unit, reachable, size)
+
+    def _spread_out(self, unit: Array, reachable: BoolArray, size: int) -> list[int]:
+        few = reachable & self.choice.few(unit, reachable.astype(float), self.points, size)
+        return spread_out(unit, few.astype(float), self.points, size)
 
     def notes(self) -> int:
         """Return the number of candidates so far."""

@@ -49,6 +49,8 @@ class DensitySweep(Sampler):
         An option is unknown, missing or of no use; the message begins with its key in a configuration.
     """
 
+    samples_parameters = False
+
     def __init__(
         self,
         inputs: InputSpace,

@@ -17,6 +17,7 @@ from porocore.sampling.samplers.candidates import (
     spacing,
     spread_out,
 )
+from porocore.sampling.samplers.designs import sobol_points
 from porocore.sampling.samplers.options import positive, refuse_unknown, whole
 from porocore.states import Array
 
@@ -62,6 +63,10 @@ class MacroDriven(LearningSampler):
         Time steps of the macro runs after the ramp, about.
     seed : int, at least 0
         Seed of the design.
+    states_per_member : int, at least 1
+        States that are solved at one member of a family of cells before another is prepared: visited states are moved
+        to the nearest of as many members as the budget asks for, and a round keeps to a few of them. Without parameters
+        it does nothing.
 
     Raises
     ------
@@ -70,7 +75,6 @@ class MacroDriven(LearningSampler):
     """
 
     fills_ranges = False
-    samples_parameters = False
     choosing = "exploring by macro runs"
 
     def __init__(
@@ -83,12 +87,14 @@ class MacroDriven(LearningSampler):
         elements: int = 20,
         steps: int = 60,
         seed: int = 0,
+        states_per_member: int = 4,
         **unknown: Any,
     ) -> None:
-        refuse_unknown("macro-driven", ("count", "initial", "batch", "elements", "steps", "seed"), unknown)
+        known = ("count", "initial", "batch", "elements", "steps", "seed", "states_per_member")
+        refuse_unknown("macro-driven", known, unknown)
         d = len(inputs)
         usual = max(8, corner_count(d) + 2 * d)
-        super().__init__(inputs, count, initial, usual, batch, seed)
+        super().__init__(inputs, count, initial, usual, batch, seed, states_per_member)
         self.tolerance = positive("sampling.tolerance", tolerance)
         self.elements = whole("sampling.options.elements", elements, 1)
         self.steps = whole("sampling.options.steps", steps, 2)
@@ -98,9 +104,8 @@ class MacroDriven(LearningSampler):
 
     def choose_round(self, room: int) -> Array:
         """Return the design, or the most informative of the visited states."""
-        d = len(self.inputs)
         if not len(self.points):
-            return opening(d, min(self.initial, room), self.seed)
+            return self._cloud(min(self.initial, room), self.seed)
         data = self.training_set()
         size = self.round_size(room)
         if data is None:
@@ -110,22 +115,29 @@ class MacroDriven(LearningSampler):
         if self.converged and self.enough:
             return self.points[:0]
         visited = self._lattice(self.inputs.gather(self.inputs.without_rotation(found.states)))
+        return self._among(visited, size)
+
+    def _among(self, visited: Array, size: int) -> Array:
+        """Return at most ``size`` of the visited points (m, d); where they are known, others of the box."""
         distance, _ = distances(visited, self.points)
-        reachable, apart = self.reachable(visited), APART * spacing(len(self.points) + size, d)
+        reachable, apart = self.reachable(visited), APART * spacing(len(self.points) + size, len(self.inputs))
         # States that are already that dense are made denser.
         while (reachable & (distance > apart)).sum() < size and apart > 2 / LATTICE:
             apart /= 2
         allowed = reachable & (distance > apart)
         if not allowed.any():
             return self._filling(size)
+        allowed &= self.choice.few(visited, allowed.astype(float), self.points, size)
         far = spread_out(visited, allowed.astype(float), self.points, size // 2)
         judgement = self.judge(visited)
         if judgement is None or not judgement.disagreement.any():
-            return visited[spread_out(visited, allowed.astype(float), self.points, size)]
+            chosen = spread_out(visited, allowed.astype(float), self.points, size)
+            return self.choice.together(visited[chosen])
         for candidate in far:
             judgement.take(candidate)
         known = np.concatenate([self.points, visited[far]])
-        return visited[far + most_worth(visited, judgement, allowed, known, size - len(far), apart)]
+        chosen = far + most_worth(visited, judgement, allowed, known, size - len(far), apart)
+        return self.choice.together(visited[chosen])
 
     def notes(self) -> list[list[float | None]]:
         """Return the results of the macro runs, None for those that are not known."""
@@ -149,13 +161,22 @@ class MacroDriven(LearningSampler):
         last = np.stack(self.results[-AGREEING:])
         return bool((np.abs(np.diff(last, axis=0)) <= self.tolerance * np.abs(last[1:])).all())
 
+    def _cloud(self, count: int, seed: int) -> Array:
+        """Return points (count, d) that fill the box; of a family, some at each of its members."""
+        m = len(self.inputs.parameters)
+        if not m:
+            return opening(len(self.inputs), count, seed)
+        return self.choice.in_rows(sobol_points(len(self.inputs) - m, count, seed))
+
     def _filling(self, size: int) -> Array:
         """Return farthest points of the box, for rounds in which nothing new was visited."""
-        cloud = opening(len(self.inputs), 256, self.seed + len(self.points))
-        return cloud[spread_out(cloud, self.reachable(cloud).astype(float), self.points, size)]
+        cloud = self._cloud(256, self.seed + len(self.points))
+        reachable = self.reachable(cloud)
+        reachable &= self.choice.few(cloud, reachable.astype(float), self.points, size)
+        return self.choice.together(cloud[spread_out(cloud, reachable.astype(float), self.points, size)])
 
     def _lattice(self, x: Array) -> Array:
-        """Return the distinct visited states in the unit box, (m, d)."""
-        unit: Array = np.unique(np.round(np.clip(self.inputs.to_unit(x), 0, 1) * LATTICE), axis=0) / LATTICE
-        kept: Array = unit[:: ceil(len(unit) / MOST_CANDIDATES)]
-        return kept
+        """Return the distinct visited states in the unit box, (m, d), at the nearest of the members."""
+        unit = np.round(np.clip(self.inputs.to_unit(x), 0, 1) * LATTICE) / LATTICE
+        distinct: Array = np.unique(self.choice.snapped(unit), axis=0)
+        return distinct[:: ceil(len(distinct) / MOST_CANDIDATES)]

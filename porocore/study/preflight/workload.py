@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from porocore.cell.cell import Cell
 from porocore.cell.family.undeformed import undeformed_count
 from porocore.interfaces.sampler import Sampler
-from porocore.sampling.samplers.designs import Design
 from porocore.study.config.config import RunConfig
 from porocore.study.findings.reach import shears
 from porocore.study.preflight import cost
@@ -198,8 +197,7 @@ def members_of(config: RunConfig, sampler: Sampler) -> tuple[int, int]:
     if not config.cell.is_family:
         return 0, 0
     test = config.sampling.test
-    own = sampler.members if isinstance(sampler, Design) else sampler.expected
-    return own, math.ceil(test.count / test.states_per_member)
+    return sampler.members, math.ceil(test.count / test.states_per_member)
 
 
 def family_lines(config: RunConfig, sampler: Sampler) -> Iterator[str]:

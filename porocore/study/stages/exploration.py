@@ -10,6 +10,7 @@ import numpy as np
 from porocore.errors import ConfigurationError, SolveError
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
 from porocore.interfaces.macro import MacroSolver
+from porocore.interfaces.rest_data import RestData
 from porocore.interfaces.sampler import (
     Exploration,
     Remember,
@@ -67,17 +68,20 @@ def inform(
     reference: CellReference,
     remember: Remember = make_anew,
     around: Callable[[], BodyAround | None] = lambda: None,
+    rests: Callable[[], RestData | None] = lambda: None,
 ) -> None:
     """Give a sampler the facts of the study if it takes them.
 
-    ``remember`` keeps its decisions, and ``around`` returns the body of several cells, one of which is sampled.
+    ``remember`` keeps its decisions, ``around`` returns the body of several cells, one of which is sampled, and
+    ``rests`` the undeformed members of a family.
     """
     if isinstance(sampler, StudySampler):
         needed = CLOSURES[config.closure].responses
         explorer = MacroExplorer(config, reference, around())
         symmetry = config.cell.point_group
         rest = reference.resting(config.conductivity)
-        sampler.inform(StudyFacts(rest, config.stages.cell, needed, explorer, judge, symmetry, remember))
+        facts = rest, config.stages.cell, needed, explorer, judge, symmetry, remember, rests()
+        sampler.inform(StudyFacts(*facts))
 
 
 class MacroExplorer:

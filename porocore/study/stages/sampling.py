@@ -58,7 +58,6 @@ def sample(
     inputs = config.input_space()
     for warning in uncovered(inputs, config.cell.point_group):
         console.warn(folder.said_of_cell(warning))
-    sampler = informed_sampler(folder, config)
     provenance = {"config": config.resolved_yaml(), **versions(), **load_reference(folder, config).mesh}
     stages = [
         ("sampling", folder.dataset, config.stages.sampling),
@@ -69,6 +68,7 @@ def sample(
         stack.enter_context(listening(console.note))
         if config.cell.is_family:
             solve_undeformed(folder, config, provenance, console=console, retry_lost=retry_lost, store=store)
+        sampler = informed_sampler(folder, config)
         workers = (
             stack.enter_context(cell_pool(config, console=console, store=store)) if pool is None else pool
         )

@@ -148,8 +148,11 @@ def informed_sampler(folder: RunFolder, config: RunConfig) -> Sampler:
                 others[name] = LinearPoroelasticity(linear)
         return BodyAround(with_fields_of(whole, folder.cell), folder.cell, others)
 
+    def rests() -> RestData | None:
+        return _rests(folder, config) if config.cell.is_family else None
+
     # Another closure than the one that the run began with learns from the same states.
-    inform(sampler, folder.written, load_reference(folder, config), folder.remembered(), around)
+    inform(sampler, folder.written, load_reference(folder, config), folder.remembered(), around, rests)
     return sampler
 
 

@@ -158,11 +158,16 @@ def beside(action: Action, l: int) -> Action:
 
 def fit_mean(data: FamilyData, weights: Weights = MEAN_WEIGHTS) -> JointFit:
     """Fit Rᵀ⟨∇u¹⟩ beyond its linear limit, from second order on; it turns with the cell."""
-    group = stabiliser(data.rest.symmetry, data.active)
-    tied = Equivariance(beside(on_variables(group).on(list(data.active)), len(data.mean.x)), on_places(group))
+    tied = turning(data)
     return fit_joint(
         data.mean, plain(data.active), 2, tied=tied, weights=weights, judged="value", highest=MEAN_DEGREE
     )
+
+
+def turning(data: FamilyData) -> Equivariance:
+    """Return the symmetry of Rᵀ⟨∇u¹⟩, in the variables that were sampled and the coordinates."""
+    group = stabiliser(data.rest.symmetry, data.active)
+    return Equivariance(beside(on_variables(group).on(list(data.active)), len(data.mean.x)), on_places(group))
 
 
 def family_model(

@@ -132,8 +132,8 @@ class SharedEquations:
         return size
 
     @cached_property
-    def _folds(self) -> tuple[list[tuple[Array, Array]], list[tuple[Array, Array]]]:
-        """Normal equations of the states that a fold keeps, and the judged equations of those that it leaves out."""
+    def folds(self) -> tuple[list[tuple[Array, Array]], list[tuple[Array, Array]]]:
+        """Normal equations of the states that each fold keeps, and the judged equations of those that it leaves out."""
         scaled = self.rows / self.size
         folds = held_out(len(scaled))
         parts = [_normal(scaled[fold], self.right[fold]) for fold in folds]
@@ -144,7 +144,7 @@ class SharedEquations:
     def squares(self, prior: Prior) -> float:
         """Return the sum of the squared errors at states that were left out of a fit; infinite where one fails."""
         penalties, found = np.diag(self.penalties(prior)), 0.0
-        for (gram, moment), (rows, right) in zip(*self._folds, strict=True):
+        for (gram, moment), (rows, right) in zip(*self.folds, strict=True):
             try:
                 solution = cho_solve(cho_factor(gram + penalties), moment)
             except LinAlgError:
@@ -204,7 +204,7 @@ def fit_joint(
     systems = _systems(data, terms, exponents, scales, judged, tied) if len(exponents) else []
     if not systems:
         return JointFit(Polynomial.zero(len(terms.weights) + l, o), lowest - 1, np.nan)
-    prior, squares = _chosen([system for _, system in systems])
+    prior, squares = chosen_prior([system for _, system in systems])
     ties = tied.ties(exponents)
     free = np.zeros(ties.count)
     for numbers, system in systems:
@@ -217,7 +217,7 @@ def fit_joint(
     return JointFit(polynomial, found, float(np.sqrt(squares / count)))
 
 
-def _chosen(systems: list[SharedEquations]) -> tuple[Prior, float]:
+def chosen_prior(systems: list[SharedEquations]) -> tuple[Prior, float]:
     """Return the prior with the smallest cross-validated error, one number after the other, and its squares."""
     best, least = Prior(), sum(system.squares(Prior()) for system in systems)
     for name, values in (("decay", DECAYS), ("ratio", RATIOS), ("nugget", NUGGETS), ("decay", DECAYS)):

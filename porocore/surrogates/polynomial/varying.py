@@ -58,7 +58,7 @@ class Rows:
         flat = np.repeat(np.arange(len(self.places)), np.diff(self.ends)) * self.columns + self.column
         found = np.zeros((coefficients.shape[1], len(self.places) * self.columns))
         found[:, flat] = (coefficients[self.coefficient] * self.factor[:, None]).T
-        return found.reshape(-1, len(self.places), self.columns)
+        return found.reshape(len(found), len(self.places), self.columns)
 
     def fill(self, out: Array, coefficients: Array, monomials: Array) -> None:
         """Write the rows (rows, n) of points with coefficients (P, n) of their own into ``out``."""
