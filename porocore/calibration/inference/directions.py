@@ -80,8 +80,9 @@ def _sparse(directions: Array) -> Array:
 
 def _direction(jacobian: Array, limits: Array, scaled: Array, largest: float) -> UnseenDirection:
     """Return the direction of a unit vector in limits; ``largest`` is the largest singular value there."""
-    main = int(np.abs(scaled).argmax())
-    scaled = scaled * np.sign(scaled[main])
+    moves = np.abs(scaled)
+    # The first unknown that counts goes up.
+    scaled = scaled * np.sign(scaled[int((moves > moves.max() / 10).argmax())])
     seen = float(np.linalg.norm(jacobian @ (scaled * limits)))
     deviation = np.inf if seen < ROUND_OFF * largest else 1 / seen
     step = scaled * limits * min(deviation, MOST_LIMITS / float(np.abs(scaled).max()))

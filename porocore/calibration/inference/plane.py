@@ -26,19 +26,34 @@ class ParameterPlane:
         The two unknowns.
     best : (2,)
         Coordinates of the best point.
-    rim : (n, 2)
-        Coordinates of the furthest point of each ray, counter-clockwise.
+    axes : (2, 2)
+        Half axes of a region of one standard deviation to first order, one a row, none longer than the search.
+    angles : (n,)
+        Of the rays, even and ascending, in units of the half axes.
+    radii : (n,)
+        Lengths of the rays in the same units.
     closed : (n,) bool
         True where the region ends there; elsewhere it goes on, or the model could not be followed.
-    ellipse : (n, 2)
-        The region to first order, along the same rays; not finite where the data see nothing.
+    linear_radii : (n,)
+        The same to first order; very large where the data see nothing.
     """
 
     indices: tuple[int, int]
     best: Array
-    rim: Array
+    axes: Array
+    angles: Array
+    radii: Array
     closed: npt.NDArray[np.bool_]
-    ellipse: Array
+    linear_radii: Array
+
+    def points(self, angles: Array, radii: Array) -> Array:
+        """Return coordinates (n, 2) of points at angles and radii (n,)."""
+        return self.best + radii[:, None] * (np.stack([np.cos(angles), np.sin(angles)], axis=1) @ self.axes)
+
+    @property
+    def rim(self) -> Array:
+        """Coordinates of the ends of the rays, (n, 2)."""
+        return self.points(self.angles, self.radii)
 
 
 def parameter_plane(
@@ -50,22 +65,19 @@ def parameter_plane(
 ) -> ParameterPlane:
     """Return the region of two unknowns by walks along rays, which are even in the scales of a fit to first order."""
     pair = np.array(indices)
-    start = best.fitted.coordinates[pair]
-    scales = _scales(objective, best, pair)
+    axes = _scales(objective, best, pair)
     angles = 2 * np.pi * np.arange(rays) / rays
-    directions = np.stack([np.cos(angles), np.sin(angles)], axis=1) @ scales
-    rim, closed, ellipse = np.empty((rays, 2)), np.zeros(rays, bool), np.empty((rays, 2))
+    radii, closed, linear = np.empty(rays), np.zeros(rays, bool), np.empty(rays)
     names = " and ".join(objective.misfit.unknowns[i].name for i in indices)
-    for n, direction in enumerate(directions):
+    for n, angle in enumerate(angles):
         tell(f"plane of {names}, ray {n + 1} of {rays}")
+        direction = np.array([np.cos(angle), np.sin(angle)]) @ axes
         walk = ProfileWalk(objective, best, pair, direction, ROOT_95_OF_TWO, strict=False).run()
         closed[n] = walk.end is End.crossed
         furthest = max(each.distance for each in walk.points if each.root <= ROOT_95_OF_TWO)
-        rim[n] = start + direction * (walk.distance if closed[n] else furthest)
-        slope = walk.points[0].slope
-        ellipse[n] = start + direction * (ROOT_95_OF_TWO / slope if slope > 0 else np.inf)
-    order = np.argsort(np.arctan2(*(rim - start).T[::-1]))
-    return ParameterPlane(indices, start, rim[order], closed[order], ellipse[order])
+        radii[n] = walk.distance if closed[n] else furthest
+        linear[n] = ROOT_95_OF_TWO / max(walk.points[0].slope, 1e-300)
+    return ParameterPlane(indices, best.fitted.coordinates[pair], axes, angles, radii, closed, linear)
 
 
 def _scales(objective: Objective, best: Minimum, pair: npt.NDArray[np.int64]) -> Array:

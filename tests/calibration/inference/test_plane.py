@@ -15,7 +15,8 @@ def test_the_region_of_a_linear_model_is_its_ellipse():
     misfit = misfit_of(Formula(unknowns, lambda v: v[0] + v[1] * T + v[2] * T**2), [1, 2, 3], 0.1, NOISE)
     plane = infer(misfit, misfit.at(misfit.start), rays=12).plane
     assert plane.closed.all()
-    np.testing.assert_allclose(plane.rim, plane.ellipse, rtol=1e-7)
+    np.testing.assert_allclose(plane.radii, plane.linear_radii, rtol=1e-7)
+    np.testing.assert_allclose(plane.radii, 2.447746830680816, rtol=1e-7)
     # Every point of the rim is where the χ² of two degrees of freedom has its 95 % quantile.
     rows = np.stack([np.ones(15), T, T**2], axis=1) / 0.1
     covariance = np.linalg.inv(rows.T @ rows)[np.ix_(plane.indices, plane.indices)]
