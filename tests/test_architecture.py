@@ -44,7 +44,7 @@ ROOMS = {
         "study",
         "testing",
     ),
-    "calibration": ("core", "interfaces", "cell", "study"),
+    "calibration": ("core", "interfaces", "cell", "report", "study"),
     "cli": (
         "core",
         "interfaces",

@@ -15,8 +15,8 @@ from porocore.states import Array
 def unknown_entries(inference: Inference) -> dict[str, dict[str, Any]]:
     """Return value, unit, intervals and identifiability of each unknown, by its name.
 
-    ``interval95`` counts the priors, ``interval95_without_prior`` does not; an end that the data do not set is None, and
-    ``open_ends`` has the reason. ``deviation`` is that of ln x where the scale is ``log``, to first order.
+    ``interval95`` counts the priors, ``interval95_without_prior`` does not; an end that the data do not set is None,
+    and ``open_ends`` has the reason. ``deviation`` is that of ln x where the scale is ``log``, to first order.
     """
     return {
         one.name: {
@@ -69,7 +69,7 @@ def precision_entries(inference: Inference) -> dict[str, Any]:
 
 
 def suggestion_entries(inference: Inference) -> list[dict[str, Any]]:
-    """Return further data that help, the best first; the gain is that of the smallest singular value, None: infinite."""
+    """Return further data that help, the best first; a gain of the smallest singular value that is None is infinite."""
     return [
         {"data": each.name, "gain": _finite(each.gain), "least": each.least}
         for each in inference.suggestions

@@ -42,7 +42,8 @@ class ConfidenceInterval:
     low, high
         Its ends.
     coordinates : (n, k)
-        Points of the profile in the order of the unknown: its coordinate, and the best of the others.
+        Points of the profile in the order of the unknown: its coordinate, and the best of the others. Points at which
+        bounds of the others raise the sum of squares are left out.
     roots : (n,)
         Square root of the rise of the sum of squares, negative below the best value; ±1.96 at the ends.
     """
@@ -82,7 +83,7 @@ def confidence_interval(
         tell(f"{name} end of {unknown.name}")
         walk = ProfileWalk(objective, best, np.array([index]), np.array([sign]), ROOT_95, strict)
         walks.append(walk.run())
-    below, above = (sorted(walk.points, key=lambda each: each.distance) for walk in walks)
+    below, above = (walk.honest for walk in walks)
     # The best point is the first one of both walks.
     points = [*((-1, each) for each in reversed(below[1:])), *((1, each) for each in above)]
     ends = [

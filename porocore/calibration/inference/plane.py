@@ -48,7 +48,8 @@ class ParameterPlane:
 
     def points(self, angles: Array, radii: Array) -> Array:
         """Return coordinates (n, 2) of points at angles and radii (n,)."""
-        return self.best + radii[:, None] * (np.stack([np.cos(angles), np.sin(angles)], axis=1) @ self.axes)
+        directions = np.stack([np.cos(angles), np.sin(angles)], axis=1) @ self.axes
+        return np.asarray(self.best + radii[:, None] * directions)
 
     @property
     def rim(self) -> Array:

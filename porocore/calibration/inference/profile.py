@@ -148,6 +148,12 @@ class ProfileWalk:
                 return self
         return self
 
+    @property
+    def honest(self) -> list[ProfilePoint]:
+        """Points that bounds of other unknowns do not raise, in the order of distance."""
+        kept = [each for each in self.points if not len(self._holding(each.fitted))]
+        return sorted(kept, key=lambda each: each.distance)
+
     def _first(self) -> ProfilePoint:
         """Return the best point; its slope is the reciprocal of the standard deviation along the walk."""
         fitted = self.best.fitted

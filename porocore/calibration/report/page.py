@@ -1,0 +1,81 @@
+"""Report page of a calibration (write_report): one self-contained HTML file; figures as SVG and PNG."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from porocore.calibration.report.contents import CalibrationContents
+from porocore.calibration.report.correlation_figure import correlation_figure
+from porocore.calibration.report.fit_figure import fit_figure
+from porocore.calibration.report.plane_figure import plane_figure
+from porocore.calibration.report.profile_figure import profile_figure
+from porocore.calibration.report.words import gain_text, helpful, seen_sentence, unknown_rows
+from porocore.core.files.atomic import atomic_path
+from porocore.report.page import Picture, Pictures, environment
+
+#: Of the page, and of the folder of its figures, in the folder of a calibration.
+PAGE, FIGURES = "report.html", "figures"
+
+
+def write_report(
+    folder: Path, contents: CalibrationContents, tell: Callable[[str], None] = lambda name: None
+) -> Path:
+    """Write ``report.html`` into a folder and its figures into ``figures``, and return the page's path.
+
+    Parameters
+    ----------
+    folder
+        Of the calibration; it exists.
+    contents
+        What is shown.
+    tell
+        Called with the name of each figure before it is drawn.
+
+    Raises
+    ------
+    RunFolderError
+        A file cannot be written.
+    """
+    (folder / FIGURES).mkdir(exist_ok=True)
+    html = render(contents, Pictures(folder / FIGURES, tell))
+    with atomic_path(folder / PAGE) as part:
+        part.write_text(html, encoding="utf-8")
+    return folder / PAGE
+
+
+def render(contents: CalibrationContents, pictures: Pictures | None = None) -> str:
+    """Return the page as text; ``pictures`` may keep the figures as files."""
+    pictures = pictures or Pictures()
+    inference, truth = contents.inference, contents.truth
+    several = len(inference.unknowns) > 1
+    profiles = pictures.svg(
+        "profiles", profile_figure(inference, truth), "Profile likelihood of each unknown"
+    )
+    return (
+        environment("porocore.calibration.report")
+        .get_template("calibration.html.j2")
+        .render(
+            contents=contents,
+            inference=inference,
+            rows=list(unknown_rows(inference, None if truth is None else truth.tolist())),
+            seen=seen_sentence(inference),
+            suggestions=[(each.name, gain_text(each)) for each in helpful(inference)],
+            fits=_fits(contents, pictures),
+            profiles=profiles,
+            plane=None
+            if inference.plane is None
+            else pictures.svg("plane", plane_figure(inference, truth), "Plane of two unknowns"),
+            correlations=pictures.svg("correlations", correlation_figure(inference), "Correlations")
+            if several
+            else None,
+        )
+    )
+
+
+def _fits(contents: CalibrationContents, pictures: Pictures) -> list[tuple[str, Picture]]:
+    names = contents.data.names
+    return [
+        (name, pictures.svg(f"fit_{name}", fit_figure(contents, c), f"Fit of {name}"))
+        for c, name in enumerate(names)
+    ]

@@ -1,0 +1,134 @@
+"""Figure of the profile likelihood of each unknown, with its 95 % interval."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from porocore.calibration.inference.infer import Inference
+from porocore.calibration.inference.intervals import ROOT_95, ConfidenceInterval
+from porocore.calibration.problem import Unknown
+from porocore.calibration.report.contents import unknown_label
+from porocore.report.figures.style import (
+    BLACK,
+    BLUE,
+    DASHED,
+    DOTTED,
+    GREEN,
+    GREY,
+    VERMILLION,
+    legend_above,
+    lighter,
+    new_figure,
+    styled,
+)
+from porocore.states import Array
+
+#: Largest rise that is drawn.
+HIGHEST = 6.5
+#: Ratio of the ends of an axis from which it is logarithmic.
+WIDE = 10.0
+COLUMNS = 3
+POINTS = 200
+
+
+@styled
+def profile_figure(inference: Inference, truth: Array | None = None) -> Figure:
+    """Draw the rise of the sum of squares over each unknown, the others optimised.
+
+    Solid: of the data; dash-dotted: with priors, where there are any; dashed: to first order. The band is the 95 %
+    interval without priors, open to the side where it has no end.
+
+    Parameters
+    ----------
+    inference
+        Its profiles.
+    truth : (k,)
+        Values with which data were made up.
+    """
+    count = len(inference.unknowns)
+    columns = 2 if count in (2, 4) else min(COLUMNS, count)
+    rows = -(-count // columns)
+    figure = new_figure(max(3.1 * columns, 4.4), 0.7 + 2.5 * rows)
+    panels = figure.subplots(rows, columns, squeeze=False, sharey=True)
+    for i, axes in enumerate(panels.ravel()[:count]):
+        _panel(axes, inference, i, None if truth is None else float(truth[i]))
+    for axes in panels.ravel()[count:]:
+        axes.set_visible(False)
+    for axes in panels[:, 0]:
+        axes.set_ylabel("rise of the sum of squares")
+    legend_above(figure, panels[0, 0], columns=2 if columns < 3 else 3)
+    return figure
+
+
+def _panel(axes: Axes, inference: Inference, i: int, truth: float | None) -> None:
+    unknown, alone = inference.unknowns[i], inference.data_intervals[i]
+    both = inference.intervals[i]
+    x, rise = smooth_profile(alone, i)
+    low, high = float(x[0]), float(x[-1])
+    _band(axes, unknown, alone, low, high)
+    axes.plot(_values(unknown, x), rise, color=BLUE, label="profile of the data", zorder=3)
+    points, roots = alone.coordinates[:, i], alone.roots
+    axes.plot(_values(unknown, points), roots**2, "o", ms=3, color=BLUE, zorder=3)
+    if both is not alone:
+        more, less = smooth_profile(both, i)
+        axes.plot(
+            _values(unknown, more), less, color=VERMILLION, ls=(0, (5, 1.5, 1, 1.5)), label="with priors"
+        )
+    deviation = float(inference.without_priors.deviations[i])
+    if np.isfinite(deviation):
+        dense = np.linspace(low, high, POINTS)
+        parabola = ((dense - inference.data_best.coordinates[i]) / deviation) ** 2
+        axes.plot(_values(unknown, dense), parabola, color=GREY, ls=DASHED, lw=1.2, label="to first order")
+    axes.axhline(ROOT_95**2, color=BLACK, ls=DOTTED, lw=1.2, label="95 %: rise 3.84")
+    if truth is not None:
+        axes.axvline(truth, color=GREEN, lw=1.4, label="truth")
+    axes.set_ylim(0, HIGHEST)
+    margin = 0.04 * (high - low)
+    axes.set_xlim(*_values(unknown, np.array([low - margin, high + margin])))
+    if unknown.scale == "log" and high - low > np.log(WIDE):
+        axes.set_xscale("log")
+    axes.set_xlabel(unknown_label(unknown))
+
+
+def _band(axes: Axes, unknown: Unknown, interval: ConfidenceInterval, low: float, high: float) -> None:
+    """Shade the interval; an end that is none is where the profile ends, with an arrow."""
+    ends = [
+        unknown.value(edge) if value is None else value
+        for value, edge in zip(interval.values, (low, high), strict=True)
+    ]
+    axes.axvspan(ends[0], ends[1], color=lighter(BLUE, 0.85), lw=0, label="95 % interval of the data")
+    for end, value, side in zip(ends, interval.values, ("left", "right"), strict=True):
+        if value is None:
+            axes.annotate(
+                "no end",
+                (end, 0.93 * HIGHEST),
+                xytext=(10 if side == "left" else -10, 0),
+                textcoords="offset points",
+                ha=side,
+                va="center",
+                fontsize=9,
+                color=BLUE,
+                arrowprops={"arrowstyle": "->", "color": BLUE, "lw": 1.2},
+            )
+
+
+def _values(unknown: Unknown, coordinates: Array) -> Array:
+    return np.array([unknown.value(float(x)) for x in coordinates])
+
+
+def smooth_profile(interval: ConfidenceInterval, index: int) -> tuple[Array, Array]:
+    """Return coordinates (n,) of an unknown and the rise there, through the points of its profile.
+
+    The signed root is interpolated, which is a straight line where the model is linear.
+    """
+    from scipy.interpolate import PchipInterpolator
+
+    points = interval.coordinates[:, index]
+    kept = np.concatenate([[True], np.diff(points) > 0])
+    if kept.sum() < 2:
+        return points[kept], interval.roots[kept] ** 2
+    curve = PchipInterpolator(points[kept], interval.roots[kept])
+    dense = np.linspace(points[0], points[-1], POINTS)
+    return dense, curve(dense) ** 2

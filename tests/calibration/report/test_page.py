@@ -1,0 +1,180 @@
+"""Report page of a calibration: its words, tables and figures; axes and bands of the figures."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from calibration_models import Consolidation, Formula, data_of, misfit_of
+from report_page import ODD, Page
+
+from porocore.calibration.inference.infer import infer
+from porocore.calibration.inference.suggestions import experiment
+from porocore.calibration.problem import CurveData, Misfit, NormalPrior, Unknown
+from porocore.calibration.report.contents import CalibrationContents, CurveAxes
+from porocore.calibration.report.correlation_figure import correlation_figure
+from porocore.calibration.report.fit_figure import fit_figure
+from porocore.calibration.report.page import render, write_report
+from porocore.calibration.report.plane_figure import plane_figure, smooth_rim
+from porocore.calibration.report.profile_figure import profile_figure, smooth_profile
+
+T = np.geomspace(0.02, 6, 24)
+SEEN = (
+    Unknown("modulus", 1.0, 0.01, 100.0, "log", unit="kPa"),
+    Unknown("conductivity", 1.0, 0.01, 100.0, "log"),
+)
+NOISE = np.random.default_rng(3).normal(size=24)
+
+
+def ratio(v):
+    return 12 / v[0] * (1 - 0.8 * np.exp(-v[1] / v[2] * T))
+
+
+@pytest.fixture(scope="module")
+def unseen():
+    """Two tests, of which neither sees conductivity and viscosity apart."""
+    unknowns = tuple(
+        Unknown(name, 1.5, 0.02, 60.0, "log") for name in ("modulus", "conductivity", "viscosity")
+    )
+    model = Formula(unknowns, lambda v: np.concatenate([ratio(v), 3 * ratio(v)]))
+    values = model.curves(np.array([2.0, 1.0, 1.3])).values + 0.05 * np.concatenate([NOISE, NOISE[::-1]])
+    data = CurveData(
+        values, np.full(48, 0.05), np.repeat([0, 1], 24), np.tile(T, 2), ("one: settlement", "two: force")
+    )
+    misfit = Misfit(model, data)
+    best = misfit.at(misfit.start)
+    alone = experiment(
+        "a permeation test", Formula(unknowns, lambda v: v[1] * T), best.coordinates, np.full(24, 0.05)
+    )
+    axes = (CurveAxes("settlement", "mm", "s"), CurveAxes("force", "mm**2*kPa", "s"))
+    return CalibrationContents(
+        ODD, data, infer(misfit, best, further=[alone], rays=8), axes, np.array([2.0, 1.0, 1.3]),
+        facts=(("cell solves", "24"),), warnings=("Look <here>.",), configuration="radius: <1>",
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def seen():
+    misfit = misfit_of(Consolidation(SEEN, T), [1.2, 0.8], 0.001, NOISE, times=T)
+    return CalibrationContents("Seen", misfit.data, infer(misfit, misfit.at(misfit.start), rays=8))
+
+
+def test_the_page_of_an_unseen_direction(unseen, undrawn):
+    page = Page(render(unseen))
+    for words in (
+        ODD,
+        "The data were made up, with noise.",
+        "Look <here>.",
+        "One combination of the unknowns is not seen, 2 of 3 are seen:",
+        "Only the ratio conductivity/viscosity is seen, not each.",
+        "a permeation test",
+        "makes seen what is not seen at all",
+        "no lower end: the data set no end here; only conductivity at its bound",
+        "cell solves",
+        "radius: <1>",
+    ):
+        assert words in page.words, words
+    assert "– … –" in page.words
+    # Two fits, profiles, plane, correlations, each with a text.
+    images = page.all("img")
+    assert len(images) == 5
+    assert all(image["alt"] for image in images)
+
+
+def test_the_page_where_everything_is_seen(seen, undrawn):
+    words = Page(render(seen)).words
+    assert "The data see every combination of the unknowns" in words
+    assert "made up" not in words
+    assert "with priors" not in words
+    assert "modulus" in words
+    assert "kPa" in words
+
+
+def test_without_what_helps_another_test_is_asked_for(unseen, undrawn):
+    alone = replace(unseen, inference=replace(unseen.inference, suggestions=()))
+    assert "another test, or another quantity, is needed" in Page(render(alone)).words
+
+
+def test_one_unknown_has_no_plane_and_no_correlations(undrawn):
+    model = Formula((Unknown("rate", 1.0, 0.01, 20.0, "log"),), lambda v: np.exp(-v[0] * T))
+    misfit = misfit_of(model, [1.3], 0.02, NOISE, times=T)
+    contents = CalibrationContents("One", misfit.data, infer(misfit, misfit.at(misfit.start)))
+    assert len(Page(render(contents)).all("img")) == 2
+
+
+def test_priors_have_a_column_and_a_curve(undrawn):
+    unknowns = (replace(SEEN[0], prior=NormalPrior(0.2, 0.001)), SEEN[1])
+    misfit = misfit_of(Consolidation(unknowns, T), [1.2, 0.8], 0.01, NOISE, times=T)
+    contents = CalibrationContents("P", misfit.data, infer(misfit, misfit.at(misfit.start), rays=4))
+    assert "intervalwith priors" in Page(render(contents)).words
+    labels = [line.get_label() for line in profile_figure(contents.inference).axes[0].get_lines()]
+    assert "with priors" in labels
+
+
+def test_files_of_the_report(seen, tmp_path):
+    told = []
+    path = write_report(tmp_path, seen, told.append)
+    assert path == tmp_path / "report.html"
+    names = {"fit_curve", "profiles", "plane", "correlations"}
+    assert set(told) == names
+    assert {file.name for file in (tmp_path / "figures").iterdir()} == {
+        f"{name}.{form}" for name in names for form in ("svg", "png")
+    }
+    assert "data:image/svg+xml;base64," in path.read_text(encoding="utf-8")
+
+
+def test_the_fit_has_data_prediction_and_residuals(unseen):
+    upper, lower = fit_figure(unseen, 1).axes
+    assert upper.get_ylabel() == "force [mm² kPa]"
+    assert lower.get_xlabel() == "time $t$ [s]"
+    assert lower.get_xscale() == "log"
+    residuals = lower.get_lines()[-1].get_ydata()
+    np.testing.assert_allclose(residuals, -unseen.inference.best.residuals[24:48], rtol=1e-10)
+
+
+def test_a_profile_passes_the_threshold_at_the_ends_of_its_interval(seen):
+    for i, interval in enumerate(seen.inference.data_intervals):
+        x, rise = smooth_profile(interval, i)
+        ends = [SEEN[i].coordinate(value) for value in interval.values]
+        np.testing.assert_allclose(np.interp(ends, x, rise), 3.841458820694124, rtol=0.02)
+
+
+def test_an_interval_without_ends_says_so(unseen):
+    panels = profile_figure(unseen.inference, unseen.truth).axes
+    texts = [[text.get_text() for text in axes.texts] for axes in panels]
+    assert texts == [[], ["no end", "no end"], ["no end", "no end"]]
+    assert panels[1].get_xscale() == "log"
+
+
+def test_the_rim_is_smooth_and_passes_its_rays(seen):
+    plane = seen.inference.plane
+    _, radii = smooth_rim(plane)
+    np.testing.assert_allclose(radii[:: (len(radii) - 1) // 8][:8], plane.radii, rtol=1e-12)
+    assert radii[0] == pytest.approx(radii[-1])
+    axes = plane_figure(seen.inference).axes[0]
+    assert axes.get_xlabel() == "modulus [kPa]"
+    low, high = axes.get_xlim()
+    assert low < np.exp(plane.rim[:, 0].min()) < np.exp(plane.rim[:, 0].max()) < high
+
+
+def test_an_open_region_has_marks_where_it_goes_on(unseen):
+    axes = plane_figure(unseen.inference, unseen.truth).axes[0]
+    marks = next(line for line in axes.get_lines() if line.get_label() == "goes on here")
+    assert len(marks.get_xdata()) == (~unseen.inference.plane.closed).sum() > 0
+
+
+def test_correlations_have_their_numbers(unseen):
+    texts = [text.get_text() for text in correlation_figure(unseen.inference).axes[0].texts]
+    assert texts[0] == "1"
+    assert "> 0.9999" in texts
+    assert "−0.00" not in texts
+
+
+def test_data_without_axes_are_dimensionless():
+    contents = plain()
+    assert fit_figure(contents, 0).axes[0].get_ylabel() == "curve [–]"
+
+
+def plain():
+    model = Formula((Unknown("level", 1.0, -9.0, 9.0),), lambda v: v[0] * np.ones(5))
+    misfit = Misfit(model, data_of([1, 2, 1, 2, 1], 0.5))
+    return CalibrationContents("C", misfit.data, infer(misfit, misfit.at(misfit.start)))
