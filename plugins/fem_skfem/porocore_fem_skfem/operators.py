@@ -7,7 +7,9 @@ one sparse product and an assembly one batched product followed by one sparse sc
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from scipy import sparse
@@ -19,6 +21,10 @@ from porocore.states import Array, IntArray
 from porocore_fem_skfem.checks import Indices
 
 ELEMENTS = {4: ElementTetP1(), 10: ElementTetP2()}
+#: Pairs of nodes of the elements that are summed together.
+BATCH = 2**18
+#: Blocks of two components of some elements.
+Parts: TypeAlias = Callable[[int, int], Array]
 
 
 class Operators:
@@ -131,11 +137,36 @@ class Pattern:
         return np.asarray(np.bincount(np.searchsorted(self.keys, keys), values, len(self.keys)), float)
 
 
+@dataclass(frozen=True, eq=False)
+class _Batch:
+    """Elements that are summed together.
+
+    Attributes
+    ----------
+    elements
+        Which they are.
+    pairs : (k,)
+        Numbers of their pairs of nodes among all pairs.
+    slot : (elements, a, a)
+        Place of each element's pairs among these.
+    """
+
+    elements: slice
+    pairs: IntArray
+    slot: Indices
+
+    @cached_property
+    def slot_by_nodes(self) -> Indices:
+        """The places by nodes and then elements, (a, a, elements)."""
+        return np.ascontiguousarray(self.slot.transpose(1, 2, 0))
+
+
 class Scatter:
     """Sum of element blocks into the upper triangle of a matrix whose pattern is computed once.
 
     The unknowns of a node are coupled to all of another one that shares an element, so pairs of nodes are sorted and
-    not pairs of unknowns, of which a displacement has nine times as many.
+    not pairs of unknowns, of which a displacement has nine times as many. Elements are summed in batches, whose blocks
+    fit into the processor's cache.
 
     Parameters
     ----------
@@ -148,52 +179,66 @@ class Scatter:
     """
 
     def __init__(self, cells: IntArray, n: int, components: int = 1) -> None:
-        self._shape = (len(cells), components, cells.shape[1], components, cells.shape[1])
-        pairs = cells[:, :, None] * n + cells[:, None, :]
-        unique, slot = np.unique(pairs, return_inverse=True)
-        #: Number of each element's pairs of nodes among all pairs, (elements, a, a).
-        self._slot = slot.reshape(pairs.shape)
+        self._shape = (-1, components, cells.shape[1], components, cells.shape[1])
+        unique, self._batches = _numbered_pairs(cells, n)
         row, column = unique // n, unique % n
-        #: Pairs on and above the diagonal.
-        self._upper = upper = np.flatnonzero(row <= column)
+        upper = np.flatnonzero(row <= column)
         width, upper_width = np.bincount(row, minlength=n), np.bincount(row[upper], minlength=n)
         rank, upper_rank = _rank(row, width), _rank(row[upper], upper_width)
         widths = np.concatenate([upper_width + (components - 1 - i) * width for i in range(components)])
         starts = np.concatenate([[0], np.cumsum(widths)])
         rows = np.repeat(np.arange(components * n, dtype=np.int32), widths)
         indices = np.empty(starts[-1], dtype=np.int32)
-        #: Component of the row and of the column, and where their sums go.
+        #: Component of the row and of the column, and where the sums of all pairs go; behind all entries go those below
+        #: the diagonal.
         self._parts: list[tuple[int, int, IntArray]] = []
         for i in range(components):
             start = starts[i * n : (i + 1) * n]
-            self._parts.append((i, i, start[row[upper]] + upper_rank))
-            indices[self._parts[-1][2]] = column[upper] + i * n
+            places = np.full(len(unique), len(indices))
+            places[upper] = start[row[upper]] + upper_rank
+            indices[places[upper]] = column[upper] + i * n
+            self._parts.append((i, i, places))
             for j in range(i + 1, components):
                 after = start + upper_width + (j - i - 1) * width
                 self._parts.append((i, j, after[row] + rank))
                 indices[self._parts[-1][2]] = column + j * n
-        self._count = len(unique)
         self.pattern = Pattern(rows, indices, components * n)
 
     def __call__(self, blocks: Array) -> Array:
         """Return the entries (nnz) from blocks (elements, components · a, components · a)."""
-        blocks = blocks.reshape(self._shape)
-        return self._sum(self._slot.ravel(), lambda i, j: blocks[:, i, :, j])
+        return self.sum_of(lambda some: self.parts(blocks[some]))
 
-    def by_nodes(self, part: Callable[[int, int], Array]) -> Array:
-        """Return the entries (nnz) from the blocks (a, a, elements) of two components, by nodes and not by elements."""
-        return self._sum(self._slot_by_nodes, part)
+    def parts(self, blocks: Array) -> Parts:
+        """Return the parts of blocks (some, components · a, components · a) for :meth:`sum_of`."""
+        whole = blocks.reshape(self._shape)
+        return lambda i, j: whole[:, i, :, j]
 
-    def _sum(self, slot: IntArray, part: Callable[[int, int], Array]) -> Array:
-        out = np.empty(len(self.pattern.indices))
-        for i, j, places in self._parts:
-            sums = np.bincount(slot, part(i, j).ravel(), self._count)
-            out[places] = sums if i != j else sums[self._upper]
-        return out
+    def sum_of(self, parts: Callable[[slice], Parts], *, by_nodes: bool = False) -> Array:
+        """Return the entries (nnz) from the blocks of two components, (some, a, a), of some elements after the others.
 
-    @cached_property
-    def _slot_by_nodes(self) -> IntArray:
-        return self._slot.transpose(1, 2, 0).ravel()
+        They are (a, a, some) where they come ``by_nodes``.
+        """
+        out = np.zeros(len(self.pattern.indices) + 1)
+        for batch in self._batches:
+            part, slot = parts(batch.elements), batch.slot_by_nodes if by_nodes else batch.slot
+            for i, j, places in self._parts:
+                sums = np.bincount(slot.ravel(), part(i, j).ravel(), len(batch.pairs))
+                out[places[batch.pairs]] += sums
+        return out[:-1]
+
+
+def _numbered_pairs(cells: IntArray, n: int) -> tuple[IntArray, list[_Batch]]:
+    """Return the pairs of nodes a · n + b that share an element, ascending, and the elements in batches."""
+    step, found = max(1, BATCH // cells.shape[1] ** 2), []
+    for k in range(0, len(cells), step):
+        some = cells[k : k + step]
+        pairs = some[:, :, None] * n + some[:, None, :]
+        own, slot = np.unique(pairs, return_inverse=True)
+        found.append((slice(k, k + step), own, slot.reshape(pairs.shape).astype(np.int32)))
+    if not found:
+        return np.empty(0, dtype=np.int64), []
+    unique = found[0][1] if len(found) == 1 else np.unique(np.concatenate([own for _, own, _ in found]))
+    return unique, [_Batch(some, np.searchsorted(unique, own), slot) for some, own, slot in found]
 
 
 def empty_blocks(elements: int, nodes: int) -> Array:

@@ -15,7 +15,7 @@ from porocore.cell.materials.energy import StrainEnergy
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.core.tensors.cofactors import add_cofactor_tangent
 from porocore.states import Array
-from porocore_fem_skfem.operators import Operators, Scatter, empty_blocks
+from porocore_fem_skfem.operators import Operators, Parts, Scatter, empty_blocks
 
 #: Numbers in a batch of element blocks that fits into the processor's cache.
 CACHED = 60_000
@@ -93,19 +93,24 @@ class GeneralResponse(SolidResponse):
     def stiffness(self, at: PointKinematics) -> Array:
         e, q, a, _ = self.grad_N.shape
         weighted = (self.moduli(at) * self.w).reshape(3, 3, 3, 3, e, q)
-        blocks = empty_blocks(e, a)
         chunk = max(1, CACHED // (3 * a) ** 2)
-        for start in range(0, e, chunk):
-            part = slice(start, start + chunk)
-            grad = self.grad_N[part]
-            n = len(grad)
-            # Σ_ql grad_bl (Σ_j grad_aj A_ijkl) as two batched products
-            A = weighted[..., part, :].transpose(4, 5, 1, 0, 2, 3).reshape(n, q, 3, 27)
-            half = np.matmul(grad, A).reshape(n, q, a, 3, 3, 3).transpose(0, 3, 4, 2, 1, 5)
-            right = grad.transpose(0, 1, 3, 2).reshape(n, 3 * q, a)
-            full = np.matmul(half.reshape(n, 9 * a, 3 * q), right).reshape(n, 3, 3, a, a)
-            blocks[part] = full.transpose(0, 1, 3, 2, 4)
-        return self.scatter(blocks)
+
+        def blocks_of(elements: slice) -> Parts:
+            some = range(e)[elements]
+            blocks = empty_blocks(len(some), a)
+            for start in range(0, len(some), chunk):
+                part = slice(some[start], some[start] + len(some[start : start + chunk]))
+                grad = self.grad_N[part]
+                n = len(grad)
+                # Σ_ql grad_bl (Σ_j grad_aj A_ijkl) as two batched products
+                A = weighted[..., part, :].transpose(4, 5, 1, 0, 2, 3).reshape(n, q, 3, 27)
+                half = np.matmul(grad, A).reshape(n, q, a, 3, 3, 3).transpose(0, 3, 4, 2, 1, 5)
+                right = grad.transpose(0, 1, 3, 2).reshape(n, 3 * q, a)
+                full = np.matmul(half.reshape(n, 9 * a, 3 * q), right).reshape(n, 3, 3, a, a)
+                blocks[start : start + n] = full.transpose(0, 1, 3, 2, 4)
+            return self.scatter.parts(blocks)
+
+        return self.scatter.sum_of(blocks_of)
 
 
 class NeoHookeanResponse(SolidResponse):
@@ -145,41 +150,40 @@ class NeoHookeanResponse(SolidResponse):
         pJ = at.p * at.J
         # Blocks w (d ga⊗gb − c gb⊗ga) with ga = F⁻ᵀ∇N_a
         d, c = self.w * (second + pJ), self.w * (first + pJ)
+        G = at.cof / at.J
         if self.grad_N.shape[1] == 1:
-            return self._at_one_point(at.cof / at.J, d, c) + self._laplacian
+            return self._at_one_point(G, d, c) + self._laplacian
         e, q, a, _ = self.grad_N.shape
-        F_inverse = np.ascontiguousarray(np.moveaxis(at.cof / at.J, -1, 0)).transpose(0, 2, 1)
-        g = np.matmul(self.grad_N.reshape(e * q, a, 3), F_inverse).transpose(0, 2, 1).reshape(e, q, 3 * a)
         d, c = d.reshape(e, q, 1), c.reshape(e, q, 1)
-        blocks = empty_blocks(e, a)
+        F_inverse = G.reshape(3, 3, e, q).transpose(2, 3, 1, 0)
         chunk = max(1, CACHED // (3 * a) ** 2)
-        for k in range(0, e, chunk):
-            part = slice(k, k + chunk)
-            g_T = np.ascontiguousarray(g[part].transpose(0, 2, 1))
-            plus, minus = np.matmul(g_T, d[part] * g[part]), np.matmul(g_T, c[part] * g[part])
-            shape = (-1, 3, a, 3, a)
-            np.subtract(plus.reshape(shape), minus.reshape(shape).transpose(0, 3, 2, 1, 4), out=blocks[part])
-        return self.scatter(blocks) + self._laplacian
+
+        def blocks_of(elements: slice) -> Parts:
+            inverse = np.ascontiguousarray(F_inverse[elements])
+            g = np.matmul(self.grad_N[elements], inverse).transpose(0, 1, 3, 2).reshape(-1, q, 3 * a)
+            d_g, c_g = d[elements] * g, c[elements] * g
+            blocks, shape = empty_blocks(len(g), a), (-1, 3, a, 3, a)
+            for k in range(0, len(g), chunk):
+                part = slice(k, k + chunk)
+                g_T = np.ascontiguousarray(g[part].transpose(0, 2, 1))
+                plus, minus = np.matmul(g_T, d_g[part]), np.matmul(g_T, c_g[part])
+                np.subtract(
+                    plus.reshape(shape), minus.reshape(shape).transpose(0, 3, 2, 1, 4), out=blocks[part]
+                )
+            return self.scatter.parts(blocks)
+
+        return self.scatter.sum_of(blocks_of) + self._laplacian
 
     def _at_one_point(self, G: Array, d: Array, c: Array) -> Array:
         """Return the varying part of the stiffness of elements with one point each, by nodes and then elements."""
-        grad = self._grad_by_nodes
-        _, a, e = grad.shape
-        g = np.stack([G[i, 0] * grad[0] + G[i, 1] * grad[1] + G[i, 2] * grad[2] for i in range(3)])
-        plus, minus, chunk = d * g, c * g, max(1, CACHED // (2 * a * a))
 
-        def part(i: int, j: int) -> Array:
-            out, product = np.empty((a, a, e)), np.empty((a, a, min(e, chunk)))
-            for k in range(0, e, chunk):
-                some = slice(k, min(k + chunk, e))
-                here = out[:, :, some]
-                np.multiply(plus[i, :, None, some], g[j, None, :, some], out=here)
-                here -= np.multiply(
-                    minus[j, :, None, some], g[i, None, :, some], out=product[:, :, : here.shape[2]]
-                )
-            return out
+        def blocks_of(elements: slice) -> Parts:
+            grad, inverse = self._grad_by_nodes[:, :, elements], G[:, :, elements]
+            g = np.stack([sum(inverse[i, k] * grad[k] for k in range(3)) for i in range(3)])
+            plus, minus = d[elements] * g, c[elements] * g
+            return lambda i, j: plus[i, :, None] * g[j, None] - minus[j, :, None] * g[i, None]
 
-        return self.scatter.by_nodes(part)
+        return self.scatter.sum_of(blocks_of, by_nodes=True)
 
     @cached_property
     def _grad_by_nodes(self) -> Array:

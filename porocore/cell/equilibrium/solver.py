@@ -31,6 +31,7 @@ from porocore.cell.meshing.mesh import CellMesh, Domain
 from porocore.cell.meshing.quadrature import LARGEST_DEGREE
 from porocore.core.echo import echo
 from porocore.core.fields.declaration import provided_fields
+from porocore.core.parallel.memory import freed_memory_kept
 from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.records import failed_response
@@ -118,7 +119,8 @@ class PreparedCell:
         if self.cell.geometry.porosity == 0:
             return np.zeros((3, 3)), np.zeros((3, 3, len(self.cell.parameters)))
         pore = self.pore("eighth" if self.cell.symmetric else "whole")
-        K, slopes = conductivity_with_slopes(self.cell, pore)
+        with freed_memory_kept(pore.fluid.mesh.points.size):
+            K, slopes = conductivity_with_slopes(self.cell, pore)
         return self.open_only(K), self.open_only(slopes)
 
     def open_only(self, K: Array) -> Array:
@@ -231,11 +233,12 @@ def _equilibrium(
         return failed(Status.inverted)
     solid = prepared.solid_for(H)
     try:
-        outcome = follow(solid, _start(solid, start), H, p, TOLERANCE)
-        if outcome.equilibrium is None:
-            return failed(outcome.status)
-        dependences = prepared.dependences(solid) if count else []
-        response, slopes = respond_with_slopes(solid, outcome.equilibrium, dependences, tangent=tangent)
+        with freed_memory_kept(solid.mesh.points.size):
+            outcome = follow(solid, _start(solid, start), H, p, TOLERANCE)
+            if outcome.equilibrium is None:
+                return failed(outcome.status)
+            dependences = prepared.dependences(solid) if count else []
+            response, slopes = respond_with_slopes(solid, outcome.equilibrium, dependences, tangent=tangent)
     except FactorError:
         return failed(Status.not_converged)
     if response.tangent is not None and not (_finite(response.tangent) and _finite_slopes(slopes)):
@@ -266,10 +269,12 @@ def _with_conductivity(prepared: PreparedCell, solved: _Solved) -> CellResponse:
     if solid is not None and iterate is not None:
         pore, place = prepared.pore(solid.mesh.domain), (iterate.H, iterate.displacement, solid.mesh)
         if slopes is None:
-            K, smallest = pore.deformed(*place)
+            with freed_memory_kept(pore.fluid.mesh.points.size):
+                K, smallest = pore.deformed(*place)
         else:
             motion = _pore_motion(prepared, solid, slopes)
-            K, smallest, K_slopes = pore.deformed_slopes(*place, motion)
+            with freed_memory_kept(pore.fluid.mesh.points.size):
+                K, smallest, K_slopes = pore.deformed_slopes(*place, motion)
             of_conductivity = prepared.open_only(with_viscosity(cell, K, K_slopes))
             response = replace(response, slopes=response_slopes(slopes, of_conductivity))
         K = prepared.open_only(K)

@@ -11,6 +11,7 @@ import numpy as np
 
 from porocore.core.echo import echo
 from porocore.core.models.bounds import LARGEST_NUMBER
+from porocore.core.parallel.memory import freed_memory_kept
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import LawMemory, MacroLaw
 from porocore.interfaces.macro import MacroSolver
@@ -81,7 +82,8 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
             The checkpoint is damaged, or belongs to another problem or law.
         """
         body, law = _composed(prepared, law)
-        return self._integrated(prepared, body, law, checkpoint, on_step)
+        with freed_memory_kept(prepared.mesh.size):
+            return self._integrated(prepared, body, law, checkpoint, on_step)
 
     def solve_with_sensitivities(
         self,
@@ -95,7 +97,8 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
         body, law = _composed(prepared, law)
         with prepared.communicator.united():
             tracker = SensitivityTracker(prepared, body, law, changes)
-        solution = self._integrated(prepared, body, law, None, on_step, tracker)
+        with freed_memory_kept(prepared.mesh.size):
+            solution = self._integrated(prepared, body, law, None, on_step, tracker)
         return solution, tracker.result()
 
     def _integrated(

@@ -1,0 +1,44 @@
+"""Memory of large problems: temporary arrays cost no page faults within the block, and all is handed back after it."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+SCRIPT = """
+import resource
+import numpy as np
+from contextlib import nullcontext
+from porocore.core.parallel.memory import LARGE, freed_memory_kept
+
+def faults():
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    for _ in range(20):
+        np.ones(8_000_000)
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+def resident():
+    return int(open("/proc/self/statm").read().split()[1]) * 4096
+
+np.ones(8_000_000)
+outside = faults()
+with freed_memory_kept(10 * LARGE):
+    with freed_memory_kept(10 * LARGE):
+        np.ones(8_000_000)
+    inside = faults()
+with freed_memory_kept(10):
+    small = faults()
+print(outside, inside, small, resident() // 2**20)
+"""
+
+
+@pytest.mark.skipif(
+    not os.path.exists("/proc/self/statm"), reason="the size of the process is read from /proc"
+)
+def test_large_temporary_arrays_are_not_cleared_by_the_system_again_and_again():
+    done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=True)
+    outside, inside, small, megabytes = map(int, done.stdout.split())
+    assert inside < outside / 4
+    assert small > outside / 2
+    assert megabytes < 200  # twenty arrays of 64 MB were made
