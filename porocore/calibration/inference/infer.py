@@ -23,6 +23,8 @@ from porocore.states import Array
 MOST_RESTARTS = 3
 #: Rays of the region of two unknowns.
 RAYS = 16
+#: Fewer rays are no region.
+LEAST_RAYS = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +56,7 @@ class Inference:
     suggestions
         Further data, the most helpful first.
     plane
-        Region of the two unknowns that the data determine least, without priors; None: not computed.
+        Plane of the two unknowns that the data determine least, without priors; None: not asked for, or one unknown.
     evaluations
         Points at which the model was computed.
     """
@@ -104,7 +106,7 @@ def infer(
     further
         Measurements that could be made, ranked beside denser parts of the measured curves.
     rays
-        Of the region of the two least determined unknowns; 0: none.
+        Of the region of the two least determined unknowns; 0: no plane.
     tell
         Called with what is computed next.
 
@@ -139,7 +141,7 @@ def infer(
         data_intervals=data_intervals,
         identifiable=_identifiable(rule, unknowns, misfit.values(fitted.coordinates), data_intervals),
         suggestions=ranked(jacobian, limits, [*further, *repeated_parts(misfit, fitted)]),
-        plane=_plane(alone, data_found, limits, rays, tell),
+        plane=_plane(alone, data_found, data_intervals, rays, tell),
         evaluations=objective.evaluations,
     )
 
@@ -170,11 +172,20 @@ def _intervals(
 
 
 def _plane(
-    objective: Objective, best: Minimum, limits: Array, rays: int, tell: Callable[[str], None]
+    objective: Objective,
+    best: Minimum,
+    intervals: Sequence[ConfidenceInterval],
+    rays: int,
+    tell: Callable[[str], None],
 ) -> ParameterPlane | None:
-    """Return the region of the two unknowns that have the widest distributions, in limits."""
-    if rays < 1 or len(limits) < 2:
+    """Return the plane of the two unknowns that have the widest distributions, in limits.
+
+    Where an interval of one of them is open, their region is a valley without ends, in which the paths of the profiles
+    say all; it has then no rays.
+    """
+    if rays < LEAST_RAYS or len(intervals) < 2:
         return None
-    widths = LinearPrecision.from_jacobian(best.fitted.jacobian * limits).spread
+    widths = LinearPrecision.from_jacobian(best.fitted.jacobian * objective.scale).spread
     first, second = sorted(int(i) for i in np.argsort(-widths, kind="stable")[:2])
-    return parameter_plane(objective, best, (first, second), rays, tell)
+    is_open = any(end is None for i in (first, second) for end in intervals[i].values)
+    return parameter_plane(objective, best, (first, second), 0 if is_open else rays, tell)

@@ -64,10 +64,13 @@ def parameter_plane(
     rays: int,
     tell: Callable[[str], None] = lambda text: None,
 ) -> ParameterPlane:
-    """Return the region of two unknowns by walks along rays, which are even in the scales of a fit to first order."""
+    """Return the region of two unknowns by walks along rays, which are even in the scales of a fit to first order.
+
+    Without rays the plane has the best point and the scales alone.
+    """
     pair = np.array(indices)
     axes = _scales(objective, best, pair)
-    angles = 2 * np.pi * np.arange(rays) / rays
+    angles = 2 * np.pi * np.arange(rays) / max(rays, 1)
     radii, closed, linear = np.empty(rays), np.zeros(rays, bool), np.empty(rays)
     names = " and ".join(objective.misfit.unknowns[i].name for i in indices)
     for n, angle in enumerate(angles):

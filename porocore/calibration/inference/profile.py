@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
+import numpy.typing as npt
 
 from porocore.calibration.inference.minimise import Minimum, Objective, minimise
 from porocore.calibration.problem import Fitted
@@ -141,7 +142,7 @@ class ProfileWalk:
                 return self._crossed(found)
             if found.root > self.target:
                 beyond = found
-                if distance - self._last_inside().distance < NARROWEST * distance:
+                if distance - self._last_inside().distance < NARROWEST * distance or self._is_held(found):
                     return self._crossed(found)
             elif distance >= room:
                 self.end = End.bound
@@ -240,13 +241,24 @@ class ProfileWalk:
 
     def _holding(self, fitted: Fitted) -> IntArray:
         """Return the free unknowns at bounds without which the rise would not be there."""
-        free = self._free
+        held = self._owed(fitted) > OWED_TO_BOUNDS * self.target**2
+        return self._free[self._at_bound(fitted)] if held else self._free[:0]
+
+    def _is_held(self, beyond: ProfilePoint) -> bool:
+        """Tell whether the rise would not be reached up to a point beyond it, if the others had no bounds."""
+        return beyond.root**2 - self._owed(beyond.fitted) < (1 - OWED_TO_BOUNDS) * self.target**2
+
+    def _at_bound(self, fitted: Fitted) -> npt.NDArray[np.bool_]:
         slack = 1e-9 * (self.objective.upper - self.objective.lower)
         low = fitted.coordinates <= self.objective.lower + slack
-        at_bound = (low | (fitted.coordinates >= self.objective.upper - slack))[free]
+        return np.asarray((low | (fitted.coordinates >= self.objective.upper - slack))[self._free])
+
+    def _owed(self, fitted: Fitted) -> float:
+        """Return the part of the rise that is owed to bounds of the free unknowns, to first order."""
+        if not self._at_bound(fitted).any():
+            return 0.0
         # A bound on which the best point lies as well is owed as much there.
-        owed = self._gain(fitted) - self._gain(self.best.fitted) if at_bound.any() else 0.0
-        return free[at_bound] if owed > OWED_TO_BOUNDS * self.target**2 else free[:0]
+        return self._gain(fitted) - self._gain(self.best.fitted)
 
     def _gain(self, fitted: Fitted) -> float:
         """Return the decrease of the sum of squares, to first order, by free unknowns that have no bounds."""

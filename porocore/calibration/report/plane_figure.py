@@ -30,8 +30,6 @@ from porocore.states import Array
 BETWEEN = 24
 #: Ratio of the ends of an axis from which it is logarithmic.
 WIDE = 10.0
-#: An ellipse without ends is drawn to so many times the longest ray.
-BEYOND = 3.0
 #: Share of the region's size by which the axes go beyond it.
 MARGIN = 0.12
 
@@ -52,28 +50,37 @@ def plane_figure(inference: Inference, truth: Array | None = None) -> Figure:
     pair = tuple(inference.unknowns[i] for i in plane.indices)
     figure = new_figure(5.4, 4.6)
     axes = figure.add_subplot()
-    rim = plane.points(*smooth_rim(plane))
-    x, y = _values(pair, rim)
-    # A region as thin as a line is seen by its edge.
-    axes.fill(x, y, fc=lighter(BLUE, 0.85), ec=lighter(BLUE, 0.6), lw=4, joinstyle="round")
-    axes.fill([], [], color=lighter(BLUE, 0.7), label="95 % region of the data")
-    _outline(axes, plane, pair)
-    first = plane.points(np.linspace(0, 2 * np.pi, 200), _linear_radii(plane, 200))
-    axes.plot(*_values(pair, first), color=GREY, ls=DASHED, lw=1.2, label="to first order")
-    for index, colour in zip(plane.indices, (PURPLE, ORANGE), strict=True):
+    shown = [inference.data_intervals[i].coordinates[:, plane.indices] for i in plane.indices]
+    if len(plane.angles):
+        shown = [_region(axes, plane, pair)]
+    # The first path is wider, since both cover each other in a valley.
+    for index, colour, width in zip(plane.indices, (lighter(PURPLE, 0.35), ORANGE), (3.0, 1.1), strict=True):
         path = inference.data_intervals[index].coordinates[:, plane.indices]
         name = inference.unknowns[index].name.replace("_", " ")
-        axes.plot(*_values(pair, path), ".-", ms=4, lw=1.1, color=colour, label=f"profile of {name}")
+        axes.plot(
+            *_values(pair, path), ".-", ms=3 + width, lw=width, color=colour, label=f"profile of {name}"
+        )
     axes.plot(
         *_values(pair, plane.best[None]), "P", ms=8, color=BLACK, mec="white", ls="", label="best of the data"
     )
     if truth is not None:
         axes.plot(*truth[list(plane.indices)], "*", ms=11, color=GREEN, mec="white", ls="", label="truth")
-    _limits(axes, pair, rim)
+    _limits(axes, pair, np.concatenate(shown))
     axes.set_xlabel(unknown_label(pair[0]))
     axes.set_ylabel(unknown_label(pair[1]))
     legend_above(figure, axes, columns=2)
     return figure
+
+
+def _region(axes: Axes, plane: ParameterPlane, pair: tuple[Unknown, ...]) -> Array:
+    """Draw the region and its form to first order, and return coordinates of its rim."""
+    rim = plane.points(*smooth_rim(plane))
+    axes.fill(*_values(pair, rim), color=lighter(BLUE, 0.85), lw=0)
+    _outline(axes, plane, pair)
+    angles = np.linspace(0, 2 * np.pi, 200)
+    first = plane.points(angles, np.full(200, float(np.median(plane.linear_radii))))
+    axes.plot(*_values(pair, first), color=GREY, ls=DASHED, lw=1.2, label="to first order")
+    return rim
 
 
 def smooth_rim(plane: ParameterPlane) -> tuple[Array, Array]:
@@ -81,8 +88,6 @@ def smooth_rim(plane: ParameterPlane) -> tuple[Array, Array]:
     from scipy.interpolate import PchipInterpolator
 
     turn, count = 2 * np.pi, len(plane.angles)
-    if count < 3:
-        return plane.angles, plane.radii
     wrapped = np.concatenate([plane.angles - turn, plane.angles, plane.angles + turn])
     curve = PchipInterpolator(wrapped, np.tile(np.log(np.maximum(plane.radii, 1e-12)), 3))
     angles = np.linspace(plane.angles[0], plane.angles[0] + turn, BETWEEN * count + 1)
@@ -96,7 +101,7 @@ def _outline(axes: Axes, plane: ParameterPlane, pair: tuple[Unknown, ...]) -> No
     following = np.arange(len(angles)) // BETWEEN % len(plane.angles)
     between = plane.closed[following] & plane.closed[(following + 1) % len(plane.angles)]
     x, y = np.where(between, x, np.nan), np.where(between, y, np.nan)
-    axes.plot(x, y, color=BLUE)
+    axes.plot(x, y, color=BLUE, label="95 % region of the data")
     if not plane.closed.all():
         ends = _values(pair, plane.rim[~plane.closed])
         axes.plot(
@@ -110,15 +115,6 @@ def _outline(axes: Axes, plane: ParameterPlane, pair: tuple[Unknown, ...]) -> No
             clip_on=False,
             zorder=4,
         )
-
-
-def _linear_radii(plane: ParameterPlane, count: int) -> Array:
-    """Return radii (count,) of the ellipse at even angles, from its two half axes."""
-    angles = np.linspace(0, 2 * np.pi, count)
-    # The half axes are principal ones, so that two rays would do; an axis cut to the search has a longer radius.
-    furthest = BEYOND * float(plane.radii.max())
-    a, b = (min(float(plane.linear_radii[n]), furthest) for n in (0, len(plane.angles) // 4))
-    return np.asarray(1 / np.sqrt((np.cos(angles) / a) ** 2 + (np.sin(angles) / b) ** 2))
 
 
 def _values(pair: tuple[Unknown, ...], coordinates: Array) -> tuple[Array, Array]:

@@ -1,6 +1,7 @@
 """Region of two unknowns: an ellipse where the model is linear, open where a direction is not seen."""
 
 import numpy as np
+import pytest
 from calibration_models import Formula, misfit_of
 
 from porocore.calibration.inference.infer import infer
@@ -25,15 +26,41 @@ def test_the_region_of_a_linear_model_is_its_ellipse():
     np.testing.assert_allclose(rise, 5.991464547107979, rtol=1e-7)
 
 
-def test_the_region_of_a_product_is_a_valley_without_ends():
+def bent(upper):
+    """Two exponents of one decay, told apart by its bend; up to a bound of the second."""
+    unknowns = (Unknown("fast", 2.0, 0.1, 50.0, "log"), Unknown("slow", 0.5, 0.01, upper, "log"))
+    model = Formula(unknowns, lambda v: np.exp(-v[0] * T) + np.exp(-v[1] * T))
+    return misfit_of(model, [2.0, 0.5], 0.02, NOISE)
+
+
+def test_the_region_of_a_bent_model_has_the_rise_everywhere():
+    misfit = bent(50.0)
+    found = infer(misfit, misfit.at(misfit.start), rays=8)
+    assert found.plane.closed.all()
+    rises = [2 * (misfit.at(x).cost - found.best.cost) for x in found.plane.rim]
+    assert rises == pytest.approx([5.991464547107979] * 8, rel=2e-3)
+    # The region to first order is another one.
+    assert np.abs(found.plane.radii / found.plane.linear_radii - 1).max() > 0.05
+
+
+def test_a_region_that_reaches_a_bound_is_open_there():
+    # The interval of one unknown ends before the bound, the wider region of two does not.
+    misfit = bent(0.57)
+    found = infer(misfit, misfit.at(misfit.start), rays=8)
+    assert found.intervals[1].high.value < 0.57
+    open_ends = np.exp(found.plane.rim[~found.plane.closed, 1])
+    assert len(open_ends) > 0
+    np.testing.assert_allclose(open_ends, 0.57, rtol=1e-9)
+
+
+def test_the_plane_of_a_product_has_no_region():
     unknowns = (Unknown("a", 2.0, 0.1, 50.0, "log"), Unknown("b", 3.0, 0.1, 50.0, "log"))
     misfit = misfit_of(Formula(unknowns, lambda v: v[0] * v[1] * np.exp(-T)), [2.0, 3.0], 0.02, NOISE)
-    plane = infer(misfit, misfit.at(misfit.start), rays=8).plane
-    # Along the valley it reaches the bounds of the search on both sides.
-    open_ends = np.exp(plane.rim[~plane.closed])
-    np.testing.assert_allclose(open_ends.prod(axis=1), 6.0, rtol=0.05)
-    assert open_ends.max() > 40
-    assert plane.closed.any()
+    found = infer(misfit, misfit.at(misfit.start), rays=8)
+    assert len(found.plane.rim) == 0
+    # The paths of both profiles are the valley.
+    for interval in found.data_intervals:
+        np.testing.assert_allclose(np.exp(interval.coordinates).prod(axis=1), 6.0, rtol=0.05)
 
 
 def test_one_unknown_has_no_plane():

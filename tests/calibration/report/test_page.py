@@ -156,10 +156,20 @@ def test_the_rim_is_smooth_and_passes_its_rays(seen):
     assert low < np.exp(plane.rim[:, 0].min()) < np.exp(plane.rim[:, 0].max()) < high
 
 
-def test_an_open_region_has_marks_where_it_goes_on(unseen):
+def test_a_valley_is_shown_by_the_paths_of_the_profiles(unseen):
     axes = plane_figure(unseen.inference, unseen.truth).axes[0]
-    marks = next(line for line in axes.get_lines() if line.get_label() == "goes on here")
-    assert len(marks.get_xdata()) == (~unseen.inference.plane.closed).sum() > 0
+    lines = {line.get_label(): line for line in axes.get_lines()}
+    assert "95 % region of the data" not in lines
+    x, y = lines["profile of viscosity"].get_data()
+    assert np.ptp(np.log(x / y)) < 0.3 < np.ptp(np.log(x))
+
+
+def test_an_open_part_of_a_region_has_marks_and_no_outline(seen):
+    plane = replace(seen.inference.plane, closed=np.arange(8) != 3)
+    axes = plane_figure(replace(seen.inference, plane=plane)).axes[0]
+    lines = {line.get_label(): line for line in axes.get_lines()}
+    assert len(lines["goes on here"].get_xdata()) == 1
+    assert np.isnan(lines["95 % region of the data"].get_xdata()).mean() == pytest.approx(0.25, abs=0.01)
 
 
 def test_correlations_have_their_numbers(unseen):
