@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import weakref
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
@@ -174,6 +175,26 @@ def test_few_members_are_kept_prepared() -> None:
         solver.solve(family, INPUTS.scatter([[0, 0, 0, 0.4, modulus]]))
     assert [member.values[1] for member in inner.prepared] == [1.0, 1.1, 1.2, 1.1]
     assert len(family.members) == 2
+
+
+def test_members_that_are_not_kept_give_back_their_memory() -> None:
+    """A prepared member and its factors refer to one another, so that nothing is freed by counting references."""
+    known: list[weakref.ref[Any]] = []
+
+    class Circular(SyntheticFamilySolver):
+        def prepare(self, cell: Any) -> SyntheticFamily:
+            member = super().prepare(cell)
+            object.__setattr__(member, "itself", member)
+            known.append(weakref.ref(member))
+            return member
+
+    inner = Circular()
+    solver = MemberSolver(inner, kept=2)
+    family = solver.prepare(SyntheticFamily())
+    for modulus in (1.0, 1.1, 1.2, 1.3):
+        solver.solve(family, INPUTS.scatter([[0, 0, 0, 0.4, modulus]]))
+        inner.prepared.clear()
+    assert [member() is None for member in known] == [True, True, False, False]
 
 
 def test_a_worker_goes_on_with_the_member_that_it_has() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -153,6 +154,8 @@ class MemberSolver(CellSolver[PreparedFamily]):
         if key not in prepared.members:
             while len(prepared.members) >= self._kept:
                 prepared.members.popitem(last=False)
+                # Factors and meshes refer to one another; Python would find them when some gigabytes are gone.
+                gc.collect()
             try:
                 member = prepared.cell.at(parameters)
                 prepared.members[key] = self._solver.prepare(member, **prepared.how)
