@@ -99,24 +99,6 @@ def _monomials(exponents: IntArray, t: Array, second: bool) -> tuple[Array, Arra
     return value, first, twice
 
 
-class MixedDerivatives(Polynomial):
-    """Polynomials with first derivatives, and second ones by one of the first k variables and one of the others."""
-
-    pairs: tuple[tuple[int, int], ...]
-
-    @classmethod
-    def across(cls, polynomial: Polynomial, k: int) -> MixedDerivatives:
-        """Return those by one of the first k variables and one of the others."""
-        found = cls(polynomial.exponents, polynomial.coefficients)
-        found.__dict__["pairs"] = tuple((a, b) for a in range(k) for b in range(k, polynomial.variables))
-        return found
-
-    @cached_property
-    def _rows(self):  # type: ignore[no-untyped-def]
-        first = [(a,) for a in range(self.variables)]
-        return self._derivative(()), self._derivatives(first), self._derivatives(self.pairs)
-
-
 @dataclass(frozen=True, eq=False)
 class JointPolynomial:
     """Polynomial R(t(y), θ̂) with one output.
@@ -142,23 +124,27 @@ class JointPolynomial:
         return VaryingPolynomial(self.polynomial, self._k)
 
     @cached_property
-    def _across(self) -> MixedDerivatives:
-        return MixedDerivatives.across(self.polynomial, self._k)
+    def _with_slopes(self) -> VaryingPolynomial:
+        """The polynomial and its derivatives by θ̂ beside one another, as polynomials of the terms."""
+        places = [(), *((a,) for a in range(self._k, self.polynomial.variables))]
+        return VaryingPolynomial(self.polynomial.differentiated(places), self._k)
+
+    @cached_property
+    def _latest(self) -> Latest[Array, BoundPolynomial]:
+        return Latest()
 
     def by_coordinates(self, y: Array, x: Array) -> tuple[Array, Array, Array, Array]:
-        """Return R (n,), ∂R/∂y (7, n), ∂R/∂θ̂ (l, n) and ∂²R/∂y∂θ̂ (7, l, n) at y (7, n) and θ̂ (l, n)."""
-        k, n = self._k, y.shape[1]
+        """Return R (n,), ∂R/∂y (7, n), ∂R/∂θ̂ (l, n) and ∂²R/∂y∂θ̂ (7, l, n) at y (7, n) and θ̂ (l, n).
+
+        θ̂ (l, 1) are those of all points.
+        """
+        n, l = y.shape[1], len(x)
         t, J, _ = self.terms.polynomial.derivatives(y, second=False)
-        value, first, second = self._across.entries(np.concatenate([t, x]))
-        by_y, by_x, by_yx = np.zeros((VARIABLES, n)), np.zeros((len(x), n)), np.zeros((VARIABLES, len(x), n))
-        for (_, i), row in first:
-            if i < k:
-                by_y += J[i] * row
-            else:
-                by_x[i - k] = row
-        for (_, i, j), row in second:
-            by_yx[:, j - k] += J[i] * row
-        return value[0], by_y, by_x, by_yx
+        values, first, _ = self._latest.of(x, lambda: self._with_slopes.at(x)).entries(t, second=False)
+        by_y = np.zeros((1 + l, VARIABLES, n))
+        for (o, i), row in first:
+            by_y[o] += J[i] * row
+        return values[0], by_y[0], values[1:], by_y[1:].swapaxes(0, 1)
 
 
 def summed(one: Polynomial, other: Polynomial, factor: float = 1.0) -> Polynomial:

@@ -109,14 +109,14 @@ class FamilyModel:
         return Latest()
 
     def _parts_at(self, x: Array, unit: Array | float = 1.0) -> BoundParts:
-        polynomials = self._whole, self.coarse, self.fine
+        polynomials = self.whole, self.coarse, self.fine
         whole, coarse, fine = (None if p is None else p.by_terms.at(x, unit) for p in polynomials)
         network = None if self.network is None else self.network.at(x, unit)
-        terms = None if self._whole is None else self._whole.terms
+        terms = None if self.whole is None else self.whole.terms
         return BoundParts(terms, whole, coarse, fine, network)
 
     @cached_property
-    def _whole(self) -> JointPolynomial | None:
+    def whole(self) -> JointPolynomial | None:
         """Both polynomials of R as one, which holds within the sampled box."""
         if self.coarse is None or self.fine is None:
             return self.coarse or self.fine
@@ -167,7 +167,7 @@ class FamilyModel:
         stretch = LogStretch.from_gradient(states.grad_u)
         scaling = Scaling.from_parameters(self.rest.parameters, theta)
         y = scaling.inner(variables(stretch, states.p))
-        at = self.rest.at(theta, slopes=True) if slopes else self.rest.together(theta)
+        at = self.rest.together(theta, slopes=slopes)
         return theta, stretch, y, at, scaling
 
     def mean_part(
@@ -183,7 +183,8 @@ class FamilyModel:
         if len(beyond):
             t[:, beyond], steepness, _ = self.training_box.saturated_active(t[:, beyond])
         if by_coordinates:
-            found, first, _ = self.mean_grad.entries(np.concatenate([t, at.x]), second=False)
+            x = np.broadcast_to(at.x, (len(at.x), y.shape[1]))
+            found, first, _ = self.mean_grad.entries(np.concatenate([t, x]), second=False)
         else:
             bound = self._latest_means.of(at, lambda: self._mean_by_y.at(at.x))
             found, first, _ = bound.entries(t, second=False)

@@ -148,9 +148,9 @@ class RestModel:
         """Return the undeformed members at θ (n, m); those of the last parameters are kept."""
         return self._known(theta, slopes).at_points
 
-    def together(self, theta: Array) -> RestValues:
-        """Return the same without slopes; of one point, n = 1, where all parameters are the same."""
-        known = self._known(theta, False)
+    def together(self, theta: Array, *, slopes: bool = False) -> RestValues:
+        """Return the same; of one point, n = 1, where all parameters are the same."""
+        known = self._known(theta, slopes)
         return known.values if known.values.x.shape[1] == 1 else known.at_points
 
     def _known(self, theta: Array, slopes: bool) -> KnownRest:
@@ -193,10 +193,14 @@ class RestModel:
         """Return the derivatives (n, 3, 3, m) of K of the undeformed pore by θ; None where it is not known."""
         if not self.basis.shape[1]:
             return None
-        at, kinds, r = self.at(theta, slopes=True), self.parameters.kinds, self.basis.shape[1]
+        at, kinds, r = self.together(theta, slopes=True), self.parameters.kinds, self.basis.shape[1]
         assert at.slopes is not None
+        n = at.x.shape[1]
+        if n == 1 < len(theta):
+            same = self.conductivity_slopes(theta[:1])
+            return None if same is None else np.broadcast_to(same, (len(theta), *same.shape[1:]))
         _, _, viscosity = self.parameters.factors(theta)
-        ways = np.zeros((len(theta), len(kinds), r, r))
+        ways = np.zeros((n, len(kinds), r, r))
         ways[:, self.parameters.learned] = np.moveaxis(at.slopes.log_conductivity, 0, 1)
         for k in np.flatnonzero(np.array(kinds) == "viscosity"):
             ways[:, k] = -np.eye(r) / theta[:, k, None, None]

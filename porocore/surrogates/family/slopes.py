@@ -50,25 +50,41 @@ def family_slopes(model: FamilyModel, states: MacroState) -> CellSlopes:
 
 def _learned(model: FamilyModel, y: Array, at: RestValues, mean_slopes: Array) -> tuple[Array, Array, Array]:
     """Return the derivatives of w (l, n), ∂w/∂y (7, l, n) and Rᵀ⟨∇u¹⟩ (9, l, n) by the learned parameters."""
-    s = at.slopes
+    s, l = at.slopes, len(at.x)
     assert s is not None
-    linear = np.einsum("abln,bn->aln", s.matrix, y)
+    linear = _summed(np.moveaxis(s.matrix, 1, 2), y)
     W = s.value + ((s.gradient + linear / 2) * y[:, None]).sum(axis=0)
     T = s.gradient + linear
-    for part, fine in ((model.coarse, False), (model.fine, True), (model.network, True)):
+    beyond = len(model.training_box.beyond(y)) > 0
+    parts = (model.coarse, model.fine) if beyond else (model.whole,)
+    for part in (*parts, model.network):
         if part is None:
             continue
         first: Array | float = 1.0
         z = y
-        if fine and len(model.training_box.beyond(y)):
+        if beyond and part is not model.coarse:
             z, first, _ = model.training_box.saturated(y)
-        value, by_y, by_x, by_yx = part.by_coordinates(z, at.x)
-        W = W + s.scale * value + at.scale * np.einsum("cn,cln->ln", by_x, s.x)
-        across = np.einsum("acn,cln->aln", by_yx, s.x) * at.scale + by_y[:, None] * s.scale
+        x = np.broadcast_to(at.x, (l, y.shape[1])) if part is model.network else at.x
+        value, by_y, by_x, by_yx = part.by_coordinates(z, x)
+        W = W + s.scale * value + at.scale * _chained(by_x, s.x)
+        across = _chained(by_yx, s.x) * at.scale + by_y[:, None] * s.scale
         T = T + across * (first if isinstance(first, float) else first[:, None])
-    mean = s.mean_value + np.einsum("oaln,an->oln", s.mean, y)
-    mean = mean + np.einsum("ocn,cln->oln", mean_slopes[:, VARIABLES:], s.x)
+    mean = s.mean_value + _summed(np.moveaxis(s.mean, 1, 2), y) + _chained(mean_slopes[:, VARIABLES:], s.x)
     return W, T, mean
+
+
+def _summed(rows: Array, y: Array) -> Array:
+    """Return the sums (..., l, n) over the variables of rows (..., l, a, n) times y (a, n); one row may be for all."""
+    if rows.shape[-1] == 1:
+        return np.asarray(rows[..., 0] @ y)
+    return np.asarray(np.einsum("olan,an->oln", rows, y))
+
+
+def _chained(by_x: Array, slopes: Array) -> Array:
+    """Return derivatives (..., l, n) by θ from those (..., c, n) by θ̂ and ∂θ̂/∂θ (c, l, n), which may be one for all."""
+    if slopes.shape[-1] == 1:
+        return np.asarray(slopes[..., 0].T @ by_x)
+    return np.asarray(np.einsum("...cn,cln->...ln", by_x, slopes))
 
 
 def _exact(

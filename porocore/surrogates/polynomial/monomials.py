@@ -113,6 +113,16 @@ class Polynomial:
             list(zip(pairs, out[after:], strict=True)) if second else [],
         )
 
+    def differentiated(self, by: Sequence[tuple[int, ...]]) -> Polynomial:
+        """Return the derivatives by some variables as polynomials, those of all outputs for each of ``by``."""
+        order, _ = self._basis
+        rows = np.zeros((len(by), len(self.coefficients), len(order)))
+        for row, variables in zip(rows, by, strict=True):
+            found = self._derivative(variables)
+            row[:, : found.shape[1]] = found
+        exponents = np.array(order, dtype=np.int64).reshape(len(order), self.variables)
+        return Polynomial(exponents, rows.reshape(-1, len(order)))
+
     # ---- all that does not depend on t -----------------------------------------------------------
 
     @cached_property
