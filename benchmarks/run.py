@@ -19,6 +19,7 @@ SCRIPTS = (
     "voxels",
     "macro_iteration",
     "macro_size",
+    "sensitivities",
     "start_up",
 )
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
