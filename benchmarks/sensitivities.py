@@ -1,7 +1,8 @@
 """(w) What sensitivities cost: a run of the benchmark's column with five unknowns over the same run without.
 
-106 elements, a polynomial surrogate of a made-up family of cells (radius and Poisson's ratio beside H22 and p), the potential closure, creep under 5 % of the modulus. The unknowns are radius, Poisson's ratio, modulus, viscosity
-and load; runs take turns. The status is 1 where the ratio with five unknowns is beyond 2.5.
+106 elements, a polynomial surrogate of a made-up family of cells (radius and Poisson's ratio beside H22 and p), the
+potential closure, creep under 5 % of the modulus. The unknowns are radius, Poisson's ratio, modulus, viscosity and
+load; runs take turns. The status is 1 where the ratio with five unknowns is beyond 2.5.
 """
 
 from __future__ import annotations
