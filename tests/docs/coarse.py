@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 from matplotlib.image import imsave
 
+import porocore.calibration.config.loading
 import porocore.study.api.settings
 import porocore.study.config.config
 import porocore.study.config.loading
-import porocore.study.sweep.plan
+import porocore.study.sweep.family
 import porocore.verification.crosscheck
 from porocore.cell.stability.line import LineSettings
 from porocore.cell.stability.map import MapPlan
@@ -27,7 +28,12 @@ from porocore.verification.representative.plan import SubvolumePlan
 from porocore.verification.sensitivity.plan import StudyPlan, Sweep
 
 #: Modules that hold the function by which every configuration is made.
-HOLDERS = (porocore.study.config.loading, porocore.study.api.settings, porocore.study.sweep.plan)
+HOLDERS = (
+    porocore.study.config.loading,
+    porocore.study.api.settings,
+    porocore.study.sweep.family,
+    porocore.calibration.config.loading,
+)
 #: Iterations of a training.
 TRAINING = {MlpOptions: "epochs", PotentialOptions: "iterations"}
 SHORT, LONG = {"epochs": 60, "iterations": 15}, {"epochs": 2500, "iterations": 60}
