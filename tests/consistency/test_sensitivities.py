@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 
 from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.errors import ConfigurationError
 from porocore.interfaces.sensitivities import (
     BoundaryChange,
     CellParameterChange,
@@ -16,29 +19,24 @@ from porocore.interfaces.sensitivities import (
     ModulusChange,
     ViscosityChange,
 )
+from porocore.macro.composition.bound_law import BoundLaw
+from porocore.macro.composition.linearised_law import LinearisedLaw
+from porocore.macro.composition.member_law import NearestMemberLaw
+from porocore.macro.composition.region_law import RegionLaw
 from porocore.macro.laws import ClosedLaw, make_closure
 from porocore.macro.problem import MacroProblem
 from porocore.plugins.registry import registry
 from porocore.testing.synthetic.porous_law import PorousFamilyLaw
+from porocore.testing.synthetic.response import linear_law, mean_gradient_law
 
 #: Difference from central differences, as a share of the largest derivative of a series.
 ACCURACY = 1e-6
-#: Relative steps of the differences.
+#: Relative step of the differences.
 STEP = 1e-4
 TIME = {"end": 3.0, "step": 1.0, "ramp_increments": 2, "ramp_step": 0.2, "profiles": ()}
 SIDES = {face: {"displacement": (0, None, 0)} for face in ("x-", "x+", "z-", "z+")}
-NAMES = ("radius", "poisson_ratio", "modulus", "viscosity")
 SERIES = ("probes", "reactions", "inflow")
-CHANGES = {
-    "radius": CellParameterChange("radius"),
-    "poisson_ratio": CellParameterChange("poisson_ratio"),
-    "modulus": ModulusChange(),
-    "viscosity": ViscosityChange(),
-    "load": LoadChange(),
-    "traction": BoundaryChange("y+", "traction", 1),
-    "pressure": BoundaryChange("y+", "pressure"),
-    "initial": InitialPressureChange(),
-}
+NEWTON = {"tolerance": 1e-13}
 
 
 @pytest.fixture(params=["skfem", pytest.param("dolfinx", marks=pytest.mark.slow)])
@@ -47,47 +45,10 @@ def make_solver(request):
     return registry().get("macro solver", request.param)
 
 
-def problem(
-    *,
-    radius: float = 0.0,
-    poisson_ratio: float = 0.0,
-    modulus: float = 1.0,
-    viscosity: float = 0.01,
-    load: float = 1.0,
-    traction: float = -0.05,
-    pressure: float = 0.002,
-    initial: float = 0.001,
-    **settings: Any,
-) -> MacroProblem:
-    """A column of three elements, in units of the modulus: loads over it, and times as the viscosity over it."""
-    top = {"traction": (0, traction / modulus, 0), "pressure": pressure / modulus}
-    fields = {
-        "radius": f"{0.2 + radius!r} + 0.01*y",
-        "poisson_ratio": 0.33 + poisson_ratio,
-        "viscosity": viscosity / modulus,
-    }
-    data = {
-        "body": {"kind": "box", "elements": (1, 3, 1), "size": (0.5, 1.5, 0.5)},
-        "boundary": {**SIDES, "y-": {"displacement": (0, 0, 0)}, "y+": top},
-        "time": TIME,
-        "newton": {"tolerance": 1e-13},
-        "probes": {"inside": (0.2, 0.6, 0.3)},
-        "fields": fields,
-        "initial": {"pressure": initial / modulus},
-        "load": load,
-    }
-    return MacroProblem.model_validate(data | settings)
-
-
-BASE = {"radius": 0.0, "poisson_ratio": 0.0, "modulus": 1.0, "viscosity": 0.01, "load": 1.0}
-BASE |= {"traction": -0.05, "pressure": 0.002, "initial": 0.001}
-#: Unknowns by whose logarithm the derivative is.
-RELATIVE = ("modulus", "viscosity")
-
-
-def law(closure="potential", conductivity="piola"):
-    cell = PorousFamilyLaw("radius", "poisson_ratio", "viscosity", deformed=conductivity == "deformed")
-    return ClosedLaw(cell, make_closure(closure, 0.6, NeoHookean(), np.eye(3), law=conductivity))
+def law(*parameters, closure="potential", conductivity="piola"):
+    cell = PorousFamilyLaw(*parameters, deformed=conductivity == "deformed")
+    K = 0.02 * np.diag([1.0, 1.5, 2.0])
+    return ClosedLaw(cell, make_closure(closure, 0.6, NeoHookean(), K, law=conductivity))
 
 
 def solve(make_solver, problem, law):
@@ -110,37 +71,264 @@ def derivatives(found):
     return values | {f"{kind}/{name}": each for kind in SERIES for name, each in getattr(found, kind).items()}
 
 
-def differences(make_solver, given, **along):
-    """Central differences of all series along a direction, in which unknowns change by these numbers."""
-    ends = []
-    for sign in (1, -1):
-        at = {name: BASE[name] + sign * STEP * by for name, by in along.items()}
-        ends.append(series(solve(make_solver, problem(**at), given), at.get("modulus", 1.0)))
-    return {key: (ends[0][key] - ends[1][key]) / (2 * STEP) for key in ends[0]}
-
-
 def compare(found, expected, sizes):
     assert found.keys() == expected.keys()
     for key, wanted in expected.items():
         # What an unknown does not change, such as the force that bears the load, is round-off of the differences.
-        scale = max(np.abs(wanted).max(), 0.1 * np.abs(sizes[key]).max())
+        alike = [
+            np.abs(values).max() for name, values in sizes.items() if name.split("/")[0] == key.split("/")[0]
+        ]
+        scale = max(np.abs(wanted).max(), 0.1 * max(alike))
         assert np.abs(found[key] - wanted).max() <= ACCURACY * scale, key
 
 
-def along(name):
-    """Change of an unknown by as much as it is itself, for the derivatives by logarithms by 1."""
-    return BASE[name] or 0.2
+def check(make_solver, problem, law, unknowns, *, together=False, modulus=None):
+    """Compare each derivative, or that along the direction of all unknowns, with central differences.
+
+    ``problem`` takes unknowns by name; ``unknowns`` has for each the change and the value, and for a derivative by the
+    logarithm True. Each is changed by its own share, one that is zero by 0.2. ``modulus`` names the unknown that is the
+    unit of the problem's pressures.
+    """
+    solver, base = make_solver(), {name: value for name, (_, value, *_) in unknowns.items()}
+    changes = [change for change, *_ in unknowns.values()]
+    solution, found = solver.solve_with_sensitivities(solver.prepare(problem(**base)), law, changes)
+    plain = solve(make_solver, problem(**base), law)
+    np.testing.assert_allclose(solution.history.settlement, plain.history.settlement, rtol=1e-11)
+    shares = np.array([1.0 if more else value or 0.2 for _, value, *more in unknowns.values()])
+    scaled = {key: values * shares for key, values in derivatives(found).items()}
+    for part in [[*unknowns]] if together else [[name] for name in unknowns]:
+        ends = []
+        for sign in (1, -1):
+            at = {name: base[name] + sign * STEP * (base[name] or 0.2) for name in part}
+            ends.append(series(solve(make_solver, problem(**base | at), law), at.get(modulus, 1.0)))
+        differences = {key: (ends[0][key] - ends[1][key]) / (2 * STEP) for key in ends[0]}
+        chosen = [[*unknowns].index(name) for name in part]
+        mine = {key: values[..., chosen].sum(axis=-1) for key, values in scaled.items()}
+        compare(mine, differences, series(plain))
+
+
+# ---- a column ------------------------------------------------------------------------------------
+
+UNKNOWNS = {
+    "radius": (CellParameterChange("radius"), 0.0),
+    "poisson_ratio": (CellParameterChange("poisson_ratio", factor=True), 1.0),
+    "modulus": (ModulusChange(), 1.0, True),
+    "viscosity": (ViscosityChange(), 0.01, True),
+    "load": (LoadChange(), 1.0),
+    "traction": (BoundaryChange("y+", "traction", 1), -0.05),
+    "pressure": (BoundaryChange("y+", "pressure"), 0.002),
+    "initial": (InitialPressureChange(), 0.001),
+}
+
+
+def column(
+    *,
+    modulus: float = 1.0,
+    load: float = 1.0,
+    traction: float = -0.05,
+    pressure: float = 0.002,
+    initial: float = 0.001,
+    **fields: Any,
+) -> MacroProblem:
+    """A column of three elements in units of the modulus: loads over it, and times as the viscosity over it."""
+    found = {}
+    if fields:
+        found["radius"] = f"{0.2 + fields['radius']!r} + 0.01*y"
+        found["poisson_ratio"] = f"{fields['poisson_ratio']!r}*(0.33 - 0.01*y)"
+        found["viscosity"] = fields["viscosity"] / modulus
+    top = {"traction": (0, traction / modulus, 0), "pressure": pressure / modulus}
+    data = {
+        "body": {"kind": "box", "elements": (1, 3, 1), "size": (0.5, 1.5, 0.5)},
+        "boundary": {**SIDES, "y-": {"displacement": (0, 0, 0)}, "y+": top},
+        "time": TIME,
+        "newton": NEWTON,
+        "probes": {"inside": (0.2, 0.6, 0.3)},
+        "fields": found,
+        "initial": {"pressure": initial / modulus},
+        "load": load,
+    }
+    return MacroProblem.model_validate(data)
 
 
 @pytest.mark.parametrize("closure", ["potential", "mean-gradient"])
+def test_the_derivative_along_all_unknowns_is_the_limit_of_differences(make_solver, closure):
+    given = law("radius", "poisson_ratio", "viscosity", closure=closure)
+    check(make_solver, column, given, UNKNOWNS, together=True, modulus="modulus")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("closure", ["potential", "mean-gradient"])
 def test_derivatives_by_each_unknown_are_limits_of_differences(make_solver, closure):
-    solver, given = make_solver(), law(closure)
-    prepared = solver.prepare(problem())
-    solution, found = solver.solve_with_sensitivities(prepared, given, [*CHANGES.values()])
-    plain = solve(make_solver, problem(), given)
-    np.testing.assert_allclose(solution.history.settlement, plain.history.settlement, rtol=1e-12)
-    for j, name in enumerate(CHANGES):
-        by = along(name)
-        share = 1.0 if name in RELATIVE else by
-        mine = {key: share * values[..., j] for key, values in derivatives(found).items()}
-        compare(mine, differences(make_solver, given, **{name: by}), series(plain))
+    check(
+        make_solver,
+        column,
+        law("radius", "poisson_ratio", "viscosity", closure=closure),
+        UNKNOWNS,
+        modulus="modulus",
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("closure", ["potential", "mean-gradient"])
+def test_the_conductivity_of_the_deformed_pore_depends_on_the_unknowns_too(make_solver, closure):
+    given = law("radius", "poisson_ratio", "viscosity", closure=closure, conductivity="deformed")
+    check(make_solver, column, given, UNKNOWNS, together=True, modulus="modulus")
+
+
+@pytest.mark.parametrize("given", [linear_law(), mean_gradient_law()], ids=["linear", "mean-gradient"])
+def test_laws_of_one_cell_have_derivatives_by_loads(make_solver, given):
+    names = ("load", "traction", "pressure", "initial")
+    check(make_solver, column, given, {name: UNKNOWNS[name] for name in names}, together=True)
+
+
+def test_the_linear_limit_has_derivatives_by_modulus_and_viscosity(make_solver):
+    given = LinearisedLaw(law("radius", "poisson_ratio", "viscosity"))
+    names = ("modulus", "viscosity", "load", "initial")
+    chosen = {name: UNKNOWNS[name] for name in names}
+    check(
+        make_solver,
+        partial(column, radius=0.0, poisson_ratio=1.0),
+        given,
+        chosen,
+        together=True,
+        modulus="modulus",
+    )
+
+
+# ---- other bodies ----------------------------------------------------------------------------------
+
+
+def layers(*, radius=0.21, body_radius=1.0, modulus=1.0, moved=-0.05, **settings: Any) -> MacroProblem:
+    """A block with a hard layer, turned axes and a lid that is moved down; it drains to one side."""
+    axes = {"about": (0.3, 0.2, 1.0), "angle": "30 + 20*x"}
+    top = {"displacement": (None, {"ramp": moved, "until": 0.4}, None)}
+    data = {
+        "body": {"kind": "box", "elements": (1, 2, 1), "size": (0.8, 1.0, 0.5)},
+        "boundary": {
+            "x-": {"displacement": (0, None, None)},
+            "y-": {"displacement": (None, 0, None)},
+            "z-": {"displacement": (None, None, 0)},
+            "x+": {"pressure": 0},
+            "y+": top,
+        },
+        "regions": {
+            "hard": {"kind": "layer", "above": 0.5, "fields": {"radius": radius, "modulus": modulus}}
+        },
+        "fields": {"radius": f"{body_radius!r}*(0.24 - 0.02*x)", "axes": axes, "modulus": 1.0},
+        "time": TIME | {"end": 1.4, "step": 0.5},
+        "newton": NEWTON,
+    }
+    return MacroProblem.model_validate(data | settings)
+
+
+LAYERS = {
+    "radius": (CellParameterChange("radius", "hard"), 0.21),
+    "body_radius": (CellParameterChange("radius", factor=True), 1.0),
+    "modulus": (ModulusChange("hard"), 1.0, True),
+    "moved": (BoundaryChange("y+", "displacement", 1), -0.05),
+}
+
+
+@pytest.mark.parametrize("bound", [False, True], ids=["one law", "a law of each region"])
+def test_regions_fields_and_turned_axes_have_derivatives(make_solver, bound):
+    given = law("radius", "modulus", "viscosity")
+    given = BoundLaw(given, {"viscosity": 0.02})
+    if bound:
+        given = RegionLaw(
+            [given, BoundLaw(law("radius", "modulus", "poisson_ratio"), {"poisson_ratio": 0.31})]
+        )
+    unknowns = LAYERS | {"moved": (LAYERS["moved"][0], 1.0)}
+    check(
+        make_solver,
+        lambda moved, **values: layers(moved=-0.05 * moved, **values),
+        given,
+        unknowns,
+        together=True,
+    )
+
+
+def test_a_body_of_both_closures_has_derivatives(make_solver):
+    given = RegionLaw([law(closure="mean-gradient"), law("radius", "modulus")])
+    fields = {"axes": {"about": (0.3, 0.2, 1.0), "angle": 40}}
+    hard = {"kind": "layer", "above": 0.5}
+
+    def problem(radius, modulus):
+        regions = {"hard": hard | {"fields": {"radius": radius, "modulus": modulus}}}
+        return layers(regions=regions, fields=fields)
+
+    check(make_solver, problem, given, {name: LAYERS[name] for name in ("radius", "modulus")}, together=True)
+
+
+def pressed(*, follower, plate, flux, normal, load, initial) -> MacroProblem:
+    """A quarter of a cylinder under a plate, a pressure around it, and an inflow at its base."""
+    data = {
+        "body": {"kind": "quarter-cylinder", "radius": 0.5, "height": 0.6, "elements": (1, 1, 1)},
+        "boundary": {
+            "x-": {"normal": 0},
+            "z-": {"normal": 0},
+            "y-": {"normal": normal, "flux": flux},
+            "y+": {"plate": {"ramp": -plate, "until": 0.4}},
+            "side": {"follower": follower, "pressure": 0},
+        },
+        "load": load,
+        "time": TIME | {"end": 1.4, "step": 0.5},
+        "newton": NEWTON,
+        "initial": {"pressure": initial},
+    }
+    return MacroProblem.model_validate(data)
+
+
+@pytest.mark.parametrize("closure", ["potential", "mean-gradient"])
+def test_each_boundary_value_has_a_derivative(make_solver, closure):
+    unknowns = {
+        "follower": (BoundaryChange("side", "follower"), 0.02),
+        "plate": (BoundaryChange("y+", "plate"), 1.0),
+        "flux": (BoundaryChange("y-", "flux"), 0.001),
+        "normal": (BoundaryChange("y-", "normal"), 0.01),
+        "load": (LoadChange(), 0.9),
+        "initial": (InitialPressureChange(), 0.002),
+    }
+
+    def problem(plate, **values):
+        return pressed(plate=0.01 * plate, **values)
+
+    check(make_solver, problem, law(closure=closure), unknowns, together=True)
+
+
+# ---- what is refused -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "naming"),
+    [
+        (CellParameterChange("width"), "has no parameter 'width'; the parameters are radius, modulus"),
+        (CellParameterChange("radius", "soft"), "the body has no region 'soft'; the regions are hard"),
+        (ModulusChange("soft"), "the body has no region 'soft'"),
+        (BoundaryChange("lid", "traction"), "nothing is prescribed on a surface 'lid'"),
+        (BoundaryChange("x+", "plate"), "macro.boundary.x+.plate: it is free"),
+        (BoundaryChange("x+", "follower"), "macro.boundary.x+.follower: it is zero"),
+        (BoundaryChange("y+", "displacement", 4), "expected a component 0, 1 or 2"),
+    ],
+)
+def test_an_unknown_of_what_is_not_there_is_refused(change, naming):
+    pytest.importorskip("skfem")
+    solver = registry().get("macro solver", "skfem")()
+    with pytest.raises(ConfigurationError, match=re.escape(naming)):
+        solver.solve_with_sensitivities(solver.prepare(layers()), law("radius", "modulus"), [change])
+
+
+def test_laws_that_know_no_derivatives_are_refused():
+    pytest.importorskip("skfem")
+    solver = registry().get("macro solver", "skfem")()
+    prepared, change = solver.prepare(layers()), CellParameterChange("radius")
+    family = law("radius", "modulus")
+    values = {"radius": (0.15, 0.3), "modulus": (0.5, 2.0)}
+    members = NearestMemberLaw([law(closure="potential")], np.array([[0.2, 1.0]]), values)
+    for given, naming in (
+        (LinearisedLaw(family), "gives no derivatives by parameters"),
+        (members, "jumps with"),
+    ):
+        with pytest.raises(ConfigurationError, match=naming):
+            solver.solve_with_sensitivities(prepared, given, [change])
+    with pytest.raises(ConfigurationError, match="at least one unknown"):
+        solver.solve_with_sensitivities(prepared, family, [])

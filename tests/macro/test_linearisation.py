@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from porocore.macro.integration.linearisation import Linearisations
-from porocore.macro.integration.newton import ROUND_OFF, _largest_free, _round_off
+from porocore.macro.integration.newton import ROUND_OFF, _round_off, largest_free
 from porocore.macro.integration.predictor import Predictor
 from porocore.states import MacroState
 from porocore.testing.synthetic.response import AlteredLaw, confined_column, linear_law, mean_gradient_law
@@ -89,7 +89,7 @@ def test_what_a_step_takes_up_is_round_off_below_that_of_the_fluid_volume():
     response = law.respond(states, grad_p, law.initial(d.n_points))
     shaken = MacroState(states.grad_u + eps * np.eye(3), states.p)
     residual = d.residual(law.respond(shaken, grad_p, response.memory), dt, d.loads(0.0), x)
-    _, volume = _largest_free(d, residual.values)
+    _, volume = largest_free(d, residual.values)
     linear = Linearisations(d, law).at(response, dt, x, d.loads(0.0))
     first, later = (_round_off(d, linear, x, ROUND_OFF, begun=begun)[1] for begun in (False, True))
     assert first < volume < later < 1e3 * volume

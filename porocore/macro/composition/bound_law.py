@@ -9,6 +9,7 @@ import numpy as np
 
 from porocore.cell.family.parameters import number, require_known
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse, fingerprint
+from porocore.interfaces.law_changes import MemoryChanges, PointChanges, ResponseChanges
 from porocore.states import Array, MacroState
 
 
@@ -70,6 +71,25 @@ class BoundLaw(MacroLaw):
         """Return the responses of the law; see :class:`MacroLaw`."""
         found = self.law.respond_to_each(self._whole(states), gradients, self._seen(memory), tangent=tangent)
         return [replace(each, memory=replace(each.memory, states=states)) for each in found]
+
+    def respond_to_changes(
+        self,
+        states: MacroState,
+        grad_p: Array,
+        memory: LawMemory,
+        changes: PointChanges,
+        before: MemoryChanges,
+    ) -> tuple[MacroResponse, ResponseChanges]:
+        """Return the response of the law and its derivatives; constants do not change. See :class:`MacroLaw`."""
+        n, k = changes.modulus.shape
+        theta = np.zeros((n, len(self.law.parameters), k)) if self.law.parameters else None
+        if theta is not None and changes.parameters is not None:
+            theta[:, self._open] = changes.parameters
+        whole = replace(changes, parameters=theta)
+        response, found = self.law.respond_to_changes(
+            self._whole(states), grad_p, self._seen(memory), whole, before
+        )
+        return replace(response, memory=replace(response.memory, states=states)), found
 
     def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
         """Ask the law, whose states have all parameters; see :class:`MacroLaw`."""

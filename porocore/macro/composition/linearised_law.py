@@ -7,8 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from porocore.core.fields.batch import Batch
+from porocore.errors import ConfigurationError
 from porocore.interfaces.element_cells import ElementCells
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse, MacroTangent, fingerprint
+from porocore.interfaces.law_changes import MemoryChanges, PointChanges, ResponseChanges
 from porocore.macro.composition.turned_law import TurnedLaw
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.states import Array, BodyPlace, MacroState
@@ -123,6 +125,39 @@ class LinearisedLaw(MacroLaw):
             )
             if tangent
             else None,
+        )
+
+    def respond_to_changes(
+        self,
+        states: MacroState,
+        grad_p: Array,
+        memory: LawMemory,
+        changes: PointChanges,
+        before: MemoryChanges,
+    ) -> tuple[MacroResponse, ResponseChanges]:
+        """Return the response and its derivatives; C_eff and M_B are in proportion to the modulus, and so is P₀.
+
+        Raises
+        ------
+        ConfigurationError
+            A parameter changes: the slopes of the coefficients are not known.
+        """
+        if changes.parameters is not None and changes.parameters.any():
+            raise ConfigurationError(
+                f"the law '{self.name}' gives no derivatives by parameters of the cell; choose a law of a closure"
+            )
+        found, c, old = self.respond(states, grad_p, memory), *map(self.coefficients, (states, memory.states))
+        by, (n, k) = changes.modulus, changes.modulus.shape
+        borne = found.stress.reshape(n, 9) + states.p[:, None] * c.biot
+        stored = (old.storage * memory.states.p - c.storage * states.p)[:, None] * by
+        gone = (
+            np.einsum("ni,nik->nk", old.biot, before.grad_u.reshape(n, 9, k))
+            + old.storage[:, None] * before.p
+        )
+        return found, ResponseChanges(
+            stress=(borne[..., None] * by[:, None, :]).reshape(n, 3, 3, k),
+            storage=stored - gone,
+            flux=-found.flux[..., None] * changes.viscosity[:, None, :],
         )
 
     def coefficients(self, states: MacroState) -> RestCoefficients:

@@ -7,7 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from porocore.errors import ConfigurationError
 from porocore.interfaces.law import MacroLaw, fingerprint
+from porocore.interfaces.law_changes import PointChanges
 from porocore.macro.composition.region_law import RegionLaw
 from porocore.states import Array, IntArray, MacroState
 
@@ -60,3 +62,18 @@ class NearestMemberLaw(RegionLaw):
     def _seen(self, states: MacroState, k: int) -> MacroState:
         """Return the states without parameters, which a member has not."""
         return replace(states, parameters=None)
+
+    def _changes_seen(self, changes: PointChanges, k: int) -> PointChanges:
+        """Return the changes without parameters.
+
+        Raises
+        ------
+        ConfigurationError
+            A parameter changes, of which the nearest member does not know.
+        """
+        if changes.parameters is not None and changes.parameters.any():
+            raise ConfigurationError(
+                f"the law '{self.name}' of the nearest members of a family jumps with its parameters, so that a run "
+                "has no sensitivities to them; choose a surrogate of the family"
+            )
+        return replace(changes, parameters=None)

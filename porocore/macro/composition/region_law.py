@@ -11,6 +11,7 @@ import numpy as np
 from porocore.core.fields.batch import Batch
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse, fingerprint
+from porocore.interfaces.law_changes import MemoryChanges, PointChanges, ResponseChanges
 from porocore.macro.composition.regions import Region, by_region
 from porocore.states import Array, IntArray, MacroState
 
@@ -112,6 +113,30 @@ class RegionLaw(MacroLaw):
         joined = [_joined(MacroResponse, parts, len(states)) for parts in found]
         return [replace(each, memory=_with_states(each.memory, states)) for each in joined]
 
+    def respond_to_changes(
+        self,
+        states: MacroState,
+        grad_p: Array,
+        memory: LawMemory,
+        changes: PointChanges,
+        before: MemoryChanges,
+    ) -> tuple[MacroResponse, ResponseChanges]:
+        """Return the responses of the laws and their derivatives; see :class:`MacroLaw`."""
+        n, responses, found = len(states), [], []
+        for k, law, rows in self._regions(states):
+            response, derivatives = law.respond_to_changes(
+                self._seen(_chosen(states, rows, n), k),
+                grad_p if len(rows) == n else grad_p[rows],
+                self._memory_seen(_chosen(memory, rows, n), k),
+                self._changes_seen(_chosen(changes, rows, n), k),
+                _chosen(before, rows, n),
+            )
+            responses.append((rows, response))
+            found.append((rows, derivatives))
+        whole = _joined(MacroResponse, responses, n)
+        whole = replace(whole, memory=_with_states(whole.memory, states))
+        return whole, _joined(ResponseChanges, found, n)
+
     def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
         """Ask the law of each region; a changed memory of one leaves those of the others as they are."""
         parts, changed = [], False
@@ -165,6 +190,11 @@ class RegionLaw(MacroLaw):
         return replace(
             states, parameters=theta[:, self._columns[k]] if theta is not None and self._columns[k] else None
         )
+
+    def _changes_seen(self, changes: PointChanges, k: int) -> PointChanges:
+        """Return the changes of the parameters of law ``k`` alone."""
+        theta, columns = changes.parameters, self._columns[k]
+        return replace(changes, parameters=theta[:, columns] if theta is not None and columns else None)
 
     def _memory_seen(self, memory: LawMemory, k: int) -> LawMemory:
         return replace(memory, states=self._seen(memory.states, k))

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import overload
 
 import numpy as np
 
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse, MacroTangent, fingerprint
+from porocore.interfaces.law_changes import MemoryChanges, PointChanges, ResponseChanges
 from porocore.states import Array, MacroState
 
 
@@ -61,6 +63,28 @@ class TurnedLaw(MacroLaw):
         )
         return [_in_body(response, states, R) for response in found]
 
+    def respond_to_changes(
+        self,
+        states: MacroState,
+        grad_p: Array,
+        memory: LawMemory,
+        changes: PointChanges,
+        before: MemoryChanges,
+    ) -> tuple[MacroResponse, ResponseChanges]:
+        """Return response and derivatives in the axes of the body; see :class:`MacroLaw`."""
+        R = _axes(states)
+        if R is None:
+            return self.law.respond_to_changes(states, grad_p, memory, changes, before)
+        turned = replace(before, grad_u=_each_in(before.grad_u, R), mean_grad=_each_in(before.mean_grad, R))
+        response, found = self.law.respond_to_changes(
+            _in_material(states, R),
+            (grad_p[:, None, :] @ R)[:, 0],
+            _memory_in_material(memory, R),
+            changes,
+            turned,
+        )
+        return _in_body(response, states, R), _changes_in_body(found, R)
+
     def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
         """Ask the law, which sees the memories in its own axes; see :class:`MacroLaw`."""
         R, before = _axes(response.memory.states), _axes(memory.states)
@@ -92,6 +116,36 @@ def _back(tensor: Array, R: Array) -> Array:
     return np.asarray(R @ tensor @ R.swapaxes(1, 2))
 
 
+@overload
+def _each_in(tensors: Array, R: Array) -> Array: ...
+@overload
+def _each_in(tensors: None, R: Array) -> None: ...
+def _each_in(tensors: Array | None, R: Array) -> Array | None:
+    """Return Rᵀ T R of tensors (n, 3, 3, k)."""
+    return None if tensors is None else np.einsum("nia,nijk,njb->nabk", R, tensors, R, optimize=True)
+
+
+def _changes_in_body(changes: ResponseChanges, R: Array) -> ResponseChanges:
+    back = R.swapaxes(1, 2)
+    M, Q = changes.mean_grad_grad_u, changes.mean_grad_p
+    return replace(
+        changes,
+        stress=_each_in(changes.stress, back),
+        flux=R @ changes.flux,
+        mean_grad=_each_in(changes.mean_grad, back),
+        mean_grad_grad_u=None if M is None else _fourth_rank_back(M, R),
+        mean_grad_p=None if Q is None else _back(Q, R),
+    )
+
+
+def _fourth_rank_back(tensor: Array, R: Array) -> Array:
+    """Return a derivative of a tensor by a tensor (n, 3, 3, 3, 3) in the axes of the body."""
+    n = len(R)
+    # T ↦ R T Rᵀ of tensors as rows of 9.
+    pairs = np.einsum("nia,njb->nijab", R, R).reshape(n, 9, 9)
+    return np.asarray(pairs @ tensor.reshape(n, 9, 9) @ pairs.swapaxes(1, 2)).reshape(n, 3, 3, 3, 3)
+
+
 def _in_material(states: MacroState, R: Array) -> MacroState:
     """Return the states in the axes of the material, at places that have no others."""
     place = None if states.place is None else replace(states.place, axes=None)
@@ -120,10 +174,9 @@ def _tangent_in_body(tangent: MacroTangent, R: Array) -> MacroTangent:
     # T ↦ R T Rᵀ of tensors as rows of 9.
     pairs = np.einsum("nia,njb->nijab", R, R).reshape(n, 9, 9)
     back = pairs.swapaxes(1, 2)
-    stiffness = pairs @ tangent.stress_grad_u.reshape(n, 9, 9) @ back
     flux = R @ tangent.flux_grad_u.reshape(n, 3, 9) @ back
     return MacroTangent(
-        stress_grad_u=stiffness.reshape(n, 3, 3, 3, 3),
+        stress_grad_u=_fourth_rank_back(tangent.stress_grad_u, R),
         stress_p=_back(tangent.stress_p, R),
         storage_grad_u=_back(tangent.storage_grad_u, R),
         storage_p=tangent.storage_p,

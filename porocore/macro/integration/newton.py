@@ -147,11 +147,11 @@ def misfit_of(d: Discretisation, residual: Residual, round_off: tuple[float, flo
     scales = (residual.force_scale, residual.volume_scale)
     return max(
         r / s if r > floor else 0.0
-        for r, s, floor in zip(_largest_free(d, residual.values), scales, round_off, strict=True)
+        for r, s, floor in zip(largest_free(d, residual.values), scales, round_off, strict=True)
     )
 
 
-def _largest_free(d: Discretisation, values: Array) -> tuple[float, float]:
+def largest_free(d: Discretisation, values: Array) -> tuple[float, float]:
     """Return the largest free force and the largest free volume over all processes."""
     magnitude, is_force = np.abs(d.equations(values)), d.is_force[d.free[d.leading]]
     blocks = (magnitude[is_force], magnitude[~is_force])
@@ -169,6 +169,6 @@ def _round_off(
     step 1e-7 of the consolidation time long takes up so little that it was 2e-9 of it, and no step could be short
     enough. Of a first guess (not ``begun``) that counts as an error, for over many steps such errors add up.
     """
-    force, volume = _largest_free(d, d.magnitudes(tangent.system, x))
+    force, volume = largest_free(d, d.magnitudes(tangent.system, x))
     filled = tangent.fullest * d.mesh.share_of_volume if begun else 0.0
     return share * (force + tangent.stiffest * d.stretch), share * (volume + filled)

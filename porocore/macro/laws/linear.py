@@ -9,6 +9,7 @@ import numpy as np
 from porocore.cell.materials.composite import Composite, Solid
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import CellLaw, LawMemory, MacroLaw, MacroResponse, MacroTangent, fingerprint
+from porocore.interfaces.law_changes import MemoryChanges, PointChanges, ResponseChanges
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
 
 #: 1/M_B [1/E] up to this is round-off of a cell without pores.
@@ -194,6 +195,25 @@ class LinearPoroelasticity(MacroLaw):
             transformed_conductivity=np.broadcast_to(c.conductivity, (n, 3, 3)),
             outside_training_range=np.zeros(n, bool),
             tangent=self._tangent(n) if tangent else None,
+        )
+
+    def respond_to_changes(
+        self,
+        states: MacroState,
+        grad_p: Array,
+        memory: LawMemory,
+        changes: PointChanges,
+        before: MemoryChanges,
+    ) -> tuple[MacroResponse, ResponseChanges]:
+        """Return the response and its derivatives; C_eff and M_B are in proportion to the modulus, and so is P₀."""
+        found, c = self.respond(states, grad_p, memory), self.coefficients
+        by = changes.modulus
+        borne = (found.stress + states.p[:, None, None] * c.biot)[..., None]
+        stored = c.storage * ((memory.states.p - states.p)[:, None] * by - before.p)
+        return found, ResponseChanges(
+            stress=borne * by[:, None, None, :],
+            storage=stored - np.einsum("ij,nijk->nk", c.biot, before.grad_u),
+            flux=-found.flux[..., None] * changes.viscosity[:, None, :],
         )
 
     def _tangent(self, n: int) -> MacroTangent:

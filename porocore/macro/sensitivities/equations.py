@@ -11,7 +11,7 @@ from porocore.interfaces.law_changes import MemoryChanges, ResponseChanges
 from porocore.macro.boundary.conditions import Loads
 from porocore.macro.integration.discretisation import Discretisation, Residual, StepFailed
 from porocore.macro.integration.linearisation import Linearisation
-from porocore.macro.integration.newton import misfit_of
+from porocore.macro.integration.newton import ROUND_OFF, largest_free, misfit_of
 from porocore.states import Array
 
 #: Relative residual of a solution that is small enough, one that is too large, and the corrections at most.
@@ -94,7 +94,7 @@ class StepEquations:
             total, memory = self.fixed.moved(tangent, *changes_at_points(d, x))
             parts = UnknownChange.each(total)
             residuals = [self._residual(*each) for each in zip(parts, self.own, x, strict=True)]
-            misfits = [misfit_of(d, residual) for residual in residuals]
+            misfits = [self._misfit(*each) for each in zip(residuals, x, strict=True)]
             if max(misfits) <= SMALL or correction == CORRECTIONS:
                 break
             for j, misfit in enumerate(misfits):
@@ -106,6 +106,14 @@ class StepEquations:
 
     def _solve(self, right: Array, jump: Array) -> Array:
         return self.d.solve(self.linear.system, right, jump, again=True)
+
+    def _misfit(self, residual: Residual, x: Array) -> float:
+        """Return the largest residual over its scale; zero where only round-off is left, as of a rigid motion."""
+        d, misfit = self.d, misfit_of(self.d, residual)
+        if misfit <= SMALL:
+            return misfit
+        force, volume = largest_free(d, d.magnitudes(self.linear.system, x))
+        return misfit_of(d, residual, (ROUND_OFF * force, ROUND_OFF * volume))
 
     def _residual(self, change: UnknownChange, own: Loads, x: Array) -> Residual:
         """Return the total derivative of the residual by one unknown, which is zero in the equations."""
