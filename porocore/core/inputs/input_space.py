@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from porocore.core.inputs.used_values import UsedValues
 from porocore.core.units.results import spoken
 from porocore.errors import ConfigurationError
 from porocore.states import Array, MacroState
@@ -35,6 +36,9 @@ class InputSpace:
         Bounds, one for each name.
     parameters
         Names of the cell's parameters in their order, the last of ``names``; empty for a cell without.
+    used
+        Values of all parameters, k rows of them, that a body uses: states are sampled at such values alone. Empty: over
+        the whole ranges.
 
     Examples
     --------
@@ -54,9 +58,14 @@ class InputSpace:
     lower: tuple[float, ...]
     upper: tuple[float, ...]
     parameters: tuple[str, ...] = ()
+    used: tuple[tuple[float, ...], ...] = ()
 
     def __post_init__(self) -> None:
         own = len(self.names) - len(self.parameters)
+        if any(len(row) != len(self.parameters) for row in self.used):
+            raise ConfigurationError(
+                f"expected {len(self.parameters)} values in each row of used, one for each parameter"
+            )
         if own < 0 or self.names[own:] != self.parameters:
             raise ConfigurationError(
                 f"expected the parameters {', '.join(self.parameters)} as the last inputs, got {', '.join(self.names)}"
@@ -78,6 +87,7 @@ class InputSpace:
     def __repr__(self) -> str:
         # Hashes hang on this text: that of a space without parameters has to stay as it was.
         more = f", parameters={self.parameters!r}" if self.parameters else ""
+        more += f", used={self.used!r}" if self.used else ""
         return f"InputSpace(names={self.names!r}, lower={self.lower!r}, upper={self.upper!r}{more})"
 
     def __len__(self) -> int:
@@ -93,11 +103,12 @@ class InputSpace:
         cls,
         ranges: Mapping[str, tuple[float, float]],
         parameters: Mapping[str, tuple[float, float]] | None = None,
+        used: tuple[tuple[float, ...], ...] = (),
     ) -> InputSpace:
         """Return the space of ``{"H22": (-0.4, 0.04), ...}`` and of parameters ``{"radius": (0.15, 0.3), ...}``."""
         more = dict(parameters or {})
         low, high = zip(*ranges.values(), *more.values(), strict=True)
-        return cls((*ranges, *more), tuple(low), tuple(high), tuple(more))
+        return cls((*ranges, *more), tuple(low), tuple(high), tuple(more), used)
 
     @cached_property
     def columns(self) -> tuple[int, ...]:
@@ -110,6 +121,22 @@ class InputSpace:
         """Ranges of the parameters, (m, 2)."""
         ends: Array = np.array([self.lower, self.upper]).T[len(self) - len(self.parameters) :]
         return ends
+
+    @cached_property
+    def used_values(self) -> UsedValues | None:
+        """Values of the parameters that are used, scaled by their ranges; None where the whole ranges are sampled."""
+        return UsedValues(self._unit_parameters(np.array(self.used))) if self.used else None
+
+    def not_used(self, parameters: Array) -> npt.NDArray[np.bool_]:
+        """Return which values (n, m) of the parameters are away from those that are used."""
+        if self.used_values is None:
+            return np.zeros(len(parameters), dtype=bool)
+        return self.used_values.away(self._unit_parameters(parameters))
+
+    def _unit_parameters(self, parameters: Array) -> Array:
+        low, high = self.parameter_ranges.T
+        unit: Array = (parameters - low) / (high - low)
+        return unit
 
     def require_parameters(self, states: MacroState) -> None:
         """Refuse states that have not the parameters of this space.

@@ -6,6 +6,7 @@ import itertools
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -27,7 +28,8 @@ MOST_HULL_INPUTS = 5
 class SampledRange:
     """A convex polytope {x : A x ≤ b} around the sampled inputs and the undeformed cell, which is always known.
 
-    With parameters it is known at all of their values.
+    With parameters it is known at all of their values, but where the samples are at values that a body uses
+    (:attr:`InputSpace.used`) all others are outside.
 
     Its faces lie beyond the samples by half of what neighbours usually differ by along an axis, as far from a sample as
     states between two of them, but not beyond the box of the inputs.
@@ -77,7 +79,11 @@ class SampledRange:
 
     def contains(self, x: npt.ArrayLike, tolerance: float = 1e-9) -> npt.NDArray[np.bool_]:
         """Return which of the input rows (n, d) lie inside, up to ``tolerance`` of the range of an input."""
-        return _within(self._planes, np.atleast_2d(np.asarray(x, dtype=float)), tolerance)
+        rows = np.atleast_2d(np.asarray(x, dtype=float))
+        inside = _within(self._planes, rows, tolerance)
+        if self.inputs.used:
+            inside &= ~self.inputs.not_used(rows[:, len(self.inputs) - len(self.inputs.parameters) :])
+        return inside
 
     @cached_property
     def _planes(self) -> Array:
@@ -105,7 +111,21 @@ class SampledRange:
         rows = components(states)
         outside = np.logical_not(_within(planes, rows[list(self.inputs.columns)].T, by))
         outside |= self.inputs.others_move(rows)
+        if self.inputs.used and states.parameters is not None:
+            outside |= self._not_used(states.parameters)
         return outside
+
+    def _not_used(self, parameters: Array) -> npt.NDArray[np.bool_]:
+        """Return which parameters (n, m) are away from those that are used; the last answer is kept."""
+        kept = self._last
+        if not kept or not np.array_equal(kept[0], parameters):
+            kept[:] = [parameters.copy(), self.inputs.not_used(parameters)]
+        answer: npt.NDArray[np.bool_] = kept[1]
+        return answer
+
+    @cached_property
+    def _last(self) -> list[Any]:
+        return []
 
 
 def _within(planes: Array, rows: Array, by: float) -> npt.NDArray[np.bool_]:

@@ -252,6 +252,12 @@ def _require_within(
     )
 
 
+def field_times(setup: ComposedBody, end: float) -> list[float]:
+    """Return times from 0 to ``end`` at which fields that change are looked at: their kinks, and others between."""
+    corners = [time for time in field_corners(setup) if time < end]
+    return sorted({*np.linspace(0.0, end, TIMES).tolist(), *corners})
+
+
 def require_composition(
     setup: ComposedBody,
     mesh: BodyMesh,
@@ -267,8 +273,7 @@ def require_composition(
     ConfigurationError
         See :class:`BodyFields`; or a field leaves the range of its parameter at some time.
     """
-    corners = [time for time in field_corners(setup) if time < end]
-    times = sorted({*np.linspace(0.0, end, TIMES).tolist(), *corners})
+    times = field_times(setup, end)
     body = BodyFields(setup, mesh, ranges)
     body.require_within(ranges, times)
     for time in times if body.turned and body.varies else (0.0,):

@@ -1,7 +1,8 @@
 """HDF5 layout of solved states: blocks of rows written and read, fields u¹ read row by row.
 
 Layout, n rows sorted by key, d sampled inputs, the last m of them parameters of the cell: attributes ``format``,
-``version``, ``identity``; ``inputs/names, lower, upper`` (d), ``inputs/parameters`` (m); ``provenance/*`` (texts);
+``version``, ``identity``; ``inputs/names, lower, upper`` (d), ``inputs/parameters`` (m),
+``inputs/used`` (k, m); ``provenance/*`` (texts);
 ``key``, ``start`` (n, text, empty: from the undeformed cell; ``samples: `` and a key: from a state of the samples
 beside this file); ``x`` (n, d); ``grad_u`` (n, 3, 3); ``p``, ``seconds``, ``status`` (n); ``parameters`` (n, m);
 ``response/*`` as in :data:`porocore.states.CELL_FIELDS`; ``field/domain`` (n, text, empty: no field),
@@ -105,6 +106,8 @@ def _write(file: Any, header: Header, block: Block, fields: Iterable[CellField |
     file["inputs/lower"], file["inputs/upper"] = header.inputs.lower, header.inputs.upper
     if header.inputs.parameters:
         file.create_dataset("inputs/parameters", data=list(header.inputs.parameters), dtype=TEXT)
+    if header.inputs.used:
+        file["inputs/used"] = np.array(header.inputs.used)
     for name, text in header.provenance.items():
         file.create_dataset(f"provenance/{name}", data=text, dtype=TEXT)
     file.create_dataset("key", data=block.keys, shape=(len(block.keys),), dtype=TEXT)
@@ -166,7 +169,10 @@ def read_block(path: Path, advice: str, *, sound: bool = True) -> tuple[Header, 
         names = tuple(file.texts("inputs/names", "d"))
         low, high = (tuple(map(float, file.array(f"inputs/{end}", "d"))) for end in ("lower", "upper"))
         parameters = tuple(file.texts("inputs/parameters", "m")) if "inputs/parameters" in file else ()
-        inputs = InputSpace(names, low, high, parameters)
+        used: tuple[tuple[float, ...], ...] = ()
+        if "inputs/used" in file:
+            used = tuple(map(tuple, file.array("inputs/used", "k", "m").tolist()))
+        inputs = InputSpace(names, low, high, parameters, used)
         provenance = {name: file.text(f"provenance/{name}") for name in file.members("provenance")}
         keys = file.texts("key", "n")
         if len(set(keys)) < len(keys):

@@ -81,4 +81,5 @@ def stamp(path: Path) -> tuple[tuple[int, int] | None, ...]:
 
 def describe(inputs: InputSpace) -> str:
     """Return names and ranges of the inputs in one line."""
-    return ", ".join(f"{name} in {inputs.range_text(name)}" for name in inputs.names)
+    used = f", at {len(inputs.used)} values of the parameters that a body uses" if inputs.used else ""
+    return ", ".join(f"{name} in {inputs.range_text(name)}" for name in inputs.names) + used

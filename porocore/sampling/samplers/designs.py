@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs.used_values import farthest
 from porocore.core.models.bounds import LARGEST_SEED
 from porocore.errors import ConfigurationError
 from porocore.sampling.samplers.options import refuse_unknown, whole, yes_or_no
@@ -68,9 +69,9 @@ class Design(RoundSampler):
                     f"sampling.options.corners: {d} inputs have {2**d} corners; leave them out beyond "
                     f"{MOST_CORNER_INPUTS} inputs"
                 )
-            if count < 2**d:
+            if count < (most := len(self._box_corners())):
                 raise ConfigurationError(
-                    f"sampling.options.count: {count} states are fewer than the {2**d} corners of {d} inputs; "
+                    f"sampling.options.count: {count} states are fewer than the {most} corners of {d} inputs; "
                     "raise it, or set corners: false"
                 )
 
@@ -78,28 +79,44 @@ class Design(RoundSampler):
         """Return the whole design, once."""
         if len(self.points):
             return np.empty((0, len(self.inputs)))
-        m = len(self.inputs.parameters)
-        first = np.empty((0, len(self.inputs)))
-        if self.corners:
-            # The corners of one member follow each other.
-            first = np.roll(box_corners(len(self.inputs)), -m, axis=1)
-        filling = self._members(room - len(first), m) if room > len(first) else first[:0]
+        first = self._box_corners() if self.corners else np.empty((0, len(self.inputs)))
+        filling = self._members(room - len(first)) if room > len(first) else first[:0]
         return np.concatenate([first, filling])
 
-    def _members(self, count: int, m: int) -> Array:
-        """Return points (count, d): a design over the components, and each point of one over m parameters for some."""
-        if not m or self.states_per_member == 1:
+    def _members(self, count: int) -> Array:
+        """Return points (count, d): a design over the components, and each point of one over m parameters for some.
+
+        Where a body uses some values of the parameters alone, those are the farthest of these, in turns.
+        """
+        m, used = len(self.inputs.parameters), self.inputs.used_values
+        if not m or (used is None and self.states_per_member == 1):
             return self.filling(count, len(self.inputs))
-        states = self.filling(count, len(self.inputs) - m)
-        values = self.parameter_filling(-(-count // self.states_per_member), m)
-        return np.concatenate([states, np.repeat(values, self.states_per_member, axis=0)[:count]], axis=1)
+        states, members = self.filling(count, len(self.inputs) - m), -(-count // self.states_per_member)
+        values = (
+            self.parameter_filling(members, m) if used is None else used.unit[farthest(used.unit, members)]
+        )
+        which = np.arange(count) // self.states_per_member % len(values)
+        return np.concatenate([states, values[which]], axis=1)
+
+    def _box_corners(self) -> Array:
+        """Return the corners of the box; those of one member follow each other."""
+        m, used = len(self.inputs.parameters), self.inputs.used_values
+        if used is None:
+            return np.roll(box_corners(len(self.inputs)), -m, axis=1)
+        corners, values = box_corners(len(self.inputs) - m), used.unit[farthest(used.unit, 2**m)]
+        return np.concatenate(
+            [np.tile(corners, (len(values), 1)), np.repeat(values, len(corners), axis=0)], axis=1
+        )
 
     @property
     def members(self) -> int:
         """Number of members of a family of cells that are prepared for the states; 1 for a cell without parameters."""
         m = len(self.inputs.parameters)
-        corners = 2 ** len(self.inputs) if self.corners else 0
-        return (2**m if corners else 0) + -(-(self.count - corners) // self.states_per_member) if m else 1
+        if not m:
+            return 1
+        corners = len(self._box_corners()) if self.corners else 0
+        at_corners: int = corners // 2 ** (len(self.inputs) - m)
+        return at_corners + -(-(self.count - corners) // self.states_per_member)
 
     @abstractmethod
     def filling(self, count: int, d: int) -> Array:

@@ -8,6 +8,7 @@ from math import ceil
 import numpy as np
 
 from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs.used_values import farthest
 from porocore.sampling.samplers.candidates import BoolArray, distances, opening, spread_out
 from porocore.states import Array, IntArray
 
@@ -31,11 +32,16 @@ class MemberChoice:
 
     @classmethod
     def for_states(cls, inputs: InputSpace, count: int, states_per_member: int, seed: int) -> MemberChoice:
-        """Return the members for ``count`` states: the corners of up to three parameters, then farthest points."""
-        m = len(inputs.parameters)
+        """Return the members for ``count`` states: the corners of up to three parameters, then farthest points.
+
+        Where a body uses some values of the parameters alone, they are farthest ones of these, the ends first.
+        """
+        m, members = len(inputs.parameters), ceil(count / states_per_member)
         if not m:
             return cls(np.empty((1, 0)), states_per_member)
-        return cls(opening(m, ceil(count / states_per_member), seed), states_per_member)
+        if (used := inputs.used_values) is not None:
+            return cls(used.unit[farthest(used.unit, members)], states_per_member)
+        return cls(opening(m, members, seed), states_per_member)
 
     @property
     def m(self) -> int:

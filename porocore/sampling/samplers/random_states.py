@@ -119,14 +119,16 @@ def _draw(
 ) -> Iterator[Request]:
     random = np.random.default_rng(seed)
     low, high = np.array(inputs.lower), np.array(inputs.upper)
-    own = len(inputs) - len(inputs.parameters)
+    own, used = len(inputs) - len(inputs.parameters), np.array(inputs.used)
     index = misses = 0
     member: Array = np.empty(0)
     while True:
         unit = random.random(len(inputs))
         if index % states_per_member == 0:
-            member = unit[own:]
-        x = low + (high - low) * np.concatenate([unit[:own], member])
+            member = low[own:] + (high - low)[own:] * unit[own:]
+            if len(used):
+                member = used[int(unit[own] * len(used))]
+        x = np.concatenate([low[:own] + (high - low)[:own] * unit[:own], member])
         if within is not None and not within.contains(x)[0]:
             misses += 1
             if misses == MOST_MISSES:

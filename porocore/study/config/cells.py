@@ -106,7 +106,7 @@ def of_one_cell(config: RunConfig, name: str | None) -> RunConfig:
         for region, settings in macro.regions.items()
         if settings.cell == name
     }
-    return config.model_copy(
+    part = config.model_copy(
         update={
             "cell": cell_of(config, name),
             "cells": {},
@@ -114,6 +114,8 @@ def of_one_cell(config: RunConfig, name: str | None) -> RunConfig:
             "macro": macro.model_copy(update={"regions": regions}),
         }
     )
+    part._part_of = config, name
+    return part
 
 
 def cell_of(config: RunConfig, name: str | None) -> Cell:

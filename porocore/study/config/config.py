@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from typing import Annotated, Any
 
 import yaml
-from pydantic import AfterValidator, Field, ValidationInfo, field_validator
+from pydantic import AfterValidator, Field, PrivateAttr, ValidationInfo, field_validator
 
 from porocore.cell.cell import Cell
 from porocore.core.echo import cut, echo, suggestion
@@ -26,6 +26,7 @@ from porocore.errors import ConfigurationError
 from porocore.macro.laws import CLOSURES
 from porocore.macro.laws.pull_back import ConductivityLaw
 from porocore.sampling.execution.choice import contradiction
+from porocore.study.config.body_parameters import used_parameters
 from porocore.study.config.cells import of_one_cell, well_named
 from porocore.study.config.sections import (
     FemSettings,
@@ -84,6 +85,8 @@ class RunConfig(StrictModel):
     """Units of the results, which need scales; SI units by default."""
     scenarios: dict[str, Scales] = Field(default={})
     """Further scales by name; the report gives the main results in SI units for each."""
+    #: Of the study of one of several cells: the whole study, and the name of the cell.
+    _part_of: tuple[RunConfig, str | None] | None = PrivateAttr(default=None)
     calibration: dict[str, Any] | None = None
     """Unknowns and measured curves of ``porocore calibrate``; other commands leave them alone."""
 
@@ -193,7 +196,21 @@ class RunConfig(StrictModel):
     def input_space(self) -> InputSpace:
         """Return the sampled inputs: components of the state, then the parameters of a family of cells."""
         varied = self.cell.parameters if self.cell.is_family else ()
-        return self.sampling.input_space({each.name: (each.lower, each.upper) for each in varied})
+        ranges = {each.name: (each.lower, each.upper) for each in varied}
+        return self.sampling.input_space(ranges, self.used_parameters)
+
+    @property
+    def used_parameters(self) -> tuple[tuple[float, ...], ...]:
+        """Values of the cell's parameters at which states are sampled; empty: their whole ranges.
+
+        Raises
+        ------
+        ConfigurationError
+            Fields do not suit the body.
+        """
+        if not self.cell.is_family or self.sampling.parameters == "ranges":
+            return ()
+        return used_parameters(*(self._part_of or (self, None)))
 
     # Not a cached property: model_copy would carry the cache over to a changed configuration.
     @property
@@ -203,7 +220,9 @@ class RunConfig(StrictModel):
         cell = cell_identity(self.cell, self.fem)
         how = self.sampling.model_dump(include={"sampler", "tolerance", "options"})
         # The samples hold more where the flow is solved as well.
-        more = (self.conductivity,) if self.conductivity == "deformed" else ()
+        more: tuple[Any, ...] = (self.conductivity,) if self.conductivity == "deformed" else ()
+        if used := self.used_parameters:
+            more = (*more, used)
         sampling = _hash(cell, inputs, how, *more)
         ranges = [(name, swept.range) for name, swept in self.sampling.inputs.items()]
         # Without parameters it has no members, and a hash that is older than they are.

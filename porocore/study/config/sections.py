@@ -96,6 +96,9 @@ class SamplingSettings(StrictModel):
     state_seconds: Annotated[Positive | None, Unit("s")] = None
     """Time limit for the solve of one state, after which its worker is ended; the state is tried once more, then
     recorded as ``lost``; null: none."""
+    parameters: Literal["body", "ranges"] = "body"
+    """Values of the parameters of a cell at which states are solved, held-out ones too: those that the ``body`` has
+    somewhere at some time, or their whole ``ranges``, for sweeps and for a law that is asked at any of them."""
     test: HeldOutSettings = HeldOutSettings()
     """States apart from the training."""
     cells: dict[str, CellSampling] = Field(default={})
@@ -107,9 +110,15 @@ class SamplingSettings(StrictModel):
             raise ValueError(fault)
         return self
 
-    def input_space(self, parameters: Mapping[str, tuple[float, float]] | None = None) -> InputSpace:
-        """Return the inputs and their ranges, those of the cell's parameters last."""
-        return InputSpace.from_ranges({name: swept.range for name, swept in self.inputs.items()}, parameters)
+    def input_space(
+        self,
+        parameters: Mapping[str, tuple[float, float]] | None = None,
+        used: tuple[tuple[float, ...], ...] = (),
+    ) -> InputSpace:
+        """Return the inputs and their ranges, those of the cell's parameters last, and the values that are used."""
+        return InputSpace.from_ranges(
+            {name: swept.range for name, swept in self.inputs.items()}, parameters, used
+        )
 
     def sampler_options(self) -> dict[str, Any]:
         """Return the keyword arguments of the sampler, as far as set: ``step`` by input, ``tolerance``, ``options``."""

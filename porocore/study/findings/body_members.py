@@ -9,16 +9,14 @@ import numpy as np
 
 from porocore.core.files.store import ResultStore
 from porocore.interfaces.law import MacroLaw
-from porocore.macro.composition.body_fields import BodyFields
 from porocore.macro.composition.kept_cells import cells_of_elements
 from porocore.macro.composition.linearised_law import RestCoefficients, coefficients_of_elements
 from porocore.macro.composition.member_law import NearestMemberLaw
-from porocore.macro.composition.regions import regions_of_cell
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.macro.problem import body_mesh
 from porocore.report.format import number
 from porocore.states import Array
-from porocore.study.config.cells import cell_ranges
+from porocore.study.config.body_parameters import values_in_body
 from porocore.study.config.config import RunConfig
 from porocore.study.stages.reference import undeformed
 
@@ -62,7 +60,9 @@ class BodyMembers:
         """
         family = config.of_cell(cell).cell
         ranges = {each.name: (each.lower, each.upper) for each in family.parameters}
-        values = spread(parameters_in_body(config, cell), ranges, min(most, MOST))
+        end = config.macro.time.end
+        there = np.concatenate(list(values_in_body(config, cell, (0.0, end / 2, end))))
+        values = spread(there, ranges, min(most, MOST))
         found = []
         for row in values:
             member = family.at(row)
@@ -101,23 +101,6 @@ def linear_in_body(
     """Return linear poroelasticity of the elements of a body at first; of one cell everywhere its ``coefficients``."""
     cells = cells_of_elements(config.macro, body_mesh(config.macro), law, [0.0])
     return coefficients if cells is None else coefficients_of_elements(law, cells)
-
-
-def parameters_in_body(config: RunConfig, cell: str | None = None) -> Array:
-    """Return the parameters (n, m) of a cell at the points of the body that have it, of fields that change three times.
-
-    None names the cell of the rest of the body.
-    """
-    fields = BodyFields(config.macro, body_mesh(config.macro), cell_ranges(config))
-    columns = [fields.names.index(each.name) for each in config.of_cell(cell).cell.parameters]
-    regions, end = regions_of_cell(config.macro.regions, cell), config.macro.time.end
-    found = []
-    for time in (0.0, end / 2, end) if fields.varies else (0.0,):
-        at = fields.at(time)
-        assert at.parameters is not None
-        assert at.place is not None
-        found.append(at.parameters[np.isin(at.place.region, regions)][:, columns])
-    return np.concatenate(found)
 
 
 def spread(values: Array, ranges: dict[str, tuple[float, float]], most: int) -> Array:

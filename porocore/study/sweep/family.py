@@ -27,7 +27,8 @@ def family_over(
     """Return the study of a family of cells, and notes on settings that it cannot have.
 
     A number of the cell becomes a range, with its middle in ``macro.fields`` where that has no value; a range that is
-    there already stays. Where the sampler of a study without ranges varies no parameters, a design samples the family.
+    there already stays, and both are sampled as a whole. Where the sampler of a study without ranges varies no
+    parameters, a design samples the family.
 
     Parameters
     ----------
@@ -50,6 +51,8 @@ def family_over(
     new = {paths[name]: {"range": [*ends]} for name, ends in ranges.items() if name not in known}
     data = config.model_dump(mode="json")
     data["cell"] = replaced(data["cell"], new)
+    if ranges:
+        data["sampling"]["parameters"] = "ranges"
     for name, ends in ranges.items():
         middle = known[name].base if name in known else (ends[0] + ends[1]) / 2
         data["macro"]["fields"].setdefault(name, rounded(middle))

@@ -104,6 +104,8 @@ def write(path: Path, model: Model, metadata: SurrogateMetadata) -> None:
     }
     if model.sampled.inputs.parameters:
         header["parameters"] = model.sampled.inputs.parameters
+    if model.sampled.inputs.used:
+        arrays["inputs/used"] = np.array(model.sampled.inputs.used)
     parts.pack_range(model.sampled, arrays)
     pack(model, header, arrays)
     if model.estimate is not None:
@@ -129,7 +131,8 @@ def read(path: Path) -> tuple[Model, SurrogateMetadata]:
             if not np.isfinite(array).all():
                 raise ValueError(f"{name} holds numbers that are not finite")
         low, high = (tuple(arrays[f"inputs/{end}"].tolist()) for end in ("lower", "upper"))
-        inputs = InputSpace(tuple(header["inputs"]), low, high, tuple(header.get("parameters", ())))
+        used = tuple(map(tuple, arrays["inputs/used"].tolist())) if "inputs/used" in arrays else ()
+        inputs = InputSpace(tuple(header["inputs"]), low, high, tuple(header.get("parameters", ())), used)
         sampled = parts.unpack_range(arrays, inputs)
         unpack: dict[str, Callable[..., Model]] = {
             "mlp": _unpack_anchored,
