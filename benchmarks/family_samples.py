@@ -55,6 +55,7 @@ def study(name: str, folder: Path) -> Study:
             "sampling": {
                 "sampler": "sobol",
                 "inputs": {key: {"range": ends} for key, ends in INPUTS[name].items()},
+                "parameters": "ranges",
                 "options": {"count": max(SIZES[name]), "states_per_member": 1},
                 "test": {"count": 100},
             },

@@ -118,6 +118,12 @@ FAULTS = [
     ),
     ("  backend: skfem", "  backend: skfem\n  options: {solvr: amg}", "fem.options", "solvr"),
     ("  sampler: density-sweep", "  sampler: sobol", "sampling.inputs.p.step", "step"),
+    (
+        "  sampler: density-sweep",
+        "  sampler: sobol\n  parameters: box",
+        "sampling.parameters",
+        "'body' or 'ranges'",
+    ),
     ("  backend: torch", "  backend: polynomial\n  options: {degre: 3}", "surrogate.options.degre", "degree"),
     ("closure: mean-gradient", "closure: potentail", "closure", "did you mean 'potential'?"),
     ("scenarios:", "output_units: {length: mm}\nscenarios:", "output_units", "scales"),

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from porocore import CellProblem, Study
+from porocore.core.files.plain_data import merged
 from porocore.errors import ConfigurationError
+from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution.members import MembersAtRest
 from porocore.study.stages.stage_files import prepare_undeformed
 
@@ -77,3 +79,47 @@ def test_members_at_rest_are_the_cells_with_their_numbers() -> None:
         np.testing.assert_allclose(found.conductivity[k], member.conductivity, rtol=1e-10, atol=1e-12)
     with pytest.raises(ConfigurationError, match="radius: expected a number"):
         at_rest(np.array([[0.6, 0.35]]))
+
+
+@pytest.mark.slow
+def test_states_beyond_the_samples_are_solved_with_their_parameters(tmp_path: Path) -> None:
+    """Few states, all next to rest: the law that learns on the way has the answer of the cells themselves."""
+    near = {"inputs": {"H22": {"range": [-0.01, 0.0]}, "p": {"range": [0.0, 0.01]}}, "options": {"count": 10}}
+    settings = merged(STUDY, {"sampling": near, "macro": {"fields": {"poisson_ratio": 0.35}}})
+    study = Study(settings, out=tmp_path / "run", progress=False, store=False)
+    solved = study.solve(("fallback", "direct"))[-0.03]
+    learned, direct = solved["potential-fallback"], solved["direct-potential"]
+    states = Dataset.open(study.folder.fallback).states()
+    assert len(states) > 0
+    assert states.parameters is not None
+    # Of the points of the body, between the states that were sampled at the members.
+    assert states.grad_u[:, 1, 1].min() < -0.02
+    assert len(np.unique(states.parameters[:, 0])) > 1
+    assert (states.parameters[:, 1] == 0.35).all()
+    np.testing.assert_allclose(learned.settlement, direct.settlement, atol=1e-3 * direct.settlement[-1])
+
+
+@pytest.mark.slow
+def test_two_families_in_one_body_with_the_other_backend(tmp_path: Path) -> None:
+    """dolfinx solves cells and body of two regions, each with a family of its own, as skfem does."""
+    pytest.importorskip("porocore_fem_dolfinx")
+    clay = {"geometry": {"radius": {"range": [0.15, 0.2]}}, "mesh": CELL["mesh"]}
+    regions = {"deep": {"below": 0.5, "cell": "clay", "fields": {"radius": 0.17}}}
+    changes = {
+        "cells": {"clay": clay},
+        "macro": {
+            "body": {"elements": [1, 2, 1]},
+            "regions": regions,
+            "fields": {"radius": 0.23, "poisson_ratio": 0.35},
+        },
+    }
+    found = []
+    for backend in ("skfem", "dolfinx"):
+        settings = merged(STUDY, changes | {"fem": {"backend": backend}})
+        study = Study(settings, out=tmp_path / backend, progress=False, store=False)
+        found.append(study.solve(("surrogate",))[-0.03]["potential"])
+        used = [study.config.of_cell(name).used_parameters for name in (None, "clay")]
+        assert used == [((0.23, 0.35),), ((0.17,),)]
+    one, other = found
+    np.testing.assert_allclose(other.settlement, one.settlement, rtol=1e-6)
+    np.testing.assert_allclose(other.pressure, one.pressure, rtol=1e-6, atol=1e-12)

@@ -75,6 +75,7 @@ def ranged(ends: list[float]) -> dict[str, Any]:
     return with_settings(
         cell__material={"poisson_ratio": {"range": ends}},
         macro={**STUDY["macro"], "fields": {"poisson_ratio": 0.3}},
+        sampling__parameters="ranges",
     )
 
 
