@@ -28,6 +28,7 @@ from porocore.study.magnitudes.left_out import left_out
 from porocore.study.magnitudes.separation import separation
 from porocore.study.outline.at_rest import cell_length, edges
 from porocore.study.preflight.checks import place
+from porocore.study.preflight.family_work import family_lines, members_of
 from porocore.study.preflight.guess import RunTimes, decisions
 from porocore.study.preflight.limits import slow_states
 from porocore.study.preflight.resolution import resolution
@@ -35,8 +36,6 @@ from porocore.study.preflight.symmetry_notes import uncovered, unmirrored
 from porocore.study.preflight.time_functions import late_functions
 from porocore.study.preflight.workload import (
     Workload,
-    family_lines,
-    members_of,
     share_solved,
     sheared,
     work_lines,
