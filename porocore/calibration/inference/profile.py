@@ -23,8 +23,9 @@ FIRST_SHARE, GROWTH = 0.25, 3.0
 BISECTED = 6
 #: Width of a bracket, a share of the distance, in which the rise is a jump.
 NARROWEST = 1e-4
-#: A sum of squares that is lower than the best by this shows that the best point was none.
-LOWER = 0.02
+#: A sum of squares that is lower than the best by this shows that the best point was none. Along a direction that is
+#: hardly seen the search ends where little is to be gained; an end by a best that is so much too high is 1.3 % too far.
+LOWER = 0.1
 #: At an end, the rise that is owed to bounds of other unknowns may be at most this share of it.
 OWED_TO_BOUNDS = 0.05
 
