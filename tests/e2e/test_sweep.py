@@ -86,6 +86,6 @@ def test_ended_between_values_it_goes_on(
         assert f"continue with: porocore sweep {study} --over radius=0.22:0.26:3 --out {out} --resume" in said
     before = {path: path.stat().st_mtime_ns for path in (*solved, out / "samples.h5", out / "surrogate.h5")}
     done = called(*words, "--resume")
-    assert "the family is learned already" in done.stderr
+    assert "the cells are learned already" in done.stderr
     assert {path: path.stat().st_mtime_ns for path in before} == before
     assert (out / "sweep.csv").read_bytes() == table

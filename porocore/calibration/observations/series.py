@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from porocore.calibration.config.settings import Kind, ObservationSettings
 from porocore.core.echo import echo, suggestion
 from porocore.errors import ConfigurationError
+from porocore.interfaces.sensitivities import MacroSensitivities
 from porocore.interfaces.solution import MacroSolution
 from porocore.states import Array
 
@@ -79,6 +80,22 @@ class MeasuredSeries:
             return history.pressure_max
         probe: Array = _entry(solution.probes, self.probe, "probe", "probes are")
         return probe[:, self.component - 1 if self.component else 3]
+
+    def slopes(self, found: MacroSensitivities) -> Array:
+        """Return the derivatives (steps, k) of the series by the unknowns of a run of a whole specimen."""
+        plain = {
+            "settlement": found.settlement,
+            "drained": found.drained,
+            "pressure": found.pressure_max,
+        }
+        if self.kind in plain and not self.probe:
+            return plain[self.kind]
+        if self.kind == "inflow":
+            return found.inflow[self.surface]
+        if self.kind == "force":
+            force = found.compression if not self.component else found.reactions
+            return force[self.surface] if not self.component else force[self.surface][:, self.component - 1]
+        return found.probes[self.probe][:, self.component - 1 if self.component else 3]
 
 
 def _entry(found: Mapping[str, Array], name: str, key: str, listed: str) -> Array:

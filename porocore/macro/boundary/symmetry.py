@@ -14,6 +14,7 @@ import numpy as np
 
 from porocore.core.formulas.time_function import TimeFunction, Value
 from porocore.errors import ConfigurationError
+from porocore.interfaces.sensitivities import MacroSensitivities
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.body.surfaces import Facets
@@ -138,6 +139,25 @@ def whole_specimen(solution: MacroSolution, problem: MacroSetup) -> MacroSolutio
         reactions=reactions,
         compression=compression,
         inflow={name: copies * rate for name, rate in solution.inflow.items()},
+    )
+
+
+def whole_sensitivities(found: MacroSensitivities, problem: MacroSetup) -> MacroSensitivities:
+    """Return derivatives of the histories of a part as those of the whole; see :func:`whole_specimen`."""
+    symmetry = Symmetry.of(problem)
+    copies, reactions, compression = symmetry.copies, {}, {}
+    for name, force in found.reactions.items():
+        if name not in symmetry.normals:
+            surface = symmetry.surface(name)
+            reactions[name] = surface.copies * np.einsum("sik,ij->sjk", force, surface.projection)
+            if surface.normal is not None:
+                compression[name] = -np.einsum("sik,i->sk", reactions[name], surface.normal)
+    return replace(
+        found,
+        drained=copies * found.drained,
+        reactions=reactions,
+        compression=compression,
+        inflow={name: copies * rate for name, rate in found.inflow.items()},
     )
 
 

@@ -25,7 +25,7 @@ from porocore.study.stages.sampling import cell_pool
 from porocore.study.stages.solving import solve
 from porocore.study.stages.training import begin_training, training_stage
 
-__all__ = ["report", "run", "sample", "solve", "solve_cell", "solve_reference", "train"]
+__all__ = ["learn", "report", "run", "sample", "solve", "solve_cell", "solve_reference", "train"]
 
 
 def run(
@@ -83,6 +83,18 @@ def _learn(
             reference.tell_drainage(folder.whole, whole, console=console)
         sampling.sample(folder, config, console=console, store=store, pool=pool, sampled=sampled)
     training.train(folder, config, console=console, store=store, begun=next(iter(begun.values()), None))
+
+
+def learn(
+    folder: RunFolder, config: RunConfig, *, console: Console, store: ResultStore | None = None
+) -> None:
+    """Solve the cells of a study and train their surrogates, unless the folder holds them."""
+    if all(files.surrogate_of(one).exists() for files, one in folder.of_each_cell(config)):
+        console.note(f"the cells are learned already: {folder.surrogate_of(config).name}")
+        return
+    solve_reference(folder, config, console=console, store=store)
+    sample(folder, config, console=console, store=store)
+    train(folder, config, console=console, store=store)
 
 
 def solve_reference(

@@ -97,18 +97,13 @@ def run_sweep(
 def learn(folder: RunFolder, plan: SweepPlan, *, console: Console, store: ResultStore | None = None) -> None:
     """Sample the family and train its surrogate, unless the folder holds it."""
     config = plan.family
-    if all(files.surrogate_of(one).exists() for files, one in folder.of_each_cell(config)):
-        console.note(f"the family is learned already: {folder.surrogate_of(config).name}")
-        return
     if isinstance(make_backend("sampler", config), MacroDriven):
         at = ", ".join(f"{each.name} = {config.macro.fields[each.name]}" for each in plan.swept)
         console.warn(
             f"the sampler macro-driven explores the body at {at} alone; other values may leave the sampled states, "
             "which flags them: choose sampling.sampler: sobol"
         )
-    pipeline.solve_reference(folder, config, console=console, store=store)
-    pipeline.sample(folder, config, console=console, store=store)
-    pipeline.train(folder, config, console=console, store=store)
+    pipeline.learn(folder, config, console=console, store=store)
 
 
 def solve_points(

@@ -1,0 +1,157 @@
+"""Curves of one experiment and their exact slopes (ExperimentModel): one run with sensitivities for each evaluation."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from porocore.calibration.config.numbers import StudyNumber
+from porocore.calibration.forward.changes import UnknownEffect, effect_of
+from porocore.calibration.forward.setup import BodyAtValues, require_scalable
+from porocore.calibration.forward.steps import with_fixed_steps
+from porocore.calibration.observations.interpolation import HistoryInterpolation
+from porocore.calibration.plan import Experiment, PlannedUnknown
+from porocore.calibration.problem import CurvePrediction
+from porocore.core.units.results import speaking
+from porocore.errors import ConfigurationError
+from porocore.interfaces.law import MacroLaw
+from porocore.interfaces.macro import MacroSolver
+from porocore.interfaces.sensitivities import MacroSensitivities
+from porocore.interfaces.solution import MacroSolution
+from porocore.macro.boundary.symmetry import whole_sensitivities, whole_specimen
+from porocore.states import Array
+from porocore.study.backends import make_backend
+from porocore.study.config.config import RunConfig
+from porocore.study.stages.solving import prepared_body
+
+
+class ExperimentModel:
+    """Model of one experiment.
+
+    Parameters
+    ----------
+    experiment
+        Its study, load and curves.
+    unknowns
+        All unknowns of the calibration, k of them.
+    law
+        Of the family of its cells.
+    steps
+        Times of the steps that an error control has taken before; None: they are found.
+
+    Raises
+    ------
+    ConfigurationError
+        The macro solver gives no sensitivities, or a formula goes by a time whose scale is unknown.
+    SolveError
+        The error control fails at the first values.
+    """
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        unknowns: Sequence[PlannedUnknown],
+        law: MacroLaw,
+        steps: Array | None = None,
+    ) -> None:
+        self.experiment, self.law = experiment, law
+        #: Position of each unknown that belongs to the experiment, its number, and the factor to dimensionless values.
+        self._own: list[tuple[int, StudyNumber, float]] = [
+            (j, each.numbers[experiment.name], each.dimensionless(experiment))
+            for j, each in enumerate(unknowns)
+            if experiment.name in each.numbers
+        ]
+        self._count = len(unknowns)
+        for j, number, _ in self._own:
+            if number.kind in ("modulus", "viscosity", "pore"):
+                require_scalable(experiment.config, unknowns[j].unknown.name)
+        self._solver: MacroSolver = make_backend("macro solver", experiment.config)
+        if not type(self._solver).sensitivities:
+            raise ConfigurationError(
+                f"macro.backend: the macro solver '{experiment.config.macro_backend}' gives no sensitivities, which a "
+                "calibration needs; choose another, such as skfem"
+            )
+        first = np.array([each.unknown.start for each in unknowns])
+        self.config = self._with_fixed_steps(first, steps)
+
+    def _with_fixed_steps(self, first: Array, steps: Array | None) -> RunConfig:
+        """Return the study with the steps that it has at the first values of the unknowns."""
+        config = self.experiment.config
+        body = BodyAtValues.of_values(config, self.experiment.load, self._numbers(first))
+
+        def chosen() -> Array:
+            if steps is not None:
+                return steps
+            solution = self._solver.solve(prepared_body(self._solver, config, body.problem), self.law)
+            return np.asarray(solution.history.time * body.scales.factor("time"))
+
+        own = config.macro.problem(self.experiment.load)
+        data = np.concatenate([curve.times for curve in self.experiment.curves])
+        shifted = any(number.kind == "time_shift" for _, number, _ in self._own)
+        with speaking(config.result_units):
+            plan = with_fixed_steps(own, data, chosen, hit=not shifted)
+        return config.model_copy(update={"macro": config.macro.model_copy(update={"time": plan})})
+
+    def _numbers(self, values: Array) -> dict[StudyNumber, float]:
+        return {number: float(values[j]) * factor for j, number, factor in self._own}
+
+    def body(self, values: Array) -> BodyAtValues:
+        """Return the body for values (k,) of the unknowns."""
+        return BodyAtValues.of_values(self.config, self.experiment.load, self._numbers(values))
+
+    def solve(self, values: Array) -> tuple[BodyAtValues, MacroSolution, MacroSensitivities | None]:
+        """Return body, solution and derivatives of the whole specimen for values (k,) of the unknowns."""
+        body = self.body(values)
+        effects = self._effects(values, body)
+        changes = [*dict.fromkeys(effect.change for effect in effects.values())]
+        prepared = prepared_body(self._solver, self.config, body.problem)
+        if not changes:
+            solution = self._solver.solve(prepared, self.law)
+            return body, whole_specimen(solution, body.problem), None
+        solution, found = self._solver.solve_with_sensitivities(prepared, self.law, changes)
+        return (
+            body,
+            whole_specimen(solution, body.problem),
+            whole_sensitivities(replace(found, changes=tuple(changes)), body.problem),
+        )
+
+    def _effects(self, values: Array, body: BodyAtValues) -> dict[int, UnknownEffect]:
+        found = {}
+        for j, number, factor in self._own:
+            effect = effect_of(number, float(values[j]) * factor, body)
+            if effect is not None:
+                found[j] = UnknownEffect(effect.change, effect.factor * factor)
+        return found
+
+    def curves(self, values: Array) -> CurvePrediction:
+        """Return the curves of the experiment for values (k,) of the unknowns, in the units of the data.
+
+        Raises
+        ------
+        SolveError
+            The body cannot be computed there.
+        """
+        with speaking(self.config.result_units):
+            body, solution, found = self.solve(values)
+        effects = self._effects(values, body)
+        steps = solution.history.time * body.scales.factor("time")
+        shift = sum(v for number, v in self._numbers(values).items() if number.kind == "time_shift")
+        rows, slopes = [], []
+        for curve in self.experiment.curves:
+            unit = curve.factor * body.scales.factor(curve.series.quantity)
+            at = HistoryInterpolation.at(steps, curve.times + shift)
+            series = curve.series.values(solution)
+            rows.append(unit * at.values(series))
+            mine = np.zeros((len(curve), self._count))
+            if found is not None:
+                by = unit * at.values(curve.series.slopes(found))
+                for j, effect in effects.items():
+                    mine[:, j] = effect.factor * by[:, found.changes.index(effect.change)]
+            for j, number, factor in self._own:
+                if number.kind == "time_shift":
+                    mine[:, j] = unit * factor * at.rates(series)
+            slopes.append(mine)
+        flagged = bool((solution.history.outside_training_range > 0).any())
+        return CurvePrediction(np.concatenate(rows), np.concatenate(slopes), flagged)

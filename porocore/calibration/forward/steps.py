@@ -1,0 +1,80 @@
+"""Time steps of an experiment, the same at all values of the unknowns, so that its curves are smooth functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from porocore.core.models.bounds import MOST_TIMES
+from porocore.errors import ConfigurationError
+from porocore.macro.integration.stepping import Stepper
+from porocore.macro.problem import MacroProblem, TimePlan
+from porocore.states import Array
+
+#: A step nearer than this share of its length to the time of a datum is left out, but for kinks of the loads.
+NEAR = 0.3
+
+
+def planned_times(problem: MacroProblem) -> Array:
+    """Return the times of all steps of a plan without an error control, none of which fails."""
+    stepper = Stepper(problem.time.model_copy(update={"tolerance": None}), problem.corners)
+    times = []
+    while not stepper.done:
+        stepper.accept()
+        times.append(stepper.time)
+    return np.array(times)
+
+
+def with_fixed_steps(
+    problem: MacroProblem, data: Array, chosen: Callable[[], Array], hit: bool = True
+) -> TimePlan:
+    """Return the time plan of an experiment with steps that do not depend on the unknowns.
+
+    Parameters
+    ----------
+    problem
+        With the time plan of the study.
+    data : (m,)
+        Times of the data.
+    chosen
+        Returns the steps that an error control takes at the first values; asked only where there is one.
+    hit
+        Whether steps end at the times of the data.
+
+    Raises
+    ------
+    ConfigurationError
+        There are too many steps.
+    """
+    plan = problem.time
+    steps = planned_times(problem) if plan.tolerance is None else chosen()
+    steps = steps[steps > 0]
+    if hit:
+        steps = _meeting(steps, np.unique(data[(data > 0) & (data <= plan.end)]), _kinks(problem))
+    if len(steps) > MOST_TIMES:
+        raise ConfigurationError(
+            f"macro.time: an experiment of a calibration takes at most {MOST_TIMES} steps, got {len(steps)}; "
+            "give a longer 'step:'"
+        )
+    profiles = tuple(float(t) for t in steps[steps < plan.end])
+    return plan.model_copy(update={"tolerance": None, "step": plan.end, "profiles": profiles})
+
+
+def _kinks(problem: MacroProblem) -> Array:
+    stepper = Stepper(problem.time.model_copy(update={"tolerance": None}), problem.corners)
+    return np.array([*stepper.kinks, problem.time.end])
+
+
+def _meeting(steps: Array, data: Array, kinks: Array) -> Array:
+    """Return steps that end at the times of the data, and nowhere near them but at kinks of the loads."""
+    if not len(data):
+        return steps
+    lengths = np.diff(steps, prepend=0.0)
+    away = np.abs(steps[:, None] - data).min(axis=1)
+    corner = np.abs(steps[:, None] - kinks).min(axis=1) <= 1e-9 * lengths
+    kept = steps[(away > NEAR * lengths) | corner]
+    merged = np.union1d(kept, data)
+    # Two that round-off alone parts are one.
+    distinct = np.diff(merged, prepend=-1.0) > 1e-9 * merged
+    return np.asarray(merged[distinct])
