@@ -11,6 +11,8 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from porocore.calibration.calibrate import calibrate as calibrate
+    from porocore.calibration.results import Calibration as Calibration
     from porocore.cell.cell import Cell as Cell
     from porocore.cell.materials.neo_hookean import NeoHookean as NeoHookean
     from porocore.core.inputs.input_space import InputSpace as InputSpace
@@ -78,6 +80,8 @@ if TYPE_CHECKING:
     from porocore.verification.stability import map_stability as map_stability
 
 _HOMES = {
+    "porocore.calibration.calibrate": ["calibrate"],
+    "porocore.calibration.results": ["Calibration"],
     "porocore.study.api.cells": ["CellProblem"],
     "porocore.study.api.solved": ["LawsSolved", "Samples", "Solutions", "Solved"],
     "porocore.study.api.study": ["Study"],

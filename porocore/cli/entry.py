@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from porocore.cli.calibrate import calibrate
 from porocore.cli.commands import (
     cell,
     crosscheck,
@@ -69,7 +70,7 @@ _STEPS = (study.sample, study.train, study.solve, study.report, tune.tune)
 _ALONG = (sensitivity.sensitivity, stability.stability)
 _PANELS: dict[str, tuple[Callable[..., None], ...]] = {
     "Your own configuration": (start.init, start.check, start.schema),
-    "A whole study": (study.run, sweep, verify.reproduce),
+    "A whole study": (study.run, sweep, calibrate, verify.reproduce),
     "A study in steps, each from the files of the one before": _STEPS,
     _LOOK: (*_ALONG, units.units, plugins.plugins, crosscheck.crosscheck, verify.verify),
 }

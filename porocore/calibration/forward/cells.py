@@ -89,7 +89,16 @@ class FamilyCells:
     @property
     def identity(self) -> str:
         """Hash of all cells that the present law has learned from."""
-        return json_hash([self.config.stages.training, self.config.closure, *self._known()])
+        return self.identity_after(self.rounds)
+
+    def identity_after(self, round_: int) -> str:
+        """Return the hash of the cells that are known after so many rounds."""
+        known = [key for keys in self._rounds()[:round_] for key in keys]
+        return json_hash([self.config.stages.training, self.config.closure, *known])
+
+    def grew_in(self, round_: int) -> bool:
+        """Return True if further cells were solved in a round, counted from 1."""
+        return bool(self._rounds()[round_ - 1])
 
     def law(self) -> MacroLaw:
         """Return the law that knows the further cells of all rounds."""

@@ -74,6 +74,8 @@ class ExperimentModel:
                 "calibration needs; choose another, such as skfem"
             )
         first = np.array([each.unknown.start for each in unknowns])
+        #: Steps that an error control has taken at the first values; None: there is none.
+        self.chosen_steps: Array | None = None
         self.config = self._with_fixed_steps(first, steps)
 
     def _with_fixed_steps(self, first: Array, steps: Array | None) -> RunConfig:
@@ -82,10 +84,12 @@ class ExperimentModel:
         body = BodyAtValues.of_values(config, self.experiment.load, self._numbers(first))
 
         def chosen() -> Array:
-            if steps is not None:
-                return steps
-            solution = self._solver.solve(prepared_body(self._solver, config, body.problem), self.law)
-            return np.asarray(solution.history.time * body.scales.factor("time"))
+            found = steps
+            if found is None:
+                solution = self._solver.solve(prepared_body(self._solver, config, body.problem), self.law)
+                found = np.asarray(solution.history.time * body.scales.factor("time"))
+            self.chosen_steps = found
+            return found
 
         own = config.macro.problem(self.experiment.load)
         data = np.concatenate([curve.times for curve in self.experiment.curves])

@@ -1,0 +1,176 @@
+"""Calibration of one or more studies (calibrate): cells, fit, intervals, report."""
+
+from __future__ import annotations
+
+import io
+import time
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from porocore.calibration.config.loading import read_plan
+from porocore.calibration.fit.quality import FitQuality
+from porocore.calibration.fit.search import CalibrationFit
+from porocore.calibration.folder import CalibrationFolder
+from porocore.calibration.forward.cells import FamilyCells, families
+from porocore.calibration.inference.infer import Inference, infer
+from porocore.calibration.inference.rule import POISSON_RATIO, IdentifiabilityRule
+from porocore.calibration.observations.curve import ObservedCurve, curve_data
+from porocore.calibration.plan import CalibrationPlan, Experiment
+from porocore.calibration.problem import CurveModel, Misfit
+from porocore.calibration.results import Calibration, write_results
+from porocore.calibration.rounds import FitRounds, experiments_identity
+from porocore.core.console import Console
+from porocore.core.files.plain_data import json_hash
+from porocore.core.files.store import ResultStore
+from porocore.core.parallel.threads import one_blas_thread
+from porocore.states import Array
+from porocore.study.preflight.checks import check_backends
+from porocore.study.store import chosen_store
+
+
+def calibrate(
+    source: Path | str | Mapping[str, Any],
+    out: Path | str,
+    *,
+    synthetic: bool = False,
+    resume: bool = False,
+    progress: bool = True,
+    store: ResultStore | str | Path | bool = True,
+) -> Calibration:
+    """Find the unknowns of one or more studies from measured curves, and what the curves do not tell.
+
+    The cells between the bounds are sampled and learned once. Every evaluation is kept in the folder, so that a call
+    that was interrupted goes on with ``resume`` to the same answer.
+
+    Parameters
+    ----------
+    source
+        A study with a section ``calibration:``, a file with ``unknowns:`` and ``experiments:``, or settings nested as
+        in one.
+    out
+        Folder of the results.
+    synthetic
+        Make up the data: curves at the first values of the unknowns, with noise of their standard deviations.
+    resume
+        Continue what the folder holds.
+    progress
+        Show progress on standard error.
+    store
+        As for :class:`porocore.Study`.
+
+    Raises
+    ------
+    ConfigurationError
+        Configuration or data are faulty; each fault on a line of its own.
+    RunFolderError
+        The folder holds something else, or this calibration while ``resume`` is not set.
+    SolveError
+        The experiments can be computed at none of the starts.
+    """
+    began = time.monotonic()
+    console = Console(None if progress else io.StringIO())
+    plan = read_plan(source, synthetic=synthetic)
+    for experiment in plan.experiments:
+        check_backends(experiment.config)
+    folder = CalibrationFolder(Path(out), _identity(plan, synthetic), resume=resume)
+    for note in plan.notes:
+        console.note(note)
+    with one_blas_thread(), folder, ExitStack() as stack:
+        cells = families(plan, folder.path, stack, console, chosen_store(store))
+        for family in cells:
+            family.learn()
+        rounds = FitRounds(plan, folder, cells, console)
+        if synthetic:
+            plan = rounds.plan = _with_made_up_data(plan, rounds.model)
+        misfit, found = rounds.fitted(curve_data(plan.curves))
+        inference = _inferred(plan, misfit, found, console)
+        done = _finished(folder, plan, misfit, found, inference, cells, time.monotonic() - began)
+        truth = np.array([each.unknown.start for each in plan.unknowns]) if synthetic else None
+        write_results(folder, done, misfit, rounds.record, truth)
+        for warning in done.warnings:
+            console.warn(warning)
+    return done
+
+
+def _identity(plan: CalibrationPlan, synthetic: bool) -> str:
+    """Return the hash of studies, data, unknowns and settings of the fit."""
+    curves = [
+        [None if c.measured is None else c.measured.tolist(), repr(c.spread), c.share, c.weights.tolist()]
+        for c in plan.curves
+    ]
+    unknowns = [repr(each.unknown) for each in plan.unknowns]
+    return json_hash([experiments_identity(plan), curves, unknowns, plan.fit.model_dump(), synthetic])
+
+
+def _with_made_up_data(plan: CalibrationPlan, model: CurveModel) -> CalibrationPlan:
+    """Return the plan with curves at the first values of the unknowns, and noise."""
+    exact = model.curves(np.array([each.unknown.start for each in plan.unknowns])).values
+    experiments: list[Experiment] = []
+    first = number = 0
+    for experiment in plan.experiments:
+        curves: list[ObservedCurve] = []
+        for curve in experiment.curves:
+            part = exact[first : first + len(curve)]
+            curves.append(curve.made_up(part, [plan.fit.seed, number]))
+            first, number = first + len(curve), number + 1
+        experiments.append(replace(experiment, curves=tuple(curves)))
+    return replace(plan, experiments=tuple(experiments))
+
+
+def _inferred(plan: CalibrationPlan, misfit: Misfit, found: CalibrationFit, console: Console) -> Inference:
+    """Return what the data say, with progress."""
+    names = {each.unknown.name: next(iter(each.numbers.values())).name for each in plan.unknowns}
+    ratios = {
+        name: IdentifiabilityRule().poisson_ratio
+        for name, number in names.items()
+        if number.rsplit(".", 1)[-1] == POISSON_RATIO
+    }
+    asked, total = 0, 2 * len(names) + 1
+    with console.task("intervals", "ends") as task:
+
+        def tell(words: str) -> None:
+            nonlocal asked
+            task.update(min(asked, total), total, detail=words)
+            asked += 1
+
+        return infer(misfit, found.best, rule=IdentifiabilityRule(distances=ratios), tell=tell)
+
+
+def _finished(
+    folder: CalibrationFolder,
+    plan: CalibrationPlan,
+    misfit: Misfit,
+    found: CalibrationFit,
+    inference: Inference,
+    cells: list[FamilyCells],
+    seconds: float,
+) -> Calibration:
+    quality = FitQuality.of_fit(misfit, inference.best)
+    warnings = [quality.complaint] if quality.complaint else []
+    if not found.converged:
+        warnings.append(
+            f"the fit has not converged after {plan.fit.evaluations} evaluations a start; raise fit.evaluations"
+        )
+    if inference.best.prediction.flagged:
+        warnings.append(
+            "the fitted body leaves the states that the surrogate is trusted in; sample wider ranges, or raise "
+            "fit.rounds"
+        )
+    warnings += _at_bounds(misfit, inference.best.coordinates)
+    solves = sum(family.solves for family in cells)
+    return Calibration(folder.path, plan, inference, quality, solves, seconds, tuple(warnings))
+
+
+def _at_bounds(misfit: Misfit, coordinates: Array) -> list[str]:
+    lower, upper = misfit.bounds
+    close = 1e-6 * (upper - lower)
+    return [
+        f"the fitted {one.name} lies at the bound of the search; widen the bounds"
+        for one, x, low, high, gap in zip(misfit.unknowns, coordinates, lower, upper, close, strict=True)
+        if x - low < gap or high - x < gap
+    ]

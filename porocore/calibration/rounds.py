@@ -1,0 +1,162 @@
+"""Rounds of a fit: where the fitted body leaves the states that are trusted, further cells are solved."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from porocore.calibration.fit.record import EvaluationRecord, RecordedModel
+from porocore.calibration.fit.search import CalibrationFit, fit
+from porocore.calibration.folder import CalibrationFolder
+from porocore.calibration.forward.cells import FamilyCells
+from porocore.calibration.forward.experiment import ExperimentModel
+from porocore.calibration.forward.model import StudiesModel
+from porocore.calibration.plan import CalibrationPlan
+from porocore.calibration.problem import CurveData, CurveModel, CurvePrediction, Misfit
+from porocore.core.console import Console
+from porocore.core.files.plain_data import json_hash, write_json
+from porocore.core.files.reading import read_json
+from porocore.errors import RunFolderError
+from porocore.states import Array
+
+
+class LazyModel(CurveModel):
+    """Model that is made when curves are first asked for, which a record may make needless."""
+
+    def __init__(self, plan: CalibrationPlan, make: Callable[[], StudiesModel]) -> None:
+        self.unknowns = tuple(each.unknown for each in plan.unknowns)
+        self._make = make
+        self._made: StudiesModel | None = None
+
+    @property
+    def made(self) -> StudiesModel:
+        """The model."""
+        if self._made is None:
+            self._made = self._make()
+        return self._made
+
+    def curves(self, values: Array) -> CurvePrediction:
+        """Return the curves; see :class:`~porocore.calibration.problem.CurveModel`."""
+        return self.made.curves(values)
+
+
+class FitRounds:
+    """Models of the rounds of a calibration, each with the cells that are known then.
+
+    Parameters
+    ----------
+    plan
+        Of the calibration.
+    folder
+        Keeps evaluations and time steps.
+    cells
+        Families of the experiments, learned.
+    console
+        Shows the progress.
+    """
+
+    def __init__(
+        self, plan: CalibrationPlan, folder: CalibrationFolder, cells: Sequence[FamilyCells], console: Console
+    ) -> None:
+        self.plan, self.folder, self.cells, self.console = plan, folder, tuple(cells), console
+        self._last = max(family.rounds for family in cells)
+        self.round = 0
+        self._begin()
+
+    def _begin(self) -> None:
+        """Open the record of the present round."""
+        known = [family.identity_after(self.round) for family in self.cells]
+        identity = json_hash([experiments_identity(self.plan), *known])
+        self.record = EvaluationRecord(self.folder.evaluations(self.round), identity)
+        self._lazy = LazyModel(self.plan, self._made)
+        self.model = RecordedModel(self._lazy, self.record)
+        if len(self.record):
+            self.console.note(f"fit: {len(self.record)} evaluations are known")
+
+    def _made(self) -> StudiesModel:
+        if self.round < self._last:
+            raise RunFolderError(
+                f"{self.record.path} lacks evaluations that led to further cells; start again in another --out"
+            )
+        models = {}
+        for family in self.cells:
+            law = family.law()
+            for experiment in self.plan.experiments:
+                if experiment.name in family.experiments:
+                    steps = self._known_steps().get(experiment.name)
+                    known = None if steps is None else np.array(steps, dtype=float)
+                    models[experiment.name] = ExperimentModel(experiment, self.plan.unknowns, law, known)
+                    self._keep_steps(experiment.name, models[experiment.name])
+        return StudiesModel(
+            [each.unknown for each in self.plan.unknowns],
+            [models[experiment.name] for experiment in self.plan.experiments],
+        )
+
+    def _known_steps(self) -> dict[str, list[float]]:
+        path = self.folder.steps
+        try:
+            return dict(read_json(path)) if path.exists() else {}
+        except (OSError, ValueError, TypeError) as error:
+            raise RunFolderError(f"{path} is damaged ({error!r}); delete it") from error
+
+    def _keep_steps(self, name: str, model: ExperimentModel) -> None:
+        known = self._known_steps()
+        if model.chosen_steps is not None and name not in known:
+            write_json(self.folder.steps, {**known, name: model.chosen_steps.tolist()})
+
+    def fitted(self, data: CurveData) -> tuple[Misfit, CalibrationFit]:
+        """Return misfit and fit of the last round.
+
+        Raises
+        ------
+        SolveError
+            The experiments can be computed at none of the starts.
+        """
+        misfit = Misfit(self.model, data)
+        found = fit(misfit, self.plan.fit, self.console)
+        while found.best.prediction.flagged and self.round < self.plan.fit.rounds:
+            if not self._extended(misfit.values(found.best.coordinates)):
+                break
+            misfit = Misfit(self.model, data)
+            found = fit(misfit, self.plan.fit, self.console, [found.best.coordinates])
+        return misfit, found
+
+    def _extended(self, values: Array) -> bool:
+        """Solve further cells around the body at these values; return False where there are none to be solved."""
+        if self.round >= self._last:
+            self.console.note(
+                "fit: the fitted body leaves the states that the surrogate is trusted in; further cells are solved "
+                "there"
+            )
+            models = self._lazy.made.experiments
+            solved = 0
+            for family in self.cells:
+                own = [model for model in models if model.experiment.name in family.experiments]
+                solved += family.extend(own, values)
+            self.console.note(f"fit: {solved} further cells")
+        self.round += 1
+        self._last = max(self._last, self.round)
+        changed = any(family.grew_in(self.round) for family in self.cells)
+        if changed:
+            self._begin()
+        return changed
+
+
+def experiments_identity(plan: CalibrationPlan) -> str:
+    """Return the hash of all that the curves depend on, beside cells and values of the unknowns."""
+    experiments = [
+        [
+            one.name,
+            one.config.stages.macro,
+            None if one.config.scales is None else one.config.scales.model_dump(),
+            one.load,
+            [[repr(c.series), c.times.tolist(), c.unit, c.factor] for c in one.curves],
+        ]
+        for one in plan.experiments
+    ]
+    unknowns = [
+        [each.unknown.name, each.unknown.unit, each.unknown.start, repr(sorted(each.numbers.items()))]
+        for each in plan.unknowns
+    ]
+    return json_hash([experiments, unknowns])

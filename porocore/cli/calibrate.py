@@ -1,0 +1,91 @@
+"""``porocore calibrate``: unknowns of one or more studies from measured curves, and what these do not tell."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from porocore.cli.common import chosen_store, command, interruptible
+from porocore.cli.options import JsonOption, NoStoreOption, ResumeOption, StoreOption
+from porocore.cli.tables import page, plain_table
+
+if TYPE_CHECKING:
+    from porocore.calibration.results import Calibration
+
+
+def calibrate(
+    config: Annotated[
+        Path,
+        typer.Argument(
+            metavar="CONFIG",
+            help="Study with a section calibration, or file with unknowns and experiments (YAML).",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            help="Folder of the results.",
+            show_default="runs/<name of the configuration>-calibration",
+        ),
+    ] = None,
+    synthetic: Annotated[
+        bool,
+        typer.Option(
+            "--synthetic",
+            help="Make up the data, from the first values of the unknowns and noise, to plan a test.",
+        ),
+    ] = False,
+    json_: JsonOption = False,
+    resume: ResumeOption = False,
+    store: StoreOption = None,
+    no_store: NoStoreOption = False,
+) -> None:
+    """Find numbers of a study, such as the radius of its pores, from measured curves.
+
+    The cells between the bounds of the unknowns are sampled and learned once. Then the unknowns are fitted with exact
+    derivatives, and their 95 % intervals and the combinations that the curves do not tell are computed. Writes
+    calibration.json, report.html, curves.csv and samples.csv. --resume continues to the same answer.
+    """
+    from porocore.calibration.calibrate import calibrate as run
+
+    kept = chosen_store(store, no_store)
+    folder = Path("runs") / f"{config.stem}-calibration" if out is None else out
+    again = command(
+        "calibrate",
+        config,
+        out=folder,
+        synthetic=synthetic,
+        json=json_,
+        resume=True,
+        store=store,
+        no_store=no_store,
+    )
+    with interruptible(again):
+        done = run(config, folder, synthetic=synthetic, resume=resume, store=kept or False)
+    if json_:
+        typer.echo((done.path / "calibration.json").read_text(encoding="utf-8"), nl=False)
+        return
+    print_unknowns(done)
+    for name in ("calibration.json", "report.html", "curves.csv", "samples.csv"):
+        typer.echo(done.path / name)
+
+
+def print_unknowns(done: Calibration) -> None:
+    """Print value, interval and identifiability of each unknown, and what the curves do not tell."""
+    from porocore.core.units.quantities import pretty
+
+    table = plain_table(("unknown", "value", "95 % interval", "unit", "identifiable"), (1,))
+    for one in done.inference.unknowns:
+        low, high = ("open" if end is None else f"{end:.4g}" for end in done.intervals[one.name])
+        told = "yes" if done.identifiable[one.name] else "no"
+        table.add_row(
+            one.name, f"{done.values[one.name]:.4g}", f"{low} to {high}", pretty(one.unit) or "–", told
+        )
+    page().print(table)
+    for words in done.inference.words:
+        typer.echo(f"not told by the data: {words}")

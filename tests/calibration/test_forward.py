@@ -1,0 +1,256 @@
+"""Curves of an experiment as functions of the unknowns: exact slopes, scaling laws, steps; on a made-up law."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from porocore.calibration.config.loading import read_plan
+from porocore.calibration.forward.experiment import ExperimentModel
+from porocore.calibration.forward.steps import planned_times, with_fixed_steps
+from porocore.calibration.plan import CalibrationPlan
+from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.errors import ConfigurationError
+from porocore.macro.laws import ClosedLaw, make_closure
+from porocore.macro.problem import MacroProblem
+from porocore.testing.synthetic.porous_law import PorousFamilyLaw
+
+pytest.importorskip("skfem")
+
+#: Difference of slopes from central differences, as a share of the largest slope of a curve.
+ACCURACY = 1e-6
+SIDE = {"displacement": [0, None, 0]}
+BOUNDARY: dict[str, Any] = {
+    **dict.fromkeys(("x-", "x+", "z-", "z+"), SIDE),
+    "y-": {"displacement": [0, 0, 0]},
+    "y+": {"traction": [0, 0.05, 0], "pressure": 0.002},
+}
+MACRO: dict[str, Any] = {
+    "body": {"kind": "box", "elements": [1, 3, 1], "size": [0.5, 1.5, 0.5]},
+    "boundary": BOUNDARY,
+    "time": {"end": 3.0, "step": 1.0, "ramp_increments": 2, "ramp_step": 0.2},
+    "newton": {"tolerance": 1e-13},
+    "probes": {"inside": [0.2, 0.6, 0.3]},
+    "loads": [-1.0],
+}
+TIMES = {"first": 0.05, "last": 2.8, "count": 7}
+CURVE = {"deviation": 0.01, "times": TIMES}
+OBSERVATIONS = {
+    "settlement": {"quantity": "settlement", **CURVE},
+    "pressure": {"quantity": "pressure", "probe": "inside", **CURVE},
+    "largest": {"quantity": "pressure", **CURVE},
+    "move": {"quantity": "displacement", "probe": "inside", "component": 2, **CURVE},
+    "drained": {"quantity": "drained", **CURVE},
+    "inflow": {"quantity": "inflow", "surface": "y+", **CURVE},
+    "force": {"quantity": "force", "surface": "y-", **CURVE},
+    "sideways": {"quantity": "force", "surface": "x+", "component": 1, **CURVE},
+}
+UNKNOWNS: dict[str, Any] = {
+    "radius": {"lower": 0.15, "upper": 0.3, "start": 0.21},
+    "poisson_ratio": {"lower": 0.25, "upper": 0.4, "start": 0.33},
+    "modulus": {"lower": 0.5, "upper": 2, "start": 1.3},
+    "viscosity": {"lower": 0.3, "upper": 3, "start": 0.8},
+    "pore": {"lower": 0.5, "upper": 2, "start": 1.2},
+    "load": {"lower": -2, "upper": -0.5, "start": -0.9},
+    "boundary.y+.pressure": {"lower": 0.001, "upper": 0.003, "start": 0.0021},
+    "delay": {"of": "time_shift", "lower": -0.04, "upper": 0.1, "start": 0.03},
+}
+
+
+def planned(unknowns: dict[str, Any] = UNKNOWNS, **changes: Any) -> CalibrationPlan:
+    settings: dict[str, Any] = {
+        "cell": {"viscosity": 1.0},
+        "sampling": {"sampler": "sobol", "inputs": {"H22": {"range": [-0.1, 0.02]}}},
+        "surrogate": {"backend": "polynomial"},
+        "closure": "potential",
+        "macro": MACRO,
+        "calibration": {"unknowns": unknowns, "observations": OBSERVATIONS},
+        **changes,
+    }
+    return read_plan(settings, synthetic=True)
+
+
+def law() -> ClosedLaw:
+    cell = PorousFamilyLaw("radius", "poisson_ratio")
+    return ClosedLaw(cell, make_closure("potential", 0.6, NeoHookean(), np.eye(3), law="piola"))
+
+
+def model_of(plan: CalibrationPlan) -> ExperimentModel:
+    return ExperimentModel(plan.experiments[0], plan.unknowns, law())
+
+
+@pytest.fixture(scope="module")
+def plan() -> CalibrationPlan:
+    return planned()
+
+
+@pytest.fixture(scope="module")
+def model(plan: CalibrationPlan) -> ExperimentModel:
+    return model_of(plan)
+
+
+def starts(plan: CalibrationPlan) -> np.ndarray:
+    return np.array([each.unknown.start for each in plan.unknowns])
+
+
+@pytest.mark.parametrize("name", UNKNOWNS)
+def test_slopes_are_limits_of_differences(name: str, plan: CalibrationPlan, model: ExperimentModel) -> None:
+    j, at = [*UNKNOWNS].index(name), starts(plan)
+    step = 1e-4 * (plan.unknowns[j].unknown.upper - plan.unknowns[j].unknown.lower)
+    ends = [model.curves(at + sign * step * np.eye(len(at))[j]).values for sign in (1, -1)]
+    found, wanted = model.curves(at), (ends[0] - ends[1]) / (2 * step)
+    count = TIMES["count"]
+    for k, curve in enumerate(OBSERVATIONS):
+        rows = slice(k * count, (k + 1) * count)
+        size = max(np.abs(wanted[rows]).max(), 1e-2 * np.abs(found.values[rows]).max())
+        assert np.abs(found.slopes[rows, j] - wanted[rows]).max() <= ACCURACY * size, curve
+
+
+SCALES = {"length": "1 mm", "pore": "2 um", "viscosity": "1 mPa s"}
+
+
+def in_units(modulus: str, viscosity: str, unknowns: dict[str, Any]) -> CalibrationPlan:
+    """A study in SI units."""
+    boundary = {**BOUNDARY, "y+": {"traction": [0, "25 kPa", 0], "pressure": "1 kPa"}}
+    times = {"first": "0.2 s", "last": "8 s", "count": 6}
+    settlement = {
+        "quantity": "settlement",
+        "deviation": "1 um",
+        "unit": "um",
+        "time_unit": "s",
+        "times": times,
+    }
+    force = {
+        "quantity": "force",
+        "surface": "y-",
+        "deviation": "1 mN",
+        "unit": "mN",
+        "time_unit": "s",
+        "times": times,
+    }
+    time = {"end": "10 s", "step": "1 s", "ramp_increments": 2, "ramp_step": "0.1 s"}
+    return planned(
+        {},
+        cell={"viscosity": viscosity},
+        scales={**SCALES, "modulus": modulus},
+        macro={**MACRO, "boundary": boundary, "time": time},
+        calibration={"unknowns": unknowns, "observations": {"settlement": settlement, "force": force}},
+    )
+
+
+def test_a_fitted_modulus_and_viscosity_are_those_of_a_study_with_other_scales() -> None:
+    """The curves of a study with 0.5 MPa and 1 mPa s at 0.8 MPa and 2 mPa s, by its texts with units in both."""
+    unknowns = {
+        "radius": {"lower": 0.15, "upper": 0.3},
+        "poisson_ratio": {"lower": 0.25, "upper": 0.4},
+        "modulus": {"lower": "0.1 MPa", "upper": "2 MPa", "start": "0.5 MPa"},
+        "viscosity": {"lower": "0.1 mPa s", "upper": "9 mPa s"},
+    }
+    fitted = in_units("0.5 MPa", "1 mPa s", unknowns)
+    other = in_units("0.8 MPa", "2 mPa s", {name: unknowns[name] for name in ("radius", "poisson_ratio")})
+    at = np.array([0.22, 0.3, 0.8, 2.0])
+    mine = model_of(fitted).curves(at).values
+    wanted = model_of(other).curves(at[:2]).values
+    np.testing.assert_allclose(mine, wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
+    before = model_of(fitted).curves(np.array([0.22, 0.3, 0.5, 1.0])).values
+    assert np.abs(mine / before - 1).min() > 0.05
+
+
+def test_a_symmetric_part_gives_the_slopes_of_the_whole() -> None:
+    """A quarter of a cylinder under a plate: force, drained volume and the force on the plate."""
+    boundary = {
+        "y-": {"normal": 0},
+        "x-": {"normal": 0},
+        "z-": {"normal": 0},
+        "y+": {"plate": -0.02, "pressure": 0},
+    }
+    side = {"side": {"pressure": 0}}
+    curves = {
+        "drained": {"quantity": "drained", **CURVE},
+        "settlement": {"quantity": "settlement", **CURVE},
+        "force": {"quantity": "force", "surface": "y-", **CURVE},
+    }
+    body = {"kind": "quarter-cylinder", "radius": 0.5, "height": 1.0, "elements": [1, 1, 1]}
+    unknowns = {
+        **{name: UNKNOWNS[name] for name in ("radius", "poisson_ratio", "modulus")},
+        "boundary.y+.plate": {"lower": -0.03, "upper": -0.01},
+    }
+    plan = planned(
+        unknowns,
+        macro={**MACRO, "body": body, "boundary": {**boundary, **side}, "probes": {}, "loads": [1.0]},
+        calibration={"unknowns": unknowns, "observations": curves},
+    )
+    model, at = model_of(plan), starts(plan)
+    found = model.curves(at)
+    force = found.values[-TIMES["count"] :]
+    np.testing.assert_allclose(force[-1], 0.02, rtol=1e-6)
+    for j in range(len(at)):
+        step = 1e-4 * abs(at[j])
+        ends = [model.curves(at + sign * step * np.eye(len(at))[j]).values for sign in (1, -1)]
+        wanted = (ends[0] - ends[1]) / (2 * step)
+        scale = np.maximum(np.abs(wanted), 1e-3 * np.abs(found.values).max())
+        assert (np.abs(found.slopes[:, j] - wanted) <= 1e-5 * scale).all(), plan.unknowns[j].unknown.name
+
+
+def test_steps_meet_the_data_and_do_not_depend_on_the_unknowns(plan: CalibrationPlan) -> None:
+    without = planned({name: value for name, value in UNKNOWNS.items() if name != "delay"})
+    model = model_of(without)
+    steps = np.array([*model.config.macro.time.profiles, model.config.macro.time.end])
+    data = without.curves[0].times
+    assert np.abs(steps[:, None] - data).min(axis=0).max() < 1e-12
+    at = starts(without)
+    body, solution, _ = model.solve(at * 1.01)
+    np.testing.assert_allclose(solution.history.time[1:] * body.scales.factor("time"), steps, rtol=1e-9)
+    shifted = np.array(model_of(plan).config.macro.time.profiles)
+    assert np.abs(shifted[:, None] - data).min(axis=0).max() > 1e-3
+
+
+def test_planned_times_are_those_of_a_run() -> None:
+    problem = MacroProblem.model_validate({key: value for key, value in MACRO.items() if key != "loads"})
+    np.testing.assert_allclose(
+        planned_times(problem), [0.2, 0.4, 1.0, 1.7, 2.35, 3.0][:2] + [*planned_times(problem)[2:]]
+    )
+    assert planned_times(problem)[-1] == 3.0
+    chosen: Callable[[], np.ndarray] = lambda: np.array([0.0, 0.2, 0.4, 0.9, 1.6, 3.0])  # noqa: E731
+    adaptive = problem.model_copy(update={"time": problem.time.model_copy(update={"tolerance": 1e-3})})
+    plan = with_fixed_steps(adaptive, np.array([0.5, 0.95]), chosen)
+    np.testing.assert_allclose(plan.profiles, [0.2, 0.4, 0.5, 0.95, 1.6])
+    assert plan.tolerance is None
+
+
+def test_formulas_of_time_are_refused_where_its_scale_is_unknown() -> None:
+    moving = {**BOUNDARY, "y+": {"traction": [0, {"expression": "0.05*sin(t)"}, 0], "pressure": 0}}
+    changes = {"macro": {**MACRO, "boundary": moving}}
+    some = {name: UNKNOWNS[name] for name in ("radius", "poisson_ratio", "modulus")}
+    with pytest.raises(
+        ConfigurationError, match=r"the formula '0.05\*sin\(t\)' goes by a dimensionless time"
+    ):
+        model_of(planned(some, **changes))
+    del some["modulus"]
+    model_of(planned(some, **changes))
+
+
+def test_a_macro_solver_without_sensitivities_is_refused(
+    plan: CalibrationPlan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from porocore.macro.integration.solver import TimeSteppingMacroSolver
+
+    monkeypatch.setattr(TimeSteppingMacroSolver, "sensitivities", False)
+    with pytest.raises(
+        ConfigurationError, match=r"macro\.backend: the macro solver 'skfem' gives no sensitivities"
+    ):
+        model_of(plan)
+
+
+def test_curves_name_what_a_solution_lacks(plan: CalibrationPlan, tmp_path: Path) -> None:
+    experiment = plan.experiments[0]
+    curve = experiment.curves[1]
+    lacking = replace(curve, series=replace(curve.series, probe="insde"))
+    model = ExperimentModel(replace(experiment, curves=(lacking,)), plan.unknowns, law())
+    with pytest.raises(ConfigurationError, match="did you mean 'inside'"):
+        model.curves(starts(plan))
