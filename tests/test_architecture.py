@@ -44,7 +44,7 @@ ROOMS = {
         "study",
         "testing",
     ),
-    "calibration": ("core", "interfaces", "cell", "report", "study"),
+    "calibration": ("core", "interfaces", "cell", "sampling", "macro", "report", "study"),
     "cli": (
         "core",
         "interfaces",
@@ -55,6 +55,7 @@ ROOMS = {
         "study",
         "testing",
         "verification",
+        "calibration",
     ),
 }
 #: A room holds at most so many files and sub-rooms.

@@ -101,21 +101,19 @@ def starts(plan: CalibrationPlan) -> np.ndarray:
 @pytest.mark.parametrize("name", UNKNOWNS)
 def test_slopes_are_limits_of_differences(name: str, plan: CalibrationPlan, model: ExperimentModel) -> None:
     j, at = [*UNKNOWNS].index(name), starts(plan)
-    step = 1e-4 * (plan.unknowns[j].unknown.upper - plan.unknowns[j].unknown.lower)
+    width = plan.unknowns[j].unknown.upper - plan.unknowns[j].unknown.lower
+    step = 1e-4 * width
     ends = [model.curves(at + sign * step * np.eye(len(at))[j]).values for sign in (1, -1)]
     found, wanted = model.curves(at), (ends[0] - ends[1]) / (2 * step)
     count = TIMES["count"]
     for k, curve in enumerate(OBSERVATIONS):
         rows = slice(k * count, (k + 1) * count)
-        size = max(np.abs(wanted[rows]).max(), 1e-2 * np.abs(found.values[rows]).max())
+        size = max(np.abs(wanted[rows]).max(), 1e-2 * np.abs(found.values[rows]).max() / width)
         assert np.abs(found.slopes[rows, j] - wanted[rows]).max() <= ACCURACY * size, curve
 
 
-SCALES = {"length": "1 mm", "pore": "2 um", "viscosity": "1 mPa s"}
-
-
 def in_units(modulus: str, viscosity: str, unknowns: dict[str, Any]) -> CalibrationPlan:
-    """A study in SI units."""
+    """A study in SI units; the made-up cell conducts as much in the units of any viscosity."""
     boundary = {**BOUNDARY, "y+": {"traction": [0, "25 kPa", 0], "pressure": "1 kPa"}}
     times = {"first": "0.2 s", "last": "8 s", "count": 6}
     settlement = {
@@ -133,11 +131,11 @@ def in_units(modulus: str, viscosity: str, unknowns: dict[str, Any]) -> Calibrat
         "time_unit": "s",
         "times": times,
     }
-    time = {"end": "10 s", "step": "1 s", "ramp_increments": 2, "ramp_step": "0.1 s"}
+    time = {"end": "10 s", "step": "1 s", "ramp_increments": 2, "ramp_step": "0.1 s", "profiles": []}
     return planned(
         {},
         cell={"viscosity": viscosity},
-        scales={**SCALES, "modulus": modulus},
+        scales={"length": "1 mm", "pore": "20 nm", "viscosity": viscosity, "modulus": modulus},
         macro={**MACRO, "boundary": boundary, "time": time},
         calibration={"unknowns": unknowns, "observations": {"settlement": settlement, "force": force}},
     )
@@ -158,43 +156,36 @@ def test_a_fitted_modulus_and_viscosity_are_those_of_a_study_with_other_scales()
     wanted = model_of(other).curves(at[:2]).values
     np.testing.assert_allclose(mine, wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
     before = model_of(fitted).curves(np.array([0.22, 0.3, 0.5, 1.0])).values
-    assert np.abs(mine / before - 1).min() > 0.05
+    assert np.abs(mine / before - 1)[:6].min() > 0.05
 
 
 def test_a_symmetric_part_gives_the_slopes_of_the_whole() -> None:
-    """A quarter of a cylinder under a plate: force, drained volume and the force on the plate."""
-    boundary = {
-        "y-": {"normal": 0},
-        "x-": {"normal": 0},
-        "z-": {"normal": 0},
-        "y+": {"plate": -0.02, "pressure": 0},
-    }
-    side = {"side": {"pressure": 0}}
+    """A quarter of a box under a plate: the force below it is that on the whole plate."""
+    few = {"deviation": 0.01, "times": {"first": 0.2, "last": 0.3, "count": 2}}
     curves = {
-        "drained": {"quantity": "drained", **CURVE},
-        "settlement": {"quantity": "settlement", **CURVE},
-        "force": {"quantity": "force", "surface": "y-", **CURVE},
+        "drained": {"quantity": "drained", **few},
+        "force": {"quantity": "force", "surface": "y-", **few},
     }
-    body = {"kind": "quarter-cylinder", "radius": 0.5, "height": 1.0, "elements": [1, 1, 1]}
+    planes = {name: {"normal": 0} for name in ("x-", "y-", "z-")}
+    boundary = {**planes, "x+": {"pressure": 0}, "y+": {"plate": -0.02, "pressure": 0}}
+    body = {"kind": "box", "elements": [1, 1, 1], "size": [0.5, 1, 0.5], "symmetry": ["x-", "z-"]}
     unknowns = {
-        **{name: UNKNOWNS[name] for name in ("radius", "poisson_ratio", "modulus")},
+        **{name: UNKNOWNS[name] for name in ("radius", "poisson_ratio")},
         "boundary.y+.plate": {"lower": -0.03, "upper": -0.01},
     }
+    time = {"end": 0.3, "step": 0.3, "ramp_increments": 1, "ramp_step": 0.2}
+    changes = {"body": body, "boundary": boundary, "probes": {}, "loads": [1.0], "time": time}
     plan = planned(
-        unknowns,
-        macro={**MACRO, "body": body, "boundary": {**boundary, **side}, "probes": {}, "loads": [1.0]},
-        calibration={"unknowns": unknowns, "observations": curves},
+        unknowns, macro={**MACRO, **changes}, calibration={"unknowns": unknowns, "observations": curves}
     )
     model, at = model_of(plan), starts(plan)
     found = model.curves(at)
-    force = found.values[-TIMES["count"] :]
-    np.testing.assert_allclose(force[-1], 0.02, rtol=1e-6)
-    for j in range(len(at)):
-        step = 1e-4 * abs(at[j])
-        ends = [model.curves(at + sign * step * np.eye(len(at))[j]).values for sign in (1, -1)]
-        wanted = (ends[0] - ends[1]) / (2 * step)
-        scale = np.maximum(np.abs(wanted), 1e-3 * np.abs(found.values).max())
-        assert (np.abs(found.slopes[:, j] - wanted) <= 1e-5 * scale).all(), plan.unknowns[j].unknown.name
+    np.testing.assert_allclose(found.values[-1], 0.02, rtol=1e-6)
+    step = 1e-4 * abs(at[2]) * np.eye(3)[2]
+    ends = [model.curves(at + sign * step).values for sign in (1, -1)]
+    wanted = (ends[0] - ends[1]) / (2e-4 * abs(at[2]))
+    np.testing.assert_allclose(found.slopes[:, 2], wanted, rtol=1e-5, atol=1e-9)
+    np.testing.assert_allclose(found.slopes[2:, 2], -1, rtol=1e-6)
 
 
 def test_steps_meet_the_data_and_do_not_depend_on_the_unknowns(plan: CalibrationPlan) -> None:
@@ -212,10 +203,7 @@ def test_steps_meet_the_data_and_do_not_depend_on_the_unknowns(plan: Calibration
 
 def test_planned_times_are_those_of_a_run() -> None:
     problem = MacroProblem.model_validate({key: value for key, value in MACRO.items() if key != "loads"})
-    np.testing.assert_allclose(
-        planned_times(problem), [0.2, 0.4, 1.0, 1.7, 2.35, 3.0][:2] + [*planned_times(problem)[2:]]
-    )
-    assert planned_times(problem)[-1] == 3.0
+    np.testing.assert_allclose(planned_times(problem), [0.2, 0.4, 1.0, 2.0, 3.0])
     chosen: Callable[[], np.ndarray] = lambda: np.array([0.0, 0.2, 0.4, 0.9, 1.6, 3.0])  # noqa: E731
     adaptive = problem.model_copy(update={"time": problem.time.model_copy(update={"tolerance": 1e-3})})
     plan = with_fixed_steps(adaptive, np.array([0.5, 0.95]), chosen)

@@ -62,8 +62,11 @@ def with_fixed_steps(
 
 
 def _kinks(problem: MacroProblem) -> Array:
-    stepper = Stepper(problem.time.model_copy(update={"tolerance": None}), problem.corners)
-    return np.array([*stepper.kinks, problem.time.end])
+    """Return the times that every run hits: increments of the ramp, kinks of the loads, the end."""
+    plan = problem.time
+    stepper = Stepper(plan.model_copy(update={"tolerance": None}), problem.corners)
+    increments = [k * plan.ramp_step for k in range(1, plan.ramp_increments + 1)]
+    return np.array([*stepper.kinks, *increments, plan.end])
 
 
 def _meeting(steps: Array, data: Array, kinks: Array) -> Array:
