@@ -6,11 +6,7 @@ import numpy as np
 import pytest
 
 from porocore.macro.integration.linearisation import Linearisations
-<<<<<<< HEAD
 from porocore.macro.integration.newton import ROUND_OFF, _round_off, largest_free
-=======
-from porocore.macro.integration.newton import ROUND_OFF, _largest_free, round_off_of
->>>>>>> 99621b02 (porocore calibrate: cells, fit, intervals and report of a calibration, made-up data, results; derivatives end at round-off where nothing changes any more)
 from porocore.macro.integration.predictor import Predictor
 from porocore.states import MacroState
 from porocore.testing.synthetic.response import AlteredLaw, confined_column, linear_law, mean_gradient_law
@@ -95,6 +91,6 @@ def test_what_a_step_takes_up_is_round_off_below_that_of_the_fluid_volume():
     residual = d.residual(law.respond(shaken, grad_p, response.memory), dt, d.loads(0.0), x)
     _, volume = largest_free(d, residual.values)
     linear = Linearisations(d, law).at(response, dt, x, d.loads(0.0))
-    first, later = (round_off_of(d, linear, x, ROUND_OFF, begun=begun)[1] for begun in (False, True))
+    first, later = (_round_off(d, linear, x, ROUND_OFF, begun=begun)[1] for begun in (False, True))
     assert first < volume < later < 1e3 * volume
     assert d.mesh.share_of_volume == pytest.approx(d.mesh.weights.sum() / 6 / 4)

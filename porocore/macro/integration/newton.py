@@ -112,7 +112,7 @@ def _iterated(
         misfit = misfit_of(d, residual)
         if misfit > allowed:
             share = max(ROUND_OFF, law.noise)
-            misfit = misfit_of(d, residual, round_off_of(d, linear, x, share, begun=iteration > 0))
+            misfit = misfit_of(d, residual, _round_off(d, linear, x, share, begun=iteration > 0))
         misfits.append(misfit)
         if misfit <= allowed and not moving:
             return Step(x, response, residual, iteration, misfits)
@@ -159,7 +159,7 @@ def largest_free(d: Discretisation, values: Array) -> tuple[float, float]:
     return force, volume
 
 
-def round_off_of(
+def _round_off(
     d: Discretisation, tangent: Linearisation, x: Array, share: float, *, begun: bool
 ) -> tuple[float, float]:
     """Return the forces and volumes that are round-off, a ``share`` of the terms that cancel in them.

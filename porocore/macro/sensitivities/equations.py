@@ -11,11 +11,7 @@ from porocore.interfaces.law_changes import MemoryChanges, ResponseChanges
 from porocore.macro.boundary.conditions import Loads
 from porocore.macro.integration.discretisation import Discretisation, Residual, StepFailed
 from porocore.macro.integration.linearisation import Linearisation
-<<<<<<< HEAD
 from porocore.macro.integration.newton import ROUND_OFF, largest_free, misfit_of
-=======
-from porocore.macro.integration.newton import ROUND_OFF, misfit_of, round_off_of
->>>>>>> 99621b02 (porocore calibrate: cells, fit, intervals and report of a calibration, made-up data, results; derivatives end at round-off where nothing changes any more)
 from porocore.states import Array
 
 #: Relative residual of a solution that is small enough, one that is too large, and the corrections at most.
@@ -98,13 +94,7 @@ class StepEquations:
             total, memory = self.fixed.moved(tangent, *changes_at_points(d, x))
             parts = UnknownChange.each(total)
             residuals = [self._residual(*each) for each in zip(parts, self.own, x, strict=True)]
-<<<<<<< HEAD
             misfits = [self._misfit(*each) for each in zip(residuals, x, strict=True)]
-=======
-            # Where hardly anything changes any more, round-off is all that is left of the right-hand side.
-            floors = [round_off_of(d, self.linear, each, ROUND_OFF, begun=False) for each in x]
-            misfits = [misfit_of(d, *each) for each in zip(residuals, floors, strict=True)]
->>>>>>> 99621b02 (porocore calibrate: cells, fit, intervals and report of a calibration, made-up data, results; derivatives end at round-off where nothing changes any more)
             if max(misfits) <= SMALL or correction == CORRECTIONS:
                 break
             for j, misfit in enumerate(misfits):
