@@ -44,7 +44,7 @@ ROOMS = {
         "study",
         "testing",
     ),
-    "calibration": ("core", "interfaces", "cell", "sampling", "macro", "report", "study"),
+    "calibration": ("core", "interfaces", "plugins", "cell", "sampling", "macro", "report", "study"),
     "cli": (
         "core",
         "interfaces",

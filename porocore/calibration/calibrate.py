@@ -82,18 +82,29 @@ def calibrate(
         console.note(note)
     with one_blas_thread(), folder, ExitStack() as stack:
         cells = families(plan, folder.path, stack, console, chosen_store(store))
-        for family in cells:
-            family.learn()
-        rounds = FitRounds(plan, folder, cells, console)
-        if synthetic:
-            plan = rounds.plan = _with_made_up_data(plan, rounds.model)
-        misfit, found = rounds.fitted(curve_data(plan.curves))
-        inference = _inferred(plan, misfit, found, console)
-        done = _finished(folder, plan, misfit, found, inference, cells, time.monotonic() - began)
-        truth = np.array([each.unknown.start for each in plan.unknowns]) if synthetic else None
-        write_results(folder, done, misfit, rounds.record, truth)
-        for warning in done.warnings:
-            console.warn(warning)
+        return _calibrated(plan, folder, cells, console, synthetic, began)
+
+
+def _calibrated(
+    plan: CalibrationPlan,
+    folder: CalibrationFolder,
+    cells: list[FamilyCells],
+    console: Console,
+    synthetic: bool,
+    began: float,
+) -> Calibration:
+    for family in cells:
+        family.learn()
+    rounds = FitRounds(plan, folder, cells, console)
+    if synthetic:
+        plan = rounds.plan = _with_made_up_data(plan, rounds.model)
+    misfit, found = rounds.fitted(curve_data(plan.curves))
+    inference = _inferred(plan, misfit, found, console)
+    done = _finished(folder, plan, misfit, found, inference, cells, time.monotonic() - began)
+    truth = np.array([each.unknown.start for each in plan.unknowns]) if synthetic else None
+    write_results(folder, done, misfit, rounds.record, truth)
+    for warning in done.warnings:
+        console.warn(warning)
     return done
 
 

@@ -103,7 +103,7 @@ class CalibrationFolder:
 
     @property
     def results(self) -> Path:
-        """Results."""
+        """Values, intervals and directions."""
         return self.path / "calibration.json"
 
     @property

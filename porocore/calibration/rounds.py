@@ -31,7 +31,7 @@ class LazyModel(CurveModel):
 
     @property
     def made(self) -> StudiesModel:
-        """The model."""
+        """The model, made at its first use."""
         if self._made is None:
             self._made = self._make()
         return self._made

@@ -1,4 +1,4 @@
-"""Cells of a calibration (FamilyCells): one family for all experiments that share it, sampled and learned once."""
+"""Cells of a calibration (FamilyCells): families that experiments share, sampled and learned once."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from porocore.core.units.results import speaking
 from porocore.errors import DataError, RunFolderError
 from porocore.interfaces.law import MacroLaw
 from porocore.macro.laws import AdaptiveLaw, ClosedLaw
+from porocore.plugins.border import body_solution_of
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Array
 from porocore.study.backends import make_backend
@@ -128,7 +129,8 @@ class FamilyCells:
             for model in models:
                 stack.enter_context(speaking(model.config.result_units))
                 solver = make_backend("macro solver", model.config)
-                solver.solve(prepared_body(solver, model.config, model.body(values).problem), law)
+                problem = model.body(values).problem
+                body_solution_of(solver, prepared_body(solver, model.config, problem), law, problem)
         further = self._further()
         new = [] if further is None else [key for key in further.keys if key not in before]
         write_json(self.folder.path / ROUNDS, [*self._rounds(), new])

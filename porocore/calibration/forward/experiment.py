@@ -1,4 +1,4 @@
-"""Curves of one experiment and their exact slopes (ExperimentModel): one run with sensitivities for each evaluation."""
+"""Curves of one experiment with their exact slopes (ExperimentModel), by one run with sensitivities."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.sensitivities import MacroSensitivities
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.boundary.symmetry import whole_sensitivities, whole_specimen
+from porocore.plugins.border import body_sensitivities_of, body_solution_of
 from porocore.states import Array
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
@@ -86,7 +87,8 @@ class ExperimentModel:
         def chosen() -> Array:
             found = steps
             if found is None:
-                solution = self._solver.solve(prepared_body(self._solver, config, body.problem), self.law)
+                prepared = prepared_body(self._solver, config, body.problem)
+                solution = body_solution_of(self._solver, prepared, self.law, body.problem)
                 found = np.asarray(solution.history.time * body.scales.factor("time"))
             self.chosen_steps = found
             return found
@@ -112,9 +114,9 @@ class ExperimentModel:
         changes = [*dict.fromkeys(effect.change for effect in effects.values())]
         prepared = prepared_body(self._solver, self.config, body.problem)
         if not changes:
-            solution = self._solver.solve(prepared, self.law)
+            solution = body_solution_of(self._solver, prepared, self.law, body.problem)
             return body, whole_specimen(solution, body.problem), None
-        solution, found = self._solver.solve_with_sensitivities(prepared, self.law, changes)
+        solution, found = body_sensitivities_of(self._solver, prepared, self.law, body.problem, changes)
         return (
             body,
             whole_specimen(solution, body.problem),

@@ -1,4 +1,4 @@
-"""Body of an experiment at values of the unknowns, in units of the modulus, viscosity and pore size that it has then.
+"""Body of an experiment at values of the unknowns (BodyAtValues), in units of its modulus then.
 
 With a modulus E, a viscosity μ_f and a cell of the edge d that are m, v and s times those of the study, the body is
 the same in units of E and of the time μ_f L²/(E d²): its prescribed stresses are divided by m, its times by v/(m s²),

@@ -1,4 +1,4 @@
-"""Time steps of an experiment, the same at all values of the unknowns, so that its curves are smooth functions."""
+"""Time steps of an experiment, the same at all values of the unknowns: its curves are smooth functions."""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""Check of the solution of a macro solver: mesh, history, profiles."""
+"""Check of the solution of a macro solver: mesh, history, profiles; derivatives of the histories."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.macro import MacroSolver
+from porocore.interfaces.sensitivities import MacroChange, MacroSensitivities
 from porocore.interfaces.solution import PROFILE_SHAPES, SERIES, History, MacroSolution, Profile
 from porocore.plugins.border.origin import described, refuse
 from porocore.plugins.hookspecs import short_repr
@@ -32,6 +34,35 @@ def body_solution_of(
         0 to the end of the problem's time.
     """
     solution = solver.solve(prepared, law, **how)
+    return _checked(solver, solution, problem)
+
+
+def body_sensitivities_of(
+    solver: MacroSolver, prepared: Any, law: MacroLaw, problem: MacroProblem, changes: Sequence[MacroChange]
+) -> tuple[MacroSolution, MacroSensitivities]:
+    """Return what ``solver.solve_with_sensitivities(prepared, law, changes)`` returns for ``problem``.
+
+    Raises
+    ------
+    PluginError
+        As :func:`body_solution_of`, also of the derivatives.
+    """
+    solution, found = solver.solve_with_sensitivities(prepared, law, changes)
+    _checked(solver, solution, problem)
+    if not isinstance(found, MacroSensitivities):
+        raise refuse(solver, f"expected MacroSensitivities, got {short_repr(found)}")
+    steps, k = len(solution.history.time), len(changes)
+    for name in ("settlement", "pressure_max", "drained"):
+        if fault := array_fault(f"sensitivities.{name}", getattr(found, name), (steps, k)):
+            raise refuse(solver, fault)
+    for kind in ("probes", "reactions", "inflow"):
+        for name, values in getattr(found, kind).items():
+            if fault := array_fault(f"sensitivities.{kind}/{name}", values, (steps, *SERIES[kind], k)):
+                raise refuse(solver, fault)
+    return solution, found
+
+
+def _checked(solver: MacroSolver, solution: Any, problem: MacroProblem) -> MacroSolution:
     if not isinstance(solution, MacroSolution):
         raise refuse(solver, f"expected a MacroSolution, got {short_repr(solution)}")
     if fault := _mesh_fault(solution) or _history_fault(solution, problem) or _profiles_fault(solution):
