@@ -33,12 +33,12 @@ BOUNDARY: dict[str, Any] = {
 MACRO: dict[str, Any] = {
     "body": {"kind": "box", "elements": [1, 3, 1], "size": [0.5, 1.5, 0.5]},
     "boundary": BOUNDARY,
-    "time": {"end": 3.0, "step": 1.0, "ramp_increments": 2, "ramp_step": 0.2},
+    "time": {"end": 1.0, "step": 0.8, "ramp_increments": 1, "ramp_step": 0.2, "profiles": []},
     "newton": {"tolerance": 1e-13},
     "probes": {"inside": [0.2, 0.6, 0.3]},
     "loads": [-1.0],
 }
-TIMES = {"first": 0.05, "last": 2.8, "count": 7}
+TIMES = {"first": 0.1, "last": 0.9, "count": 3}
 CURVE = {"deviation": 0.01, "times": TIMES}
 OBSERVATIONS = {
     "settlement": {"quantity": "settlement", **CURVE},
@@ -115,7 +115,7 @@ def test_slopes_are_limits_of_differences(name: str, plan: CalibrationPlan, mode
 def in_units(modulus: str, viscosity: str, unknowns: dict[str, Any]) -> CalibrationPlan:
     """A study in SI units; the made-up cell conducts as much in the units of any viscosity."""
     boundary = {**BOUNDARY, "y+": {"traction": [0, "25 kPa", 0], "pressure": "1 kPa"}}
-    times = {"first": "0.2 s", "last": "8 s", "count": 6}
+    times = {"first": "0.2 s", "last": "8 s", "count": 2}
     settlement = {
         "quantity": "settlement",
         "deviation": "1 um",
@@ -131,7 +131,7 @@ def in_units(modulus: str, viscosity: str, unknowns: dict[str, Any]) -> Calibrat
         "time_unit": "s",
         "times": times,
     }
-    time = {"end": "10 s", "step": "1 s", "ramp_increments": 2, "ramp_step": "0.1 s", "profiles": []}
+    time = {"end": "10 s", "step": "5 s", "ramp_increments": 1, "ramp_step": "0.1 s", "profiles": []}
     return planned(
         {},
         cell={"viscosity": viscosity},
@@ -156,7 +156,7 @@ def test_a_fitted_modulus_and_viscosity_are_those_of_a_study_with_other_scales()
     wanted = model_of(other).curves(at[:2]).values
     np.testing.assert_allclose(mine, wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
     before = model_of(fitted).curves(np.array([0.22, 0.3, 0.5, 1.0])).values
-    assert np.abs(mine / before - 1)[:6].min() > 0.05
+    assert np.abs(mine / before - 1)[:2].min() > 0.05
 
 
 def test_a_symmetric_part_gives_the_slopes_of_the_whole() -> None:
@@ -203,11 +203,11 @@ def test_steps_meet_the_data_and_do_not_depend_on_the_unknowns(plan: Calibration
 
 def test_planned_times_are_those_of_a_run() -> None:
     problem = MacroProblem.model_validate({key: value for key, value in MACRO.items() if key != "loads"})
-    np.testing.assert_allclose(planned_times(problem), [0.2, 0.4, 1.0, 2.0, 3.0])
-    chosen: Callable[[], np.ndarray] = lambda: np.array([0.0, 0.2, 0.4, 0.9, 1.6, 3.0])  # noqa: E731
+    np.testing.assert_allclose(planned_times(problem), [0.2, 1.0])
+    chosen: Callable[[], np.ndarray] = lambda: np.array([0.0, 0.2, 0.4, 0.7, 1.0])  # noqa: E731
     adaptive = problem.model_copy(update={"time": problem.time.model_copy(update={"tolerance": 1e-3})})
-    plan = with_fixed_steps(adaptive, np.array([0.5, 0.95]), chosen)
-    np.testing.assert_allclose(plan.profiles, [0.2, 0.4, 0.5, 0.95, 1.6])
+    plan = with_fixed_steps(adaptive, np.array([0.38, 0.95]), chosen)
+    np.testing.assert_allclose(plan.profiles, [0.2, 0.38, 0.7, 0.95])
     assert plan.tolerance is None
 
 
