@@ -22,7 +22,7 @@ from porocore.states import Array
 #: Times that the profiles start again because they have met a lower point.
 MOST_RESTARTS = 3
 #: Rays of the region of two unknowns.
-RAYS = 16
+RAYS = 8
 #: Fewer rays are no region.
 LEAST_RAYS = 3
 

@@ -14,7 +14,7 @@ from porocore.errors import SolveError
 from porocore.states import Array, IntArray
 
 #: The root of the rise is met to this; a last Newton step, which costs nothing, then makes the end far better.
-ROOT_TOLERANCE = 0.02
+ROOT_TOLERANCE = 0.06
 #: Points of one walk, and halvings of a step whose point cannot be computed or trusted.
 MOST_POINTS, MOST_HALVINGS = 40, 4
 #: A step reaches at most so much of the way to the bound, and so many times as far as the walk has come.
