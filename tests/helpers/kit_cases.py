@@ -42,6 +42,7 @@ SUITES: dict[str, type[Suite]] = {
     "macro_histories": porocore.testing.MacroSolverSuite,
     "macro_runs": porocore.testing.MacroSolverSuite,
     "macro_columns": porocore.testing.MacroSolverSuite,
+    "macro_sensitivities": porocore.testing.MacroSolverSuite,
 }
 
 

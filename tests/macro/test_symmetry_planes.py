@@ -9,7 +9,8 @@ import pytest
 
 from porocore.core.formulas.time_function import TimeFunction
 from porocore.errors import ConfigurationError
-from porocore.macro.boundary.symmetry import Symmetry, part_problem, whole_specimen
+from porocore.interfaces.sensitivities import BoundaryChange, LoadChange
+from porocore.macro.boundary.symmetry import Symmetry, part_problem, whole_sensitivities, whole_specimen
 from porocore.macro.problem import MacroProblem
 from porocore.report.loading_mode import relaxation
 from porocore.testing.macro_laws.solving import COEFFICIENTS, LINEAR
@@ -208,3 +209,29 @@ def test_the_force_on_a_plate_is_shared_among_the_parts(plate):
     faces = {face: SLIDES for face in ("x-", "y-", "z-")}
     (part,) = {part_problem(box(("x-", "z-"), {**faces, "y+": {"plate": plate}})).boundary["y+"].plate}
     assert (part.at(1.0) if isinstance(part, TimeFunction) else part) == pytest.approx(-0.2)
+
+
+@pytest.mark.parametrize("plate", [-0.02, {"ramp": -0.02, "until": 0.1}])
+def test_derivatives_of_the_whole_are_by_the_numbers_of_the_part(plate):
+    """Under a linear law without anything else that acts, a response is its derivative times what acts."""
+    faces = {name: SLIDES for name in ("x-", "z-", "y-", "x+")} | {
+        "z+": {"pressure": 0},
+        "y+": {"plate": plate},
+    }
+    whole = box(("x-", "z-"), faces, probes={"inside": (0.2, 0.3, 0.4)}, load=0.5)
+    solver, part = SkfemMacroSolver(), part_problem(whole)
+    changes = [LoadChange(), BoundaryChange("y+", "plate")]
+    solution, found = solver.solve_with_sensitivities(solver.prepare(part), LINEAR, changes)
+    solution, found = whole_specimen(solution, whole), whole_sensitivities(found, whole)
+    acting = [0.5, part.boundary["y+"].plate if isinstance(plate, float) else 1.0]
+    for name in ("settlement", "pressure_max", "drained"):
+        values = getattr(solution.history, name)
+        np.testing.assert_allclose(
+            getattr(found, name) * acting, np.stack([values] * 2, axis=-1), atol=1e-9 * abs(values).max()
+        )
+    for kind in ("probes", "reactions", "compression", "inflow"):
+        assert getattr(found, kind).keys() == getattr(solution, kind).keys()
+        for name, values in getattr(solution, kind).items():
+            np.testing.assert_allclose(
+                getattr(found, kind)[name] * acting, np.stack([values] * 2, axis=-1), atol=1e-9, err_msg=name
+            )

@@ -122,14 +122,7 @@ def whole_specimen(solution: MacroSolution, problem: MacroSetup) -> MacroSolutio
     """
     symmetry = Symmetry.of(problem)
     copies, history = symmetry.copies, solution.history
-    reactions, compression = {}, {}
-    for name, force in solution.reactions.items():
-        if name in symmetry.normals:
-            continue
-        surface = symmetry.surface(name)
-        reactions[name] = surface.copies * force @ surface.projection
-        if surface.normal is not None:
-            compression[name] = -reactions[name] @ surface.normal
+    reactions, compression = _of_whole(symmetry, solution.reactions)
     return replace(
         solution,
         copies=copies,
@@ -143,22 +136,32 @@ def whole_specimen(solution: MacroSolution, problem: MacroSetup) -> MacroSolutio
 
 
 def whole_sensitivities(found: MacroSensitivities, problem: MacroSetup) -> MacroSensitivities:
-    """Return derivatives of the histories of a part as those of the whole; see :func:`whole_specimen`."""
+    """Return derivatives of the histories of a part as those of the whole; see :func:`whole_specimen`.
+
+    The unknowns stay those of the part, such as its share of the force on a plate (:func:`part_problem`).
+    """
     symmetry = Symmetry.of(problem)
-    copies, reactions, compression = symmetry.copies, {}, {}
-    for name, force in found.reactions.items():
-        if name not in symmetry.normals:
-            surface = symmetry.surface(name)
-            reactions[name] = surface.copies * np.einsum("sik,ij->sjk", force, surface.projection)
-            if surface.normal is not None:
-                compression[name] = -np.einsum("sik,i->sk", reactions[name], surface.normal)
+    reactions, compression = _of_whole(symmetry, found.reactions)
     return replace(
         found,
-        drained=copies * found.drained,
+        drained=symmetry.copies * found.drained,
         reactions=reactions,
         compression=compression,
-        inflow={name: copies * rate for name, rate in found.inflow.items()},
+        inflow={name: symmetry.copies * rate for name, rate in found.inflow.items()},
     )
+
+
+def _of_whole(symmetry: Symmetry, forces: Mapping[str, Array]) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Return forces (steps, 3, ...) on the surfaces of the whole, and the compressive ones on those that are plane."""
+    reactions, compression = {}, {}
+    for name, force in forces.items():
+        if name in symmetry.normals:
+            continue
+        surface = symmetry.surface(name)
+        reactions[name] = surface.copies * np.einsum("si...,ij->sj...", force, surface.projection)
+        if surface.normal is not None:
+            compression[name] = -np.einsum("si...,i->s...", reactions[name], surface.normal)
+    return reactions, compression
 
 
 def _normal(facets: Facets) -> Array | None:

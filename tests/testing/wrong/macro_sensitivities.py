@@ -1,0 +1,65 @@
+"""Macro solvers that break one law of sensitivities each."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+from unittest.mock import patch
+
+import numpy as np
+
+from porocore.interfaces.law_changes import ResponseChanges
+from porocore.macro.sensitivities.directions import Directions
+
+sys.path.insert(0, str(Path(__file__).parent))
+from skfem_macro import Altered, Law, with_history
+
+MOVED, LOADS = ResponseChanges.moved, Directions.loads
+
+
+class TestFine(Law):
+    caught_by = ""
+
+
+class TestForgetsWhatWasStored(Law):
+    """Each step begins as if the fluid stored before it did not depend on the unknowns."""
+
+    caught_by = "test_sensitivities_are_limits_of_differences"
+    slow = True
+
+    class solver(Altered):
+        def solve_with_sensitivities(self, *given, **how):
+            def moved(self, *given):
+                total, memory = MOVED(self, *given)
+                return total, replace(memory, fluid_volume=np.zeros_like(memory.fluid_volume))
+
+            with patch.object(ResponseChanges, "moved", moved):
+                return super().solve_with_sensitivities(*given, **how)
+
+
+class TestPrescribedValuesThatStay(Law):
+    """Prescribed values do not change with the unknowns."""
+
+    caught_by = "test_sensitivities_are_limits_of_differences"
+    slow = True
+
+    class solver(Altered):
+        def solve_with_sensitivities(self, *given, **how):
+            def loads(self, time):
+                return [replace(each, values=0.0 * each.values) for each in LOADS(self, time)]
+
+            with patch.object(Directions, "loads", loads):
+                return super().solve_with_sensitivities(*given, **how)
+
+
+class TestDrainsMoreWithSensitivities(Law):
+    """More drains where derivatives are wanted."""
+
+    caught_by = "test_a_run_with_sensitivities_is_the_run_without"
+    slow = True
+
+    class solver(Altered):
+        def solve_with_sensitivities(self, prepared, *given, **how):
+            solution, found = super().solve_with_sensitivities(prepared, *given, **how)
+            return with_history(solution, drained=lambda values: 1.001 * values), found
