@@ -16,11 +16,11 @@ from porocore.testing.macro_laws.bodies import Bodies
 from porocore.testing.macro_laws.histories import Histories
 from porocore.testing.macro_laws.plates import Plates
 from porocore.testing.macro_laws.runs import Runs
-from porocore.testing.macro_laws.sensitivities import Derivatives
+from porocore.testing.macro_laws.sensitivities import RunDerivatives
 from porocore.testing.macro_laws.states import KnownStates
 
 
-class MacroSolverSuite(KnownStates, Plates, Bodies, Histories, Runs, Derivatives):
+class MacroSolverSuite(KnownStates, Plates, Bodies, Histories, Runs, RunDerivatives):
     """Subclass it, name the class ``Test…`` and give it ``make_solver``.
 
     It expects that :meth:`~porocore.MacroSolver.prepare` returns a ``porocore.macro`` discretisation, that the

@@ -40,7 +40,7 @@ NAMES = ("settlement", "pressure_max", "drained")
 STATE = "a column of the made-up family of porous cells, all unknowns along one direction"
 
 
-class Derivatives(Solving):
+class RunDerivatives(Solving):
     """Part of :class:`porocore.testing.macro_laws.base.MacroSolverSuite`."""
 
     law = ClosedLaw(
