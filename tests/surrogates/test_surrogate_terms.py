@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from cube_symmetry import cube_group
 
+from porocore.core.inputs.point_coordinates import Coordinates
 from porocore.core.tensors.point_group import CUBIC
+from porocore.surrogates.polynomial import varying
 from porocore.surrogates.polynomial.composition import TermDerivatives, TermSum, composed
 from porocore.surrogates.polynomial.least_squares import RegressionData, fit
 from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to
 from porocore.surrogates.polynomial.terms import invariant, plain
-from porocore.surrogates.polynomial.varying import VaryingPolynomial
 
 RANDOM = np.random.default_rng(0)
 
@@ -182,36 +183,65 @@ def test_slopes_alone_decide_where_values_are_the_same():
     assert samples.fitted.tolist() == [a in (1, 6) for a in range(7)]
 
 
-@pytest.mark.parametrize("sets", ["one", "ten", "each its own", "none"])
-def test_polynomials_bound_to_coordinates_are_those_of_all_variables(sets):
-    """Whether all points have the same coordinates, few have different ones, or all have their own."""
+@pytest.mark.parametrize("sets", ["one", "ten", "ten in order", "each its own", "none"])
+@pytest.mark.parametrize("moved", [(0, 1, 2), (1,)])
+@pytest.mark.parametrize("kept", [True, False])
+def test_polynomials_bound_to_coordinates_are_those_of_all_variables(sets, moved, kept, monkeypatch):
+    """All points may have the same coordinates, few different ones, or each its own; some variables are zero."""
+    monkeypatch.setattr(varying, "MOST_KEPT", 1000 if kept else 0)
     random, inner, n = np.random.default_rng(5), 3, 700
     whole = random_polynomial(plain((0, 1, 2, 3, 4)), 0, 5, outputs=3)
-    kept = random.random(whole.coefficients.shape) < 0.5
-    whole = Polynomial(whole.exponents, whole.coefficients * kept * [[1], [0], [1]])
-    t, x = random.uniform(-1, 1, (inner, n)), random.uniform(-1, 1, (2, n))
+    chosen = random.random(whole.coefficients.shape) < 0.5
+    whole = Polynomial(whole.exponents, whole.coefficients * chosen * [[1], [0], [1]])
+    t, x = np.zeros((inner, n)), random.uniform(-1, 1, (2, n))
+    t[list(moved)] = random.uniform(-1, 1, (len(moved), n))
     if sets == "none":
         t, x, n = t[:, :0], x[:, :0], 0
     elif sets != "each its own":
-        x = x[:, random.integers(0, 1 if sets == "one" else 10, n)]
-    found = VaryingPolynomial(whole, inner).at(x).entries(t)
-    value, gradient, hessian = whole.derivatives(np.concatenate([t, x]))
-    np.testing.assert_allclose(found[0], value, atol=1e-12)
-    places = {(o, a) for o in (0, 2) for a in range(inner)}
-    assert {place for place, _ in found[1]} == places
-    for place, row in found[1]:
-        np.testing.assert_allclose(row, gradient[place], atol=1e-12)
-    assert {place[1:] for place, _ in found[2]} == {(a, b) for a in range(inner) for b in range(a, inner)}
-    for place, row in found[2]:
-        np.testing.assert_allclose(row, hessian[place], atol=1e-11)
-    assert not VaryingPolynomial(whole, inner).at(x).entries(t, second=False)[2]
+        number = random.integers(0, 1 if sets == "one" else 10, n)
+        x = x[:, np.sort(number) if sets == "ten in order" else number]
+    bound = varying.VaryingPolynomial(whole, inner).at(Coordinates(x))
+    assert_bound(bound, t, whole.derivatives(np.concatenate([t, x])))
+    some = np.flatnonzero(random.random(n) < 0.3)[::-1]
+    assert_bound(bound.take(some), t[:, some], whole.derivatives(np.concatenate([t, x])[:, some]))
+
+
+def assert_bound(bound, t, expected):
+    """Values and derivatives by t, and these alone, are as expected; what is left out is zero."""
+    inner, (value, gradient, hessian) = len(t), expected
+    found, first, second = bound.entries(t)
+    np.testing.assert_allclose(found, value, atol=1e-12)
+    one, two = np.zeros_like(gradient[:, :inner]), np.zeros_like(hessian[:, :inner, :inner])
+    for place, row in first:
+        one[place] = row
+    for (o, a, b), row in second:
+        two[o, a, b] = two[o, b, a] = row
+    np.testing.assert_allclose(one, gradient[:, :inner], atol=1e-12)
+    np.testing.assert_allclose(two, hessian[:, :inner, :inner], atol=1e-11)
+    assert not {o for (o, *_), _ in first + second} & {1}
+    assert not bound.entries(t, second=False)[2]
+    for (place, row), (other, same) in zip(bound.gradients(t), first, strict=True):
+        assert place == other
+        np.testing.assert_allclose(row, same, atol=1e-13)
+
+
+def test_few_sets_are_told_from_many():
+    random = np.random.default_rng(1)
+    x = random.uniform(-1, 1, (2, 10))
+    number = np.repeat([3, 1, 7], 50)
+    sets = Coordinates(x[:, number]).sets
+    assert sets.count == 3
+    assert sets.in_order
+    assert list(sets.parts(40, 120)) == [(0, slice(40, 50)), (1, slice(50, 100)), (2, slice(100, 120))]
+    assert not sets.take(np.array([149, 0, 60])).in_order
+    assert Coordinates(random.uniform(-1, 1, (2, 150))).sets is None
 
 
 def test_coordinates_of_all_points_and_a_unit_are_given_once():
     random, whole = np.random.default_rng(6), random_polynomial(plain((0, 1, 2)))
     t, x, unit = random.uniform(-1, 1, (2, 40)), random.uniform(-1, 1, (1, 1)), 3.0
-    one = VaryingPolynomial(whole, 2).at(x, unit)
-    every = VaryingPolynomial(whole, 2).at(np.tile(x, 40))
+    one = varying.VaryingPolynomial(whole, 2).at(Coordinates(x), unit)
+    every = varying.VaryingPolynomial(whole, 2).at(Coordinates(np.tile(x, 40)))
     np.testing.assert_allclose(one.entries(t)[0], unit * every.entries(t)[0], atol=1e-13)
     points = np.array([3, 7, 3])
     for bound, by in ((one, unit), (every, 1.0)):

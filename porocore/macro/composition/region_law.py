@@ -45,6 +45,8 @@ class RegionLaw(MacroLaw):
         self.noise = max(law.noise for law in self.laws)
         self.constant_tangent = all(law.constant_tangent for law in self.laws)
         self.parameters = tuple(dict.fromkeys(name for law in self.laws for name in law.parameters))
+        first = {id(law): k for k, law in reversed(list(enumerate(self.laws)))}
+        self._first_alike = np.array([first[id(law)] for law in self.laws])
         self._columns = [[self.parameters.index(name) for name in law.parameters] for law in self.laws]
 
     @classmethod
@@ -174,13 +176,9 @@ class RegionLaw(MacroLaw):
             raise ValueError(
                 f"expected regions from 0 to {len(self.laws) - 1}, for which there are laws, got {region.max()}"
             )
-        numbers = np.unique(region) if len(region) else np.zeros(1, dtype=np.int64)
-        first = {id(law): k for k, law in reversed(list(enumerate(self.laws)))}
-        first_of_region = np.array([first[id(law)] for law in self.laws])
-        asked = first_of_region[region]
-        return [
-            (int(k), self.laws[k], np.flatnonzero(asked == k)) for k in np.unique(first_of_region[numbers])
-        ]
+        asked = self._first_alike[region]
+        numbers = np.unique(asked) if self._first_alike.any() and len(region) else [0]
+        return [(int(k), self.laws[k], np.flatnonzero(asked == k)) for k in numbers]
 
     def _seen(self, states: MacroState, k: int) -> MacroState:
         """Return the states with the parameters of law ``k`` alone, in its order."""

@@ -12,9 +12,10 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from porocore.core.inputs.point_coordinates import Coordinates
 from porocore.states import Array, IntArray
-from porocore.surrogates.polynomial.monomials import Entry, Polynomial
-from porocore.surrogates.polynomial.varying import VaryingPolynomial
+from porocore.surrogates.polynomial.monomials import Polynomial
+from porocore.surrogates.polynomial.varying import BoundPolynomial, VaryingPolynomial
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +51,9 @@ class ErrorEstimate:
     safe: Array
     coordinates: int = 0
 
-    def flagged(self, variables: Array, found: Array) -> npt.NDArray[np.bool_]:
+    def flagged(
+        self, variables: Array, found: Array, members: BoundPolynomial | None = None
+    ) -> npt.NDArray[np.bool_]:
         """Return which of n states have an estimated error beyond the tolerance, or none that is finite, (n,).
 
         Parameters
@@ -59,12 +62,15 @@ class ErrorEstimate:
             Variables of the states.
         found : (c, n)
             The surrogate's judged quantities there.
+        members
+            The polynomials at the states' coordinates where they are known, by :meth:`at`.
         """
         there = self.beyond_safe(variables)
         flagged = np.zeros(variables.shape[1], dtype=bool)
         if len(there):
+            known = None if members is None else members.take(there)
             # NaN compares as false, and is flagged.
-            flagged[there] = ~(self.error(variables[:, there], found[:, there]) <= self.tolerance)
+            flagged[there] = ~(self.error(variables[:, there], found[:, there], known) <= self.tolerance)
         return flagged
 
     def beyond_safe(self, variables: Array) -> IntArray:
@@ -72,41 +78,43 @@ class ErrorEstimate:
         low, high = self.safe[:, :, None]
         return np.flatnonzero(~((variables >= low) & (variables <= high)).all(axis=0))
 
-    def error(self, variables: Array, found: Array) -> Array:
+    def error(self, variables: Array, found: Array, members: BoundPolynomial | None = None) -> Array:
         """Return the estimate (n,), that of the worst quantity; parameters as in :meth:`flagged`."""
-        answers = self._answers(variables)
+        answers = self._answers(variables, members)
         mean = answers[0]
-        squares = (mean - found) ** 2 + ((answers[1:] - mean) ** 2).mean(axis=0)
+        scatter = answers[1:] - mean
+        squares = (mean - found) ** 2 + np.einsum("dcn,dcn->cn", scatter, scatter) / len(scatter)
         shares = squares / self.spread[:, None] ** 2 + self.nugget**2
         worst: Array = np.sqrt(shares.max(axis=0))
         return worst
 
-    def _answers(self, variables: Array) -> Array:
+    def at(self, coordinates: Coordinates) -> BoundPolynomial:
+        """Return the polynomials, of the terms alone, at coordinates of parameters."""
+        return self._varying.at(coordinates)
+
+    def _answers(self, variables: Array, members: BoundPolynomial | None) -> Array:
         """Return the judged quantities of the mean and the draws, (1 + draws, c, n)."""
         c, n = len(self.spread), variables.shape[1]
         if self.terms is None:
             return self.polynomials.evaluate(variables).reshape(-1, c, n)
         t, by_variables, _ = self.terms.entries(variables, second=False)
-        by_terms = self._by_terms(t)
+        inner = len(t) - self.coordinates
+        if members is None:
+            members = self.at(Coordinates(t[inner:])) if self.coordinates else self._without_coordinates
         rows: dict[int, list[tuple[int, Array]]] = {}
         place = {variable: k for k, variable in enumerate(self.judged)}
         for (term, variable), row in by_variables:
             if variable in place:
                 rows.setdefault(term, []).append((place[variable], row))
         answers = np.zeros((len(self.polynomials.coefficients), c, n))
-        for (member, term), gradient in by_terms:
+        for (member, term), gradient in members.gradients(t[:inner]):
             for k, row in rows.get(term, ()):
                 answers[member, k] += gradient * row
         return answers
 
-    def _by_terms(self, t: Array) -> list[Entry]:
-        """Return the derivatives of all members by the terms (k, n); those by coordinates may be left out."""
-        if self.coordinates:
-            inner = len(t) - self.coordinates
-            bound = self._varying.at(t[inner:])
-            if bound.few:
-                return bound.entries(t[:inner], second=False)[1]
-        return self.polynomials.entries(t, second=False)[1]
+    @cached_property
+    def _without_coordinates(self) -> BoundPolynomial:
+        return self.at(Coordinates(np.zeros((0, 1))))
 
     @cached_property
     def _varying(self) -> VaryingPolynomial:

@@ -156,7 +156,7 @@ class FamilyConductivity:
         if by_coordinates:
             value, first, _ = self.polynomial.entries(np.concatenate([t, at.x]), second=False)
         else:
-            bound = self._latest.of(at, lambda: self._by_y.at(at.x))
+            bound = self._latest.of(at, lambda: self._by_y.at(at.coordinates))
             value, first, _ = bound.entries(t, second=False)
         (d, n), r = t.shape, at.log_conductivity.shape[1]
         gradients = np.zeros((n, d + (len(at.x) if by_coordinates else 0), r, r))

@@ -9,6 +9,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from porocore.core.inputs.point_coordinates import Coordinates
 from porocore.states import Array, IntArray
 from porocore.surrogates.network.network import Derivatives
 from porocore.surrogates.network.separable import FactoredNetwork
@@ -129,6 +130,9 @@ class JointPolynomial:
         places = [(), *((a,) for a in range(self._k, self.polynomial.variables))]
         return VaryingPolynomial(self.polynomial.differentiated(places), self._k)
 
+    def _bound(self, x: Array) -> BoundPolynomial:
+        return self._latest.of(x, lambda: self._with_slopes.at(Coordinates(x)))
+
     @cached_property
     def _latest(self) -> Latest[Array, BoundPolynomial]:
         return Latest()
@@ -140,7 +144,7 @@ class JointPolynomial:
         """
         n, l = y.shape[1], len(x)
         t, J, _ = self.terms.polynomial.derivatives(y, second=False)
-        values, first, _ = self._latest.of(x, lambda: self._with_slopes.at(x)).entries(t, second=False)
+        values, first, _ = self._bound(x).entries(t, second=False)
         by_y = np.zeros((1 + l, VARIABLES, n))
         for (o, i), row in first:
             by_y[o] += J[i] * row

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from porocore.core.inputs.point_coordinates import Coordinates
 from porocore.core.inputs.sampled_range import SampledRange
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
 from porocore.surrogates.error_estimate.estimate import ErrorEstimate
@@ -69,10 +70,13 @@ class FamilyModel:
 
     def potential(self, y: Array, at: RestValues) -> Derivatives:
         """Return w (n,), ∂w/∂y (7, n) and ∂²w/∂y² (7, 7, n) at y (7, n) of a cell of unit modulus."""
-        gradient, hessian = rest_gradient(y, at), np.empty((VARIABLES, VARIABLES, y.shape[1]))
-        hessian[:] = at.matrix
+        return self._potential(y, at, rest_gradient(y, at))
+
+    def _potential(self, y: Array, at: RestValues, at_rest: Array) -> Derivatives:
+        """Return the same, given ∂W₂/∂y (7, n)."""
+        gradient, hessian = at_rest.copy(), rest_hessian(at, y.shape[1])
         value = at.value + ((gradient + at.gradient) / 2 * y).sum(axis=0)
-        parts = self._latest.of(at, lambda: self._parts_at(at.x, at.scale))
+        parts = self._latest.of(at, lambda: self._parts_at(at.coordinates, at.scale))
         self._add_beyond(y, parts, (value, gradient, hessian))
         return value, gradient, hessian
 
@@ -80,7 +84,7 @@ class FamilyModel:
         """Return R and its derivatives by y, as :meth:`potential`, at θ̂ (l, n)."""
         n = y.shape[1]
         found = np.zeros(n), np.zeros((VARIABLES, n)), np.zeros((VARIABLES, VARIABLES, n))
-        self._add_beyond(y, self._parts_at(x), found)
+        self._add_beyond(y, self._parts_at(Coordinates(x)), found)
         return found
 
     def _add_beyond(self, y: Array, parts: BoundParts, found: Derivatives) -> None:
@@ -108,10 +112,10 @@ class FamilyModel:
     def _latest(self) -> Latest[RestValues, BoundParts]:
         return Latest()
 
-    def _parts_at(self, x: Array, unit: Array | float = 1.0) -> BoundParts:
+    def _parts_at(self, coordinates: Coordinates, unit: Array | float = 1.0) -> BoundParts:
         polynomials = self.whole, self.coarse, self.fine
-        whole, coarse, fine = (None if p is None else p.by_terms.at(x, unit) for p in polynomials)
-        network = None if self.network is None else self.network.at(x, unit)
+        whole, coarse, fine = (None if p is None else p.by_terms.at(coordinates, unit) for p in polynomials)
+        network = None if self.network is None else self.network.at(coordinates.x, unit)
         terms = None if self.whole is None else self.whole.terms
         return BoundParts(terms, whole, coarse, fine, network)
 
@@ -127,8 +131,9 @@ class FamilyModel:
     def predict(self, states: MacroState, *, tangent: bool) -> CellResponse:
         """Return all responses of n states and, if ``tangent``, their exact derivatives by (H, p)."""
         _, stretch, y, at, scaling = self.at_states(states)
-        value, gradient, hessian = self.potential(y, at)
-        outside = self._outside(states, y, at, gradient)
+        at_rest = rest_gradient(y, at)
+        value, gradient, hessian = self._potential(y, at, at_rest)
+        outside = self._outside(states, y, at, gradient - at_rest)
         if not scaling.trivial:
             by, c = scaling.variables, scaling.factor
             value, gradient = value * c, gradient * by * c
@@ -186,7 +191,7 @@ class FamilyModel:
             x = np.broadcast_to(at.x, (len(at.x), y.shape[1]))
             found, first, _ = self.mean_grad.entries(np.concatenate([t, x]), second=False)
         else:
-            bound = self._latest_means.of(at, lambda: self._mean_by_y.at(at.x))
+            bound = self._latest_means.of(at, lambda: self._mean_by_y.at(at.coordinates))
             found, first, _ = bound.entries(t, second=False)
         found += at.mean_value
         slopes = dict(at.mean_linear)
@@ -238,24 +243,31 @@ class FamilyModel:
         if self.estimate is None:
             return np.full(len(states), np.nan)
         _, _, y, at, _ = self.at_states(states)
-        found = self.potential(y, at)[1] - rest_gradient(y, at)
-        return self.estimate.error(_with_coordinates(y, at), (found / at.scale)[list(self.estimate.judged)])
+        at_rest = rest_gradient(y, at)
+        found = self._judged(at, self._potential(y, at, at_rest)[1] - at_rest)
+        return self.estimate.error(_with_coordinates(y, at), found)
 
-    def _outside(
-        self, states: MacroState, y: Array, at: RestValues, gradient: Array
-    ) -> npt.NDArray[np.bool_]:
-        """Return which states are flagged, (n,): far from all known ones, or by the estimated error."""
-        unrotated = self.sampled.inputs.without_rotation(states)
-        if self.estimate is None:
+    def _outside(self, states: MacroState, y: Array, at: RestValues, beyond: Array) -> npt.NDArray[np.bool_]:
+        """Return which states are flagged, (n,): far from all known ones, or by the estimated error.
+
+        ``beyond`` are the derivatives (7, n) of w less those of W₂.
+        """
+        unrotated, estimate = self.sampled.inputs.without_rotation(states), self.estimate
+        if estimate is None:
             return self.sampled.outside(unrotated)
-        flagged, variables = self.sampled.far(unrotated), _with_coordinates(y, at)
-        there = self.estimate.beyond_safe(variables)
-        if len(there):
-            if at.x.shape[1] > 1:
-                at = at.take(there)
-            found = (gradient[:, there] - rest_gradient(y[:, there], at)) / at.scale
-            flagged[there] |= self.estimate.flagged(variables[:, there], found[list(self.estimate.judged)])
-        return flagged
+        members = self._latest_members.of(at, lambda: estimate.at(at.coordinates))
+        flagged = estimate.flagged(_with_coordinates(y, at), self._judged(at, beyond), members)
+        return self.sampled.far(unrotated) | flagged
+
+    def _judged(self, at: RestValues, beyond: Array) -> Array:
+        """Return the quantities that the estimate judges, (c, n)."""
+        assert self.estimate is not None
+        found: Array = beyond[list(self.estimate.judged)] / at.scale
+        return found
+
+    @cached_property
+    def _latest_members(self) -> Latest[RestValues, BoundPolynomial]:
+        return Latest()
 
 
 def _with_coordinates(y: Array, at: RestValues) -> Array:
@@ -271,3 +283,11 @@ def rest_gradient(y: Array, at: RestValues) -> Array:
     for (a, b), entry in at.linear.items():
         gradient[a] += entry * y[b]
     return gradient
+
+
+def rest_hessian(at: RestValues, n: int) -> Array:
+    """Return ∂²W₂/∂y² (7, 7, n), of which most entries are zero."""
+    hessian = np.zeros((VARIABLES, VARIABLES, n))
+    for place, entry in at.linear.items():
+        hessian[place] = entry
+    return hessian

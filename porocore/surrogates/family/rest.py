@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from porocore.core.inputs.point_coordinates import Coordinates
 from porocore.core.tensors.point_group import PointGroup
 from porocore.core.tensors.symmetric_functions import exponential, symmetric_exponential
 from porocore.states import Array, IntArray
@@ -60,6 +61,11 @@ class RestValues:
     scale: Array
     log_conductivity: Array
     slopes: RestValues | None = None
+
+    @cached_property
+    def coordinates(self) -> Coordinates:
+        """θ̂, with what is known of points that share theirs."""
+        return Coordinates(self.x)
 
     @cached_property
     def linear(self) -> Places:

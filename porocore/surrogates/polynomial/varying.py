@@ -9,10 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations_with_replacement, pairwise
+from itertools import combinations_with_replacement
+from math import factorial, prod
 
 import numpy as np
 
+from porocore.core.inputs.point_coordinates import Coordinates, PointSets
 from porocore.states import Array, IntArray
 from porocore.surrogates.polynomial.monomials import (
     LARGEST_BLOCK,
@@ -21,51 +23,15 @@ from porocore.surrogates.polynomial.monomials import (
     Place,
     Polynomial,
 )
+from porocore.surrogates.polynomial.rows import Rows, Term
 
-#: As many sets of coordinates are evaluated one after the other, if each has so many points.
-MOST_SETS, LEAST_POINTS = 32, 16
-#: Points of which many sets of coordinates are evaluated together.
-BLOCK = 512
-
-
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """Derivatives of one order as rows over the basis of monomials: entries that are not zero everywhere.
-
-    Attributes
-    ----------
-    places
-        Output and variables of each row.
-    ends
-        Numbers of entries up to each row, from 0.
-    coefficient, column : (entries,)
-        Number of the coefficient and of the monomial in an entry.
-    factor : (entries,)
-        Product of exponents by which it is multiplied.
-    columns
-        Monomials that the rows use, the first of the basis.
-    """
-
-    places: list[Place]
-    ends: list[int]
-    coefficient: IntArray
-    column: IntArray
-    factor: Array
-    columns: int
-
-    def matrices(self, coefficients: Array) -> Array:
-        """Return the rows (sets, rows, columns) for coefficients (P, sets)."""
-        flat = np.repeat(np.arange(len(self.places)), np.diff(self.ends)) * self.columns + self.column
-        found = np.zeros((coefficients.shape[1], len(self.places) * self.columns))
-        found[:, flat] = (coefficients[self.coefficient] * self.factor[:, None]).T
-        return found.reshape(len(found), len(self.places), self.columns)
-
-    def fill(self, out: Array, coefficients: Array, monomials: Array) -> None:
-        """Write the rows (rows, n) of points with coefficients (P, n) of their own into ``out``."""
-        for row, (start, end) in enumerate(pairwise(self.ends)):
-            factors = coefficients[self.coefficient[start:end]]
-            factors *= self.factor[start:end, None]
-            out[row] = np.einsum("pn,pn->n", factors, monomials[self.column[start:end]])
+#: Numbers in a block of points with coefficients of their own.
+BLOCK = 1 << 20
+#: Coefficients of points are kept where they are at most so many times as many as the monomials of their coordinates;
+#: more are made again faster than they are read.
+MOST_KEPT = 8
+#: Derivatives of several orders are one product where that has at most so many times as many entries.
+STACKED = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,18 +49,23 @@ class VaryingPolynomial:
     polynomial: Polynomial
     inner: int
 
-    def at(self, x: Array, unit: Array | float = 1.0) -> BoundPolynomial:
+    def at(self, coordinates: Coordinates, unit: Array | float = 1.0) -> BoundPolynomial:
         """Return the polynomials in t at the coordinates of points; see :class:`BoundPolynomial`."""
-        return BoundPolynomial(self, x, unit)
+        return BoundPolynomial(self, coordinates, unit)
 
     def coefficients_at(self, x: Array) -> Array:
-        """Return the coefficients (P, n) in t of those outputs and monomials that have any, at x (l, n)."""
-        return self._outer[1] @ self._outer[0].evaluate(x)
+        """Return the coefficients (P, n) of those outputs and monomials t^e/e! that have any, at x (l, n)."""
+        return self.from_monomials_of_x @ self.monomials_of_x.evaluate(x)
 
     @cached_property
     def monomials_of_t(self) -> Polynomial:
         """Monomials of t that occur."""
         return Polynomial.monomials(np.unique(self.polynomial.exponents[:, : self.inner], axis=0))
+
+    @cached_property
+    def inverse_factorials(self) -> Array:
+        """Numbers 1/e! of the monomials of t and their divisors, (size,)."""
+        return 1 / np.array([factorials(e) for e in self.monomials_of_t.basis], dtype=float)
 
     @cached_property
     def _pairs(self) -> tuple[list[tuple[int, int]], IntArray]:
@@ -108,48 +79,59 @@ class VaryingPolynomial:
         return sorted({(int(o), int(of_all[k])) for o, k in used}), of_all
 
     @cached_property
-    def _outer(self) -> tuple[Polynomial, Array]:
-        """Monomials of x that occur, and the matrix that turns them into the coefficients in t."""
-        outer, of_all = np.unique(self.polynomial.exponents[:, self.inner :], axis=0, return_inverse=True)
-        pairs, inner = self._pairs
-        number = {pair: i for i, pair in enumerate(pairs)}
-        matrix = np.zeros((len(pairs), len(outer)))
-        for o, k in np.argwhere(self.polynomial.coefficients != 0):
-            matrix[number[int(o), int(inner[k])], of_all.reshape(-1)[k]] += self.polynomial.coefficients[o, k]
-        return Polynomial.monomials(outer), matrix
+    def monomials_of_x(self) -> Polynomial:
+        """Monomials of x that occur."""
+        return Polynomial.monomials(np.unique(self.polynomial.exponents[:, self.inner :], axis=0))
 
     @cached_property
-    def rows_of_t(self) -> tuple[Rows, Rows, Rows]:
-        """Values, first and second derivatives by t."""
-        v = range(self.inner)
-        orders: list[list[tuple[int, ...]]] = [
-            [()],
-            [(a,) for a in v],
-            list(combinations_with_replacement(v, 2)),
-        ]
-        values, first, second = (self._rows_of(wanted) for wanted in orders)
-        return values, first, second
+    def from_monomials_of_x(self) -> Array:
+        """Matrix (P, O) that turns the monomials of x into the coefficients of t^e/e!."""
+        exponents = self.monomials_of_x.exponents
+        outer = {e.tobytes(): i for i, e in enumerate(exponents)}
+        pairs, inner = self._pairs
+        number = {pair: i for i, pair in enumerate(pairs)}
+        matrix = np.zeros((len(pairs), len(exponents)))
+        for o, k in np.argwhere(self.polynomial.coefficients != 0):
+            row, column = (
+                number[int(o), int(inner[k])],
+                outer[self.polynomial.exponents[k, self.inner :].tobytes()],
+            )
+            matrix[row, column] += self.polynomial.coefficients[o, k]
+        return matrix * [[factorials(self.monomials_of_t.exponents[k])] for _, k in pairs]
 
-    def _rows_of(self, wanted: Sequence[tuple[int, ...]]) -> Rows:
+    def rows_of_t(self, orders: tuple[int, ...], still: tuple[int, ...] = ()) -> list[Rows]:
+        """Return the derivatives of some orders by t, together where that is no more work.
+
+        Of monomials with a variable in ``still``, which is zero everywhere, nothing is left.
+        """
+        key = orders, still
+        if key not in self._known_rows:
+            apart = [Rows.from_entries(self._entries(order, still)) for order in orders]
+            both = Rows.from_entries([row for order in orders for row in self._entries(order, still)])
+            together = both.size <= STACKED * sum(rows.size for rows in apart)
+            self._known_rows[key] = [both] if together else apart
+        return self._known_rows[key]
+
+    @cached_property
+    def _known_rows(self) -> dict[tuple[tuple[int, ...], tuple[int, ...]], list[Rows]]:
+        return {}
+
+    def _entries(self, order: int, still: tuple[int, ...]) -> Iterator[tuple[Place, list[Term]]]:
+        """Yield the place of each derivative of one order, and its terms."""
         exponents, basis = self.monomials_of_t.exponents, self.monomials_of_t.basis
-        places, ends, entries = [], [0], []
-        for by in wanted:
-            for o in range(len(self.polynomial.coefficients)):
+        of_output: dict[int, list[tuple[int, int]]] = {}
+        for p, (o, k) in enumerate(self._pairs[0]):
+            of_output.setdefault(o, []).append((p, k))
+        for by in combinations_with_replacement(range(self.inner), order):
+            for o, pairs in of_output.items():
                 found = []
-                for p, (output, k) in enumerate(self._pairs[0]):
-                    e, factor = [int(x) for x in exponents[k]], 1
+                for p, k in pairs:
+                    e = [int(x) for x in exponents[k]]
                     for a in by:
-                        factor *= e[a]
                         e[a] -= 1
-                    if output == o and factor:
-                        found.append((p, basis[tuple(e)], factor))
-                if found:
-                    places.append((o, *by))
-                    entries += found
-                    ends.append(len(entries))
-        table = np.array(entries, dtype=np.int64).reshape(-1, 3)
-        columns = int(table[:, 1].max(initial=-1)) + 1
-        return Rows(places, ends, table[:, 0], table[:, 1], table[:, 2].astype(float), columns)
+                    if min(e, default=0) >= 0 and not any(e[a] for a in still):
+                        found.append((p, basis[tuple(e)]))
+                yield (o, *by), found
 
 
 class BoundPolynomial:
@@ -159,83 +141,130 @@ class BoundPolynomial:
     ----------
     whole
         The polynomial.
-    x : (l, n)
-        Coordinates; (l, 1) where they are those of all points.
+    coordinates
+        Those of the points.
     unit : (n,)
         Numbers by which all is multiplied, the same where the coordinates are.
     """
 
-    def __init__(self, whole: VaryingPolynomial, x: Array, unit: Array | float = 1.0) -> None:
-        self.whole, self.x, self.unit = whole, x, np.broadcast_to(unit, x.shape[1])
+    def __init__(self, whole: VaryingPolynomial, coordinates: Coordinates, unit: Array | float = 1.0) -> None:
+        self.whole, self.coordinates = whole, coordinates
+        self.unit = np.broadcast_to(unit, coordinates.x.shape[1])
         self.exponents = whole.monomials_of_t.exponents
 
     def take(self, points: IntArray) -> BoundPolynomial:
         """Return the polynomials of some of the points."""
-        if self.x.shape[1] == 1:
+        if self.coordinates.same:
             return self
-        return BoundPolynomial(self.whole, self.x[:, points], self.unit[points])
+        found = BoundPolynomial(self.whole, self.coordinates.take(points), self.unit[points])
+        if self.coordinates.sets is not None:
+            found.__dict__["_of_sets"], found.__dict__["_matrices"] = self._of_sets, self._matrices
+        elif self._kept is not None:
+            found.__dict__["_kept"] = self._kept[:, points]
+        else:
+            found.__dict__["_kept"], found.__dict__["_outer"] = None, self._outer[:, points]
+        return found
 
     def entries(self, t: Array, *, second: bool = True) -> tuple[Array, list[Entry], list[Entry]]:
         """Return values (o, n) and derivatives by t that are not zero everywhere; see :meth:`Polynomial.entries`."""
-        orders = self.whole.rows_of_t if second else self.whole.rows_of_t[:2]
-        n, basis = t.shape[1], self.whole.monomials_of_t
-        found = [np.empty((len(rows.places), n)) for rows in orders]
-        if self._sets is None:
-            for points in _blocks(slice(None), n, BLOCK):
-                monomials, coefficients = basis.basis_at(t[:, points]), self._coefficients[:, points]
-                for rows, out in zip(orders, found, strict=True):
-                    rows.fill(out[:, points], coefficients, monomials)
-        else:
-            most = max(LARGEST_BLOCK // max(len(basis.basis), 1), SMALLEST_BLOCK)
-            for i, own in enumerate(self._sets):
-                for points in _blocks(own, n, most):
-                    monomials = basis.basis_at(t[:, points])
-                    for rows, matrices, out in zip(orders, self._matrices, found, strict=False):
-                        out[:, points] = matrices[i] @ monomials[: rows.columns]
-        values = np.zeros((len(self.whole.polynomial.coefficients), n))
-        for (o,), row in zip(orders[0].places, found[0], strict=True):
+        given, first, *pairs = self._derivatives(t, (0, 1, 2) if second else (0, 1))
+        values = np.zeros((len(self.whole.polynomial.coefficients), t.shape[1]))
+        for (o,), row in given:
             values[o] = row
-        entries = [list(zip(rows.places, out, strict=True)) for rows, out in zip(orders, found, strict=True)]
-        return values, entries[1], entries[2] if second else []
+        return values, first, pairs[0] if second else []
 
-    @property
-    def few(self) -> bool:
-        """True where there are few sets of coordinates."""
-        return self._sets is not None
+    def gradients(self, t: Array) -> list[Entry]:
+        """Return the first derivatives by t alone that are not zero everywhere."""
+        return self._derivatives(t, (1,))[0]
+
+    def _derivatives(self, t: Array, orders: tuple[int, ...]) -> list[list[Entry]]:
+        """Return the derivatives of some orders with their places."""
+        sets = self.coordinates.sets
+        if sets is None:
+            still = tuple(int(a) for a in np.flatnonzero(~t.any(axis=1)))
+            blocks = self.whole.rows_of_t(orders, still)
+            out = self._each_point(t, blocks)
+        elif sets.count == 1 or sets.in_order:
+            blocks = self.whole.rows_of_t(orders)
+            out = self._each_set(t, blocks, sets, orders)
+        else:
+            blocks = self.whole.rows_of_t(orders)
+            out = [rows[:, sets.back] for rows in self._each_set(t[:, sets.order], blocks, sets, orders)]
+        found: dict[int, list[Entry]] = {order: [] for order in orders}
+        for rows, values in zip(blocks, out, strict=True):
+            for place, row in zip(rows.places, values, strict=True):
+                found[len(place) - 1].append((place, row))
+        return list(found.values())
+
+    def _each_set(
+        self, t: Array, blocks: list[Rows], sets: PointSets, orders: tuple[int, ...]
+    ) -> list[Array]:
+        """Return the rows at points that come one set after the other."""
+        out = [np.empty((len(rows.places), t.shape[1])) for rows in blocks]
+        if orders not in self._matrices:
+            factors = self.whole.inverse_factorials
+            self._matrices[orders] = [
+                rows.matrices(self._of_sets) * factors[: rows.columns] for rows in blocks
+            ]
+        most = max(LARGEST_BLOCK // max(len(self.whole.monomials_of_t.basis), 1), SMALLEST_BLOCK)
+        for block in _parts(t.shape[1], most):
+            monomials = self.whole.monomials_of_t.basis_at(t[:, block])
+            for i, part in [(0, block)] if sets.count == 1 else sets.parts(block.start, block.stop):
+                own = slice(part.start - block.start, part.stop - block.start)
+                for rows, matrices, values in zip(blocks, self._matrices[orders], out, strict=True):
+                    np.matmul(matrices[i], monomials[: rows.columns, own], out=values[:, part])
+        return out
+
+    def _each_point(self, t: Array, blocks: list[Rows]) -> list[Array]:
+        """Return the rows at points that have coefficients of their own."""
+        out = [np.empty((len(rows.places), t.shape[1])) for rows in blocks]
+        most = max(BLOCK // max(len(self.whole._pairs[0]), 1), SMALLEST_BLOCK)
+        for part in _parts(t.shape[1], most):
+            monomials = self.whole.monomials_of_t.basis_at(t[:, part])
+            monomials *= self.whole.inverse_factorials[:, None]
+            coefficients = self._of_points(part)
+            for rows, values in zip(blocks, out, strict=True):
+                rows.fill(values[:, part], coefficients, monomials)
+        return out
+
+    def _of_points(self, points: slice) -> Array:
+        """Return the coefficients (P, n) of some of the points that have their own."""
+        if self._kept is not None:
+            return self._kept[:, points]
+        return self.whole.from_monomials_of_x @ self._outer[:, points]
 
     @cached_property
-    def _sets(self) -> list[IntArray | slice] | None:
-        """Points of each set of coordinates where these are few; None where they are many."""
-        n = self.x.shape[1]
-        if n == 0 or (self.x == self.x[:, :1]).all():
-            return [slice(None)]
-        # The first points tell most fields without a sort of all.
-        if len(np.unique(self.x[:, : 4 * MOST_SETS], axis=1).T) > MOST_SETS:
-            return None
-        unique, number = np.unique(self.x, axis=1, return_inverse=True)
-        if unique.shape[1] > min(MOST_SETS, n // LEAST_POINTS):
-            return None
-        return [np.flatnonzero(number.reshape(-1) == i) for i in range(unique.shape[1])]
+    def _kept(self) -> Array | None:
+        """Coefficients (P, n) of all points; None where these are many more than the monomials of x in them."""
+        P, O = self.whole.from_monomials_of_x.shape
+        return self.whole.from_monomials_of_x @ self._outer if P <= MOST_KEPT * O else None
 
     @cached_property
-    def _coefficients(self) -> Array:
-        """Coefficients (P, sets) of each set of coordinates, or (P, n) of each point."""
-        if self._sets is None:
-            return self.unit * self.whole.coefficients_at(self.x)
-        if not self.x.shape[1]:
-            return self.whole.coefficients_at(np.zeros((len(self.x), 1)))
-        first = [0 if isinstance(points, slice) else points[0] for points in self._sets]
-        return self.unit[first] * self.whole.coefficients_at(self.x[:, first])
+    def _outer(self) -> Array:
+        """Monomials of the coordinates at all points (O, n), times the unit."""
+        return self.unit * self.whole.monomials_of_x.evaluate(self.coordinates.x)
 
     @cached_property
-    def _matrices(self) -> list[Array]:
-        """Rows of each order (sets, rows, columns)."""
-        return [rows.matrices(self._coefficients) for rows in self.whole.rows_of_t]
+    def _of_sets(self) -> Array:
+        """Coefficients (P, sets) of each set of coordinates."""
+        x, sets = self.coordinates.x, self.coordinates.sets
+        assert sets is not None
+        if not x.shape[1]:
+            return self.whole.coefficients_at(np.zeros((len(x), 1)))
+        return self.unit[sets.first] * self.whole.coefficients_at(x[:, sets.first])
+
+    @cached_property
+    def _matrices(self) -> dict[tuple[int, ...], list[Array]]:
+        """Rows of the derivatives of some orders for each set, (sets, rows, columns) each."""
+        return {}
 
 
-def _blocks(points: IntArray | slice, n: int, most: int) -> Iterator[IntArray | slice]:
-    """Yield parts of some of n points, each of so many at most."""
-    count = n if isinstance(points, slice) else len(points)
-    for start in range(0, count, most):
-        part = slice(start, min(start + most, count))
-        yield part if isinstance(points, slice) else points[part]
+def _parts(n: int, most: int) -> Iterator[slice]:
+    """Yield parts of n points, each of so many at most."""
+    for start in range(0, n, most):
+        yield slice(start, min(start + most, n))
+
+
+def factorials(exponents: Sequence[int] | IntArray) -> int:
+    """Return e! = Π e_a! of the exponents of a monomial."""
+    return prod(factorial(int(e)) for e in exponents)
