@@ -19,6 +19,8 @@ ROOT_TOLERANCE = 0.06
 MOST_POINTS, MOST_HALVINGS = 40, 4
 #: A step reaches at most so much of the way to the bound, and so many times as far as the walk has come.
 FIRST_SHARE, GROWTH = 0.25, 3.0
+#: It ends somewhat behind the place where another unknown reaches its bound, and is no shorter than so much of the way.
+PAST_BOUND, LEAST_SHARE = 1.1, 0.02
 #: Each such point of a bracket bisects it: Newton and secant stagnate where the rise begins suddenly, at a bound.
 BISECTED = 6
 #: Width of a bracket, a share of the distance, in which the rise is a jump.
@@ -205,7 +207,23 @@ class ProfileWalk:
             return float(np.clip(newton, low + 0.02 * width, low + 0.98 * width))
         if lost < room:
             return min(newton, (low + lost) / 2)
-        return min(newton, max(FIRST_SHARE * room, GROWTH * low), high)
+        least = low + LEAST_SHARE * room
+        bounded = max(low + PAST_BOUND * self._to_bound(inside), least)
+        return min(newton, max(FIRST_SHARE * room, GROWTH * low), bounded, high)
+
+    def _to_bound(self, inside: ProfilePoint) -> float:
+        """Return the further distance at which a free unknown is expected to reach its bound."""
+        free, here = self._free, inside.fitted
+        if not len(free):
+            return np.inf
+        scale = self.objective.scale[free]
+        rows = here.jacobian[:, free] * scale
+        moves = -scale * np.linalg.lstsq(rows, here.jacobian @ self._full(1.0), rcond=1e-8)[0]
+        bounds = np.where(moves > 0, self.objective.upper[free], self.objective.lower[free])
+        room = np.abs(bounds - here.coordinates[free])
+        # One that lies on its bound is held there from now on.
+        moving = (np.abs(moves) > 0) & ~self._at_bound(here)
+        return float((room[moving] / np.abs(moves[moving])).min(initial=np.inf))
 
     def _point(self, inside: ProfilePoint, distance: float) -> ProfilePoint | None:
         """Return the point at a distance, from the linear continuation of ``inside``; None: it cannot be computed."""
