@@ -149,7 +149,8 @@ def _inferred(plan: CalibrationPlan, misfit: Misfit, found: CalibrationFit, cons
             task.update(min(asked, total), total, detail=words)
             asked += 1
 
-        return infer(misfit, found.best, rule=IdentifiabilityRule(distances=ratios), tell=tell)
+        rule = IdentifiabilityRule(distances=ratios)
+        return infer(misfit, found.best, rule=rule, rays=plan.fit.rays, tell=tell)
 
 
 def _finished(

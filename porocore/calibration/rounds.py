@@ -60,7 +60,9 @@ class FitRounds:
         self, plan: CalibrationPlan, folder: CalibrationFolder, cells: Sequence[FamilyCells], console: Console
     ) -> None:
         self.plan, self.folder, self.cells, self.console = plan, folder, tuple(cells), console
-        self._last = max(family.rounds for family in cells)
+        self._last = min(family.rounds for family in cells)
+        for family in cells:
+            family.keep_rounds(self._last)
         self.round = 0
         self._begin()
 
@@ -130,17 +132,19 @@ class FitRounds:
                 "there"
             )
             models = self._lazy.made.experiments
-            solved = 0
-            for family in self.cells:
-                own = [model for model in models if model.experiment.name in family.experiments]
-                solved += family.extend(own, values)
-            self.console.note(f"fit: {solved} further cells")
+            new = [
+                family.extend([one for one in models if one.experiment.name in family.experiments], values)
+                for family in self.cells
+            ]
+            self.console.note(f"fit: {sum(map(len, new))} further cells")
+            if not any(new):
+                return False
+            for family, keys in zip(self.cells, new, strict=True):
+                family.end_round(keys)
+            self._last = self.round + 1
         self.round += 1
-        self._last = max(self._last, self.round)
-        changed = any(family.grew_in(self.round) for family in self.cells)
-        if changed:
-            self._begin()
-        return changed
+        self._begin()
+        return True
 
 
 def experiments_identity(plan: CalibrationPlan) -> str:

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 from porocore.calibration.config.numbers import StudyNumber, study_number
-from porocore.calibration.config.settings import CalibrationSettings, UnknownSettings
+from porocore.calibration.config.settings import (
+    CalibrationSettings,
+    ObservationSettings,
+    PriorSettings,
+    SyntheticTimes,
+    UnknownSettings,
+)
 from porocore.calibration.plan import Experiment, PlannedUnknown
 from porocore.calibration.problem import NormalPrior, Scale, Unknown
 from porocore.core.echo import echo, suggestion
@@ -18,8 +23,13 @@ from porocore.core.units.scales import QUANTITIES
 from porocore.core.units.texts import NO_SCALES
 from porocore.errors import ConfigurationError
 
-#: A complaint that begins with a key of its section.
-_KEY = re.compile(r"[a-z_]+(\.[a-z_]+)*: ")
+#: Keys of an unknown and of an observation, with which complaints begin.
+_KEYS = {
+    *UnknownSettings.model_fields,
+    *ObservationSettings.model_fields,
+    *(f"prior.{name}" for name in PriorSettings.model_fields),
+    *(f"times.{name}" for name in SyntheticTimes.model_fields),
+}
 #: Factors of one number in two experiments that are the same.
 SAME = 1e-9
 
@@ -31,7 +41,7 @@ def keyed(key: str) -> Iterator[None]:
         yield
     except ConfigurationError as error:
         text = str(error)
-        raise ConfigurationError(f"{key}{'.' if _KEY.match(text) else ': '}{text}") from error
+        raise ConfigurationError(f"{key}{'.' if text.partition(': ')[0] in _KEYS else ': '}{text}") from error
 
 
 def planned_unknowns(

@@ -14,6 +14,8 @@ from porocore.core.console import Console, Task
 from porocore.errors import SolveError
 from porocore.states import Array
 
+#: Tolerance of the searches beside the first, until one is better by more than this share of a variance.
+ROUGH, ALIKE = 1e-4, 1e-2
 #: Other starts lie this share of the bounds' distance away from them.
 AWAY = 0.1
 
@@ -65,9 +67,9 @@ class CalibrationFit:
 
     @property
     def agreeing(self) -> int:
-        """Number of searches that ended with the same misfit, within a thousandth of a standard deviation's."""
+        """Number of searches that ended with the same misfit, as far as a standard deviation can tell."""
         costs = [each.end.cost for each in self.searches if each.end is not None]
-        return sum(cost <= self.best.cost * (1 + 1e-6) + 1e-3 for cost in costs)
+        return sum(cost <= self.best.cost * (1 + ROUGH) + ALIKE for cost in costs)
 
 
 def starting_points(misfit: Misfit, count: int) -> list[Array]:
@@ -105,10 +107,11 @@ def fit(
         The experiment can be computed at none of the starts.
     """
     starts = starting_points(misfit, settings.starts) if first is None else first
-    searches = []
+    searches: list[Search] = []
     with console.task("fit", "searches") as task:
         for done, start in enumerate(starts):
-            searches.append(_search(misfit, start, settings, _progress(task, done, len(starts), settings)))
+            show = _progress(task, done, len(starts), settings)
+            searches.append(_from_start(misfit, start, settings, searches, show))
         task.update(len(starts), len(starts), detail="")
     ends = [each.end for each in searches if each.end is not None]
     if not ends:
@@ -129,8 +132,29 @@ def _progress(task: Task, done: int, count: int, settings: FitSettings) -> Calla
     return show
 
 
+def _from_start(
+    misfit: Misfit,
+    start: Array,
+    settings: FitSettings,
+    before: Sequence[Search],
+    show: Callable[[int, float], None],
+) -> Search:
+    """Return the search from one start; roughly where it ends no better than one ``before``."""
+    if not any(each.end is not None for each in before):
+        return _search(misfit, start, settings, settings.tolerance, show)
+    least = min(each.end.cost for each in before if each.end is not None)
+    rough = _search(misfit, start, settings, max(settings.tolerance, ROUGH), show)
+    if rough.end is None or rough.end.cost > least - ALIKE:
+        return rough
+    return _search(misfit, rough.end.coordinates, settings, settings.tolerance, show)
+
+
 def _search(
-    misfit: Misfit, start: Array, settings: FitSettings, show: Callable[[int, float], None]
+    misfit: Misfit,
+    start: Array,
+    settings: FitSettings,
+    tolerance: float,
+    show: Callable[[int, float], None],
 ) -> Search:
     from scipy.optimize import least_squares
 
@@ -161,9 +185,9 @@ def _search(
         bounds=(lower, upper),
         method="trf",
         x_scale="jac",
-        ftol=settings.tolerance,
-        xtol=settings.tolerance,
-        gtol=settings.tolerance,
+        ftol=tolerance,
+        xtol=tolerance,
+        gtol=tolerance,
         max_nfev=settings.evaluations,
     )
     return Search(start, misfit.at(np.asarray(found.x, dtype=float)), found.status > 0, evaluations)

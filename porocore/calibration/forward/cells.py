@@ -57,9 +57,14 @@ class FamilyCells:
         self._console, self._store = console, store
 
     def learn(self) -> None:
-        """Solve and learn the cells that the folder does not hold; forget those of a round that was not finished."""
+        """Solve and learn the cells that the folder does not hold."""
         with speaking(self.config.result_units):
             pipeline.learn(self.folder, self.config, console=self._console, store=self._store)
+
+    def keep_rounds(self, count: int) -> None:
+        """Keep the further cells of so many rounds, and forget those of one that was not finished."""
+        if self.rounds > count:
+            write_json(self.folder.path / ROUNDS, self._rounds()[:count])
         further, kept = self._further(), set(self._known())
         if further is not None and (unfinished := [key for key in further.keys if key not in kept]):
             further.drop(unfinished)
@@ -97,10 +102,6 @@ class FamilyCells:
         known = [key for keys in self._rounds()[:round_] for key in keys]
         return json_hash([self.config.stages.training, self.config.closure, *known])
 
-    def grew_in(self, round_: int) -> bool:
-        """Return True if further cells were solved in a round, counted from 1."""
-        return bool(self._rounds()[round_ - 1])
-
     def law(self) -> MacroLaw:
         """Return the law that knows the further cells of all rounds."""
         with ExitStack() as stack:
@@ -118,11 +119,8 @@ class FamilyCells:
             )
         return law
 
-    def extend(self, models: Sequence[ExperimentModel], values: Array) -> int:
-        """Solve cells where bodies with these values of the unknowns leave the sampled states; return their number.
-
-        The next round begins, whose law has learned from them.
-        """
+    def extend(self, models: Sequence[ExperimentModel], values: Array) -> list[str]:
+        """Solve cells where bodies with these values of the unknowns leave the sampled states; return their keys."""
         before = set(self._known())
         with ExitStack() as stack:
             law = self._adaptive(stack)
@@ -133,8 +131,11 @@ class FamilyCells:
                 body_solution_of(solver, prepared_body(solver, model.config, problem), law, problem)
         further = self._further()
         new = [] if further is None else [key for key in further.keys if key not in before]
-        write_json(self.folder.path / ROUNDS, [*self._rounds(), new])
-        return len(new)
+        return new
+
+    def end_round(self, new: Sequence[str]) -> None:
+        """Record the further cells of a round, by which it is finished."""
+        write_json(self.folder.path / ROUNDS, [*self._rounds(), [*new]])
 
     @property
     def solves(self) -> int:

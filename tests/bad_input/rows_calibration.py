@@ -1,0 +1,130 @@
+"""Calibrations whose section, data or folder cannot be used."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from bad_files import fifo, folder
+from bad_row import CONFIG, Content, Row, study
+
+CURVE = {"quantity": "settlement", "file": "creep.csv", "deviation": 0.01}
+RADIUS = {"lower": 0.2, "upper": 0.3}
+SECTION: dict[str, Any] = {"unknowns": {"radius": RADIUS}, "observations": {"creep": CURVE}}
+CREEP = "time,settlement\n1,0.1\n2,0.2\n3,0.3\n4,0.35\n"
+
+
+def row(
+    name: str,
+    expected: str,
+    section: Mapping[str, Any] | None = None,
+    data: Content = CREEP,
+    words: tuple[str, ...] = (),
+    files: Mapping[str, Content] | None = None,
+) -> Row:
+    made = {
+        CONFIG: study({"calibration": {**SECTION, **(section or {})}}),
+        "creep.csv": data,
+        **(files or {}),
+    }
+    return Row(f"calibrate {name}", ("calibrate", CONFIG, "--out", "out", *words), (expected,), made)
+
+
+def unknown(name: str, expected: str, **changes: Any) -> Row:
+    return row(f"unknown {name}", expected, {"unknowns": {"radius": {**RADIUS, **changes}}})
+
+
+def curve(name: str, expected: str, data: Content = CREEP, **changes: Any) -> Row:
+    return row(f"curve {name}", expected, {"observations": {"creep": {**CURVE, **changes}}}, data)
+
+
+def of_unit(name: str) -> str:
+    return CREEP.replace("settlement", f"settlement [{name}]")
+
+
+KEY = "calibration.observations.creep"
+ROWS = [
+    curve("nan", "creep.csv:3: settlement: expected a finite number, got 'nan'", CREEP.replace("0.2", "nan")),
+    curve(
+        "infinite",
+        "creep.csv:3: settlement: expected a finite number, got 'inf'",
+        CREEP.replace("0.2", "inf"),
+    ),
+    curve("hole", "creep.csv:3: settlement: expected a finite number, got ''", CREEP.replace("0.2", "")),
+    curve(
+        "comma", "creep.csv:3: expected 2 entries, one for each heading, got 3", CREEP.replace("0.2", "0,2")
+    ),
+    curve(
+        "time back", "creep.csv:4: time: expected increasing times, got 2 after 3", "time,s\n1,1\n3,2\n2,3\n"
+    ),
+    curve(
+        "time twice", "creep.csv:3: time: expected increasing times, got 1 after 1", "time,s\n1,1\n1,2\n2,3\n"
+    ),
+    curve("no headings", "creep.csv:1: expected a line of headings", "1,2\n2,3\n3,4\n"),
+    curve("no column", "no column is called 'time'; the headings are t, s", "t,s\n1,2\n"),
+    curve("other column", "no column is called 'depth'; the headings are time, settlement", values="depth"),
+    curve("empty", "creep.csv: expected a line of headings and rows of numbers, got an empty file", ""),
+    curve("bytes", "creep.csv: expected a CSV file in UTF-8, got other bytes", b"time,s\n\xff,1\n"),
+    curve("folder", "creep.csv: expected a CSV file, got a folder", folder),
+    curve("pipe", "creep.csv: cannot be read: expected a file, got a named pipe", fifo),
+    curve("no file", f"{KEY}: ", file="none.csv"),
+    curve("no file at all", f"{KEY}.file: missing; add the CSV file", file=None),
+    curve("few", f"{KEY}: ", "time,s\n1,1\n2,2\n"),
+    curve(
+        "unit without scales",
+        "settlement: 'mm' has a unit, but",
+        of_unit("mm"),
+    ),
+    curve(
+        "wrong unit",
+        "settlement: expected a length, such as 5 mm, got 'kPa'",
+        of_unit("kPa"),
+    ),
+    curve(
+        "behind the end",
+        f"{KEY}: the last time 40 lies behind",
+        CREEP.replace("4,0", "40,0"),
+    ),
+    curve("no deviation", f"{KEY}: expected exactly one of deviation", deviation=None),
+    curve("deviation below zero", f"{KEY}.deviation: expected a number above 0, got -1", deviation=-1),
+    curve("quantity", f"{KEY}.quantity: expected 'settlement'", quantity="temperature"),
+    unknown("bounds", "calibration.unknowns.radius: expected lower < upper, got 0.3 and 0.3", lower=0.3),
+    unknown(
+        "number",
+        "calibration.unknowns.radius.of: expected a number of the study, got 'diameter'",
+        of="diameter",
+    ),
+    unknown(
+        "start", "calibration.unknowns.radius.start: expected a value within the bounds, got 0.4", start=0.4
+    ),
+    unknown("no cell", "calibration.unknowns: the bounds span no family of cells", upper=0.8),
+    unknown(
+        "text",
+        "expected a number, or one with a unit, got 'x",
+        lower="x" * 100,
+    ),
+    unknown("nan", "calibration.unknowns.radius.lower: expected a finite number", lower=float("nan")),
+    row("nothing unknown", "calibration.unknowns: expected at least 1 entry", {"unknowns": {}}),
+    row("no observations", "calibration: expected either 'observations:'", {"observations": {}}),
+    row(
+        "starts",
+        "calibration.fit.starts: expected a number with 1 <= starts <= 100, got 0",
+        {"fit": {"starts": 0}},
+    ),
+    row(
+        "full folder",
+        "out is not empty and holds no calibration",
+        files={"out/notes.txt": "mine"},
+    ),
+    row("file as folder", "out: expected a folder, got a file; choose another --out", files={"out": "mine"}),
+    row("damaged folder", "is damaged", files={"out/calibrate.json": "{"}),
+    row("other folder", "holds another calibration", files={"out/calibrate.json": "{}"}),
+    row("store", "--store and --no-store exclude each other", words=("--store", "kept", "--no-store")),
+    Row(
+        "calibrate no section",
+        ("calibrate", CONFIG, "--out", "out"),
+        ("expected a section 'calibration:'",),
+        {CONFIG: study({})},
+    ),
+    Row("calibrate no file", ("calibrate", "none.yaml"), ("none.yaml: no such file",), {}),
+]

@@ -1,0 +1,202 @@
+"""A calibration from made-up data to its files: truth, determinism, killed runs, further cells, the command."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from invoked import invoke
+
+import porocore
+from porocore.errors import RunFolderError
+
+pytest.importorskip("porocore_fem_skfem")
+
+SIDE = {"displacement": [0, None, 0]}
+TIMES = {"first": 5, "last": 3000, "count": 8}
+STUDY: dict[str, Any] = {
+    "title": "A twin",
+    "cell": {
+        "geometry": {"kind": "orthogonal-channels", "radius": 0.24},
+        "material": {"poisson_ratio": 0.35},
+        "viscosity": 1.0,
+        "mesh": {"size": 0.5, "fluid_size": 0.5, "element": "linear"},
+    },
+    "sampling": {
+        "sampler": "sobol",
+        "inputs": {"H22": {"range": [-0.16, 0.02]}, "p": {"range": [-0.02, 0.08]}},
+        "options": {"count": 32, "corners": True, "states_per_member": 4},
+        "test": {"count": 1},
+        "workers": 1,
+    },
+    "surrogate": {"backend": "polynomial"},
+    "closure": "potential",
+    "macro": {
+        "body": {"kind": "box", "size": [0.1, 1.0, 0.1], "elements": [1, 3, 1]},
+        "boundary": {
+            **dict.fromkeys(("x-", "x+", "z-", "z+"), SIDE),
+            "y-": {"displacement": [0, 0, 0]},
+            "y+": {"traction": [0, 1, 0], "pressure": 0},
+        },
+        "loads": [-0.04],
+        "time": {"end": 3000, "step": 600, "ramp_increments": 1, "ramp_step": 2, "profiles": []},
+    },
+    "calibration": {
+        "unknowns": {
+            "radius": {"lower": 0.2, "upper": 0.28},
+            "modulus": {"lower": 0.5, "upper": 2},
+            "viscosity": {"lower": 0.4, "upper": 2.5},
+        },
+        "observations": {"settlement": {"quantity": "settlement", "deviation_share": 0.002, "times": TIMES}},
+        "fit": {"starts": 1, "rays": 0},
+    },
+}
+
+
+def results(folder: Path) -> dict[str, Any]:
+    """What a calibration found; its time is another each time."""
+    found: dict[str, Any] = json.loads((folder / "calibration.json").read_text(encoding="utf-8"))
+    del found["seconds"]
+    return found
+
+
+@pytest.fixture(scope="module")
+def base(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("calibrate")
+
+
+@pytest.fixture(scope="module")
+def done(base: Path) -> porocore.Calibration:
+    return porocore.calibrate(STUDY, base / "twin", synthetic=True, progress=False, store=base / "store")
+
+
+def test_the_truth_lies_in_the_intervals(done: porocore.Calibration) -> None:
+    truth = {"radius": 0.24, "modulus": 1.0, "viscosity": 1.0}
+    for name, value in truth.items():
+        low, high = done.intervals[name]
+        assert low is not None
+        assert high is not None
+        assert low < value < high, name
+        assert low < done.values[name] < high
+    assert 1e-3 < done.quality.chance < 1 - 1e-3
+    assert done.warnings == ()
+
+
+def test_the_files_hold_what_was_found(done: porocore.Calibration) -> None:
+    found = results(done.path)
+    assert [*found["unknowns"]] == ["radius", "modulus", "viscosity"]
+    for name, entry in found["unknowns"].items():
+        assert entry["value"] == done.values[name]
+        assert tuple(entry["interval95"]) == done.intervals[name]
+        assert entry["identifiable"] is done.identifiable[name]
+        assert entry["unit"] == ""
+    assert found["misfit"] == pytest.approx(done.quality.chi_square)
+    samples, held_out = 32, 1
+    assert found["cell_solves"] == done.cell_solves > samples + held_out
+    with (done.path / "curves.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    residuals = [(float(row["fitted"]) - float(row["measured"])) / float(row["deviation"]) for row in rows]
+    assert len(rows) == TIMES["count"]
+    assert np.square(residuals).sum() == pytest.approx(found["misfit"], rel=1e-3)
+    with (done.path / "samples.csv").open(encoding="utf-8") as file:
+        tried = [float(row["chi_square"]) for row in csv.DictReader(file)]
+    assert min(tried) == pytest.approx(found["misfit"], rel=1e-3)
+    assert "A twin" in (done.path / "report.html").read_text(encoding="utf-8")
+
+
+def killed(done: porocore.Calibration, folder: Path, evaluations: int) -> Path:
+    """A copy of a folder as a process leaves it that is killed during an evaluation."""
+    shutil.copytree(done.path, folder)
+    (folder / "calibration.json").unlink()
+    record = folder / "evaluations-0.jsonl"
+    lines = record.read_text(encoding="utf-8").splitlines(keepends=True)
+    record.write_text("".join(lines[: evaluations + 1]) + lines[-1][:40], encoding="utf-8")
+    return folder
+
+
+def test_a_killed_calibration_ends_at_the_same_answer(done: porocore.Calibration, tmp_path: Path) -> None:
+    known = len((done.path / "evaluations-0.jsonl").read_text(encoding="utf-8").splitlines()) - 1
+    folder = killed(done, tmp_path / "killed", known - 3)
+    with pytest.raises(RunFolderError, match="already holds this calibration; add --resume"):
+        porocore.calibrate(STUDY, folder, synthetic=True, progress=False)
+    porocore.calibrate(STUDY, folder, synthetic=True, resume=True, progress=False, store=False)
+    assert results(folder) == results(done.path)
+    again = (folder / "evaluations-0.jsonl").read_text(encoding="utf-8")
+    assert again == (done.path / "evaluations-0.jsonl").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("evaluations", [0, 1, 5, 12])
+def test_it_may_be_killed_at_any_evaluation(
+    evaluations: int, done: porocore.Calibration, tmp_path: Path
+) -> None:
+    folder = killed(done, tmp_path / "killed", evaluations)
+    porocore.calibrate(STUDY, folder, synthetic=True, resume=True, progress=False, store=False)
+    assert results(folder) == results(done.path)
+
+
+@pytest.mark.slow
+def test_it_may_be_killed_among_the_cells(done: porocore.Calibration, base: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "killed"
+    (folder / "cells").mkdir(parents=True)
+    shutil.copy(done.path / "calibrate.json", folder)
+    porocore.calibrate(STUDY, folder, synthetic=True, resume=True, progress=False, store=base / "store")
+    assert results(folder) == results(done.path)
+
+
+def test_a_folder_of_another_calibration_is_refused(done: porocore.Calibration) -> None:
+    other = {**STUDY, "calibration": {**STUDY["calibration"], "fit": {"starts": 1, "rays": 0, "seed": 1}}}
+    with pytest.raises(RunFolderError, match="holds another calibration"):
+        porocore.calibrate(other, done.path, synthetic=True, resume=True, progress=False)
+
+
+def test_the_command_prints_the_results(done: porocore.Calibration, base: Path) -> None:
+    config = base / "twin.yaml"
+    config.write_text(yaml.safe_dump(STUDY, sort_keys=False), encoding="utf-8")
+    words = ("calibrate", config, "--out", done.path, "--synthetic", "--resume", "--no-store")
+    told = invoke(*words)
+    assert told.exit_code == 0, told.output
+    row = next(line for line in told.stdout.splitlines() if line.startswith("radius"))
+    assert f"{done.values['radius']:.4g}" in row
+    assert "calibration.json" in told.stdout
+    printed = json.loads(invoke(*words, "--json").stdout)
+    assert printed["unknowns"] == results(done.path)["unknowns"]
+
+
+@pytest.mark.slow
+def test_further_cells_are_solved_where_the_fitted_body_leaves_the_samples(
+    base: Path, tmp_path: Path
+) -> None:
+    """Data of the wide samples, fitted from samples that end at a fifth of the strain."""
+    narrow: dict[str, Any] = json.loads(json.dumps(STUDY))
+    narrow["sampling"]["inputs"] = {"H22": {"range": [-0.03, 0.005]}, "p": {"range": [-0.01, 0.03]}}
+    wide = porocore.calibrate(STUDY, tmp_path / "wide", synthetic=True, progress=False, store=base / "store")
+    with (wide.path / "curves.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    table = "".join(f"{row['time']},{row['measured']}\n" for row in rows)
+    (tmp_path / "data.csv").write_text(f"time,settlement\n{table}", encoding="utf-8")
+    settings = {"quantity": "settlement", "deviation_share": 0.002, "file": str(tmp_path / "data.csv")}
+    narrow["calibration"]["observations"] = {"settlement": settings}
+    found = porocore.calibrate(narrow, tmp_path / "narrow", progress=False, store=base / "store")
+    rounds = json.loads((tmp_path / "narrow" / "cells" / "rounds.json").read_text(encoding="utf-8"))
+    assert sum(map(len, rounds)) > 0
+    assert (tmp_path / "narrow" / "evaluations-1.jsonl").exists()
+    assert not found.inference.best.prediction.flagged
+    for name, value in wide.values.items():
+        low, high = wide.intervals[name]
+        assert low is not None
+        assert high is not None
+        assert abs(found.values[name] - value) < 0.5 * (high - low), name
+    resumed = tmp_path / "resumed"
+    shutil.copytree(tmp_path / "narrow", resumed)
+    record = resumed / "evaluations-1.jsonl"
+    lines = record.read_text(encoding="utf-8").splitlines(keepends=True)
+    record.write_text("".join(lines[:3]), encoding="utf-8")
+    porocore.calibrate(narrow, resumed, resume=True, progress=False, store=False)
+    assert results(resumed) == results(tmp_path / "narrow")
