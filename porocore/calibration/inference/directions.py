@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from porocore.calibration.inference.precision import ROUND_OFF, LinearPrecision
 from porocore.states import Array
@@ -52,14 +53,23 @@ def unseen_directions(jacobian: Array, limits: Array) -> tuple[UnseenDirection, 
         Of the coordinates, by the rule of identifiability.
     """
     precision = LinearPrecision.from_jacobian(jacobian * limits)
-    moves = np.abs(precision.directions).max(axis=1)
-    unseen = precision.directions[moves > precision.singular_values]
+    unseen = precision.directions[_beyond_limits(precision)]
     sparse = _sparse(unseen)
     if all(_is_unseen(jacobian * limits, each) for each in sparse):
         unseen = sparse
     largest = float(precision.singular_values[0])
     order = np.argsort(np.linalg.norm(jacobian @ (unseen * limits).T, axis=0), kind="stable")
     return tuple(_direction(jacobian, limits, unseen[i], largest) for i in order)
+
+
+def _beyond_limits(precision: LinearPrecision) -> npt.NDArray[np.bool_]:
+    """Return True for singular vectors, in limits, along which one deviation moves an unknown beyond its limit."""
+    return np.asarray(np.abs(precision.directions).max(axis=1) > precision.singular_values)
+
+
+def unseen_count(jacobian: Array, limits: Array) -> int:
+    """Return the number of directions that weighted data do not see; see :func:`unseen_directions`."""
+    return int(_beyond_limits(LinearPrecision.from_jacobian(jacobian * limits)).sum())
 
 
 def _is_unseen(scaled: Array, direction: Array) -> bool:

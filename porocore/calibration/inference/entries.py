@@ -69,9 +69,12 @@ def precision_entries(inference: Inference) -> dict[str, Any]:
 
 
 def suggestion_entries(inference: Inference) -> list[dict[str, Any]]:
-    """Return further data that help, the best first; a gain of the smallest singular value that is None is infinite."""
+    """Return further data that help, the best first; a gain of the smallest singular value that is None is infinite.
+
+    ``unseen`` directions are left with them.
+    """
     return [
-        {"data": each.name, "gain": _finite(each.gain), "least": each.least}
+        {"data": each.name, "gain": _finite(each.gain), "least": each.least, "unseen": each.unseen}
         for each in inference.suggestions
         if each.helps
     ]

@@ -67,7 +67,7 @@ class Objective:
         key = x.tobytes()
         if key not in self._known:
             try:
-                self._known[key] = self.misfit.at(x)
+                self._known[key] = _finite(self.misfit.at(x))
             except SolveError as error:
                 self._known[key] = error
         found = self._known[key]
@@ -165,6 +165,12 @@ def minimise(
         damping = max(damping * DAMPING_FACTOR, FIRST_DAMPING)
     # A large damping expects little because it moves little; what is left is then not known.
     return Minimum(here, max(expected, 0.0) if damping == 0.0 and expected < tolerance else 0.0)
+
+
+def _finite(fitted: Fitted) -> Fitted:
+    if not (np.isfinite(fitted.residuals).all() and np.isfinite(fitted.jacobian).all()):
+        raise SolveError("the predicted curves, or their derivatives, are not finite numbers")
+    return fitted
 
 
 def _tried(objective: Objective, coordinates: Array) -> Fitted | None:

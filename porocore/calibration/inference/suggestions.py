@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from porocore.calibration.inference.directions import unseen_count
 from porocore.calibration.problem import CurveModel, Fitted, Misfit
 from porocore.states import Array
 
@@ -44,11 +45,15 @@ class Suggestion:
         Of the data with the further ones, largest first; the coordinates are measured in their limits.
     before : (k,)
         The same without them.
+    unseen, unseen_before
+        Numbers of directions that are not seen with and without them.
     """
 
     name: str
     singular_values: Array
     before: Array
+    unseen: int
+    unseen_before: int
 
     @property
     def least(self) -> float:
@@ -65,8 +70,13 @@ class Suggestion:
 
     @property
     def helps(self) -> bool:
-        """True where the gain is worth a word, or a direction beside the least seen one comes to be seen."""
-        return self.gain > LEAST_GAIN or (self.singular_values < 1).sum() < (self.before < 1).sum()
+        """True where the gain is worth a word, or fewer directions stay unseen."""
+        return self.gain > LEAST_GAIN or self.separates
+
+    @property
+    def separates(self) -> bool:
+        """True where fewer directions stay unseen."""
+        return self.unseen < self.unseen_before
 
 
 def ranked(jacobian: Array, limits: Array, further: Sequence[FurtherData]) -> tuple[Suggestion, ...]:
@@ -84,12 +94,12 @@ def ranked(jacobian: Array, limits: Array, further: Sequence[FurtherData]) -> tu
     further
         Data to be ranked.
     """
-    scaled = jacobian * limits
-    before = _singular_values(scaled)
-    found = [
-        Suggestion(each.name, _singular_values(np.vstack([scaled, each.rows * limits])), before)
-        for each in further
-    ]
+    before, unseen = _singular_values(jacobian * limits), unseen_count(jacobian, limits)
+    found = []
+    for each in further:
+        rows = np.vstack([jacobian, each.rows])
+        values = _singular_values(rows * limits)
+        found.append(Suggestion(each.name, values, before, unseen_count(rows, limits), unseen))
     largest = max((float(each.singular_values[0]) for each in found), default=1.0)
 
     def key(suggestion: Suggestion) -> list[float]:

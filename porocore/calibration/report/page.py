@@ -61,6 +61,7 @@ def render(contents: CalibrationContents, pictures: Pictures | None = None) -> s
             rows=list(unknown_rows(inference, None if truth is None else truth.tolist())),
             seen=seen_sentence(inference),
             suggestions=[(each.name, gain_text(each)) for each in helpful(inference)],
+            separable=any(each.separates for each in inference.suggestions),
             fits=_fits(contents, pictures),
             profiles=profiles,
             plane=None

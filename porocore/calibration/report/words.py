@@ -97,9 +97,9 @@ def helpful(inference: Inference) -> list[Suggestion]:
 
 def gain_text(suggestion: Suggestion) -> str:
     """Return the gain of further data in words."""
-    fewer = int((suggestion.before < 1).sum() - (suggestion.singular_values < 1).sum())
-    gain = suggestion.gain
-    if gain == float("inf"):
-        return "makes seen what is not seen at all"
+    gain, before = suggestion.gain, suggestion.unseen_before
+    if suggestion.separates:
+        left = f"; {suggestion.unseen} of {before} stay unseen" if suggestion.unseen else ""
+        return f"makes seen what is not seen{left}"
     text = f"{gain:.3g} times as precise along the least seen direction"
-    return text if fewer <= 0 or gain > 1.05 else "makes a direction seen beside the least seen one"
+    return f"{text}, which stays unseen" if before else text

@@ -171,6 +171,14 @@ def test_a_profile_that_leaves_the_model_has_no_end(how, reason):
     assert interval.coordinates.max() > 1.33
 
 
+def test_curves_that_are_no_numbers_end_a_profile():
+    model = Formula(
+        (Unknown("rate", 1.3, 0.01, 20.0),), lambda v: np.exp(-v[0] * T) + (np.nan if v[0].real > 1.35 else 0)
+    )
+    interval = started(Misfit(model, data_of(np.exp(-1.3 * T), 0.15))).intervals[0]
+    assert interval.high.reason.endswith("beyond it the experiment cannot be computed")
+
+
 def test_trials_beyond_the_model_do_not_hurt_an_end_within_it():
     # The first step of the lower end overshoots to where nothing can be computed.
     model = Formula((Unknown("rate", 1.3, -5.0, 20.0),), lambda v: np.exp(-v[0] * T))

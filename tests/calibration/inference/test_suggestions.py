@@ -23,6 +23,7 @@ def test_another_test_separates_what_repetition_cannot():
     ]
     found = infer(misfit, best, rays=0, further=further).suggestions
     assert found[0].name == "a alone"
+    assert (found[0].unseen_before, found[0].unseen) == (1, 0)
     assert found[0].gain == np.inf
     assert [each.name for each in found if each.helps] == ["a alone"]
     # The rows by hand: d(a t)/d ln a = a t.
@@ -51,3 +52,11 @@ def test_with_two_unseen_directions_the_better_of_two_partial_helps_is_first():
     # One direction stays unseen, but one fewer.
     assert found[0].gain == 1.0
     assert found[0].helps
+
+
+def test_a_gain_that_leaves_a_direction_unseen_does_not_separate():
+    rows = np.array([[10.0, 0.0], [0.0, 0.01]])
+    (found,) = ranked(rows, np.ones(2), [FurtherData("twice", np.sqrt(3) * rows)])
+    assert found.gain == pytest.approx(2)
+    assert found.helps
+    assert not found.separates

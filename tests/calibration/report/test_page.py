@@ -67,7 +67,7 @@ def test_the_page_of_an_unseen_direction(unseen, undrawn):
         "One combination of the unknowns is not seen, 2 of 3 are seen:",
         "Only the ratio conductivity/viscosity is seen, not each.",
         "a permeation test",
-        "makes seen what is not seen at all",
+        "makes seen what is not seen",
         "no lower end: the data set no end here; only conductivity at its bound",
         "cell solves",
         "radius: <1>",
@@ -91,7 +91,7 @@ def test_the_page_where_everything_is_seen(seen, undrawn):
 
 def test_without_what_helps_another_test_is_asked_for(unseen, undrawn):
     alone = replace(unseen, inference=replace(unseen.inference, suggestions=()))
-    assert "another test, or another quantity, is needed" in Page(render(alone)).words
+    assert "another test, another load or another quantity is needed" in Page(render(alone)).words
 
 
 def test_one_unknown_has_no_plane_and_no_correlations(undrawn):
