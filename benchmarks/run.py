@@ -12,6 +12,8 @@ SCRIPTS = (
     "elements",
     "paper_size",
     "surrogate_calls",
+    "parameters_cost",
+    "parameters_body",
     "backends",
     "direct_fe2",
     "contact",
