@@ -1,4 +1,4 @@
-"""(w) What it is worth to sample a family of cells where the body is: errors on the body's states.
+"""(y) What it is worth to sample a family of cells where the body is: errors on the body's states.
 
     python benchmarks/body_samples.py --cache DIR
 
@@ -122,7 +122,8 @@ def main() -> None:
             shares.append(" / ".join(errors(study(folder, sampler, parameters, count), states, truth)))
         rows.append([f"`{sampler}`", parameters, *shares])
         print(rows[-1], flush=True)
-    print(table(["sampler", "parameters", *(f"{count} states" for count in SIZES)], rows))
+    title = "(y) Errors of P_E and φ on the states of a body, per cent"
+    print(table(title, ["sampler", "parameters", *(f"{count} states" for count in SIZES)], rows))
 
 
 if __name__ == "__main__":

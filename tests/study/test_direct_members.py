@@ -97,6 +97,12 @@ def test_states_beyond_the_samples_are_solved_with_their_parameters(tmp_path: Pa
     assert len(np.unique(states.parameters[:, 0])) > 1
     assert (states.parameters[:, 1] == 0.35).all()
     np.testing.assert_allclose(learned.settlement, direct.settlement, atol=1e-3 * direct.settlement[-1])
+    # The law is not to be trusted at parameters that the body has nowhere, be it at rest.
+    law, H = study.law(), np.diag([0.0, -0.004, 0.0])
+    for theta, flagged in (((0.225, 0.35), False), ((0.225, 0.31), True), ((0.25, 0.35), True)):
+        bound = law.at(dict(zip(law.parameters, theta, strict=True)))
+        for grad_u in (H, 0 * H):
+            assert bound.response(grad_u, 0.0).outside_training_range.tolist() == [flagged]
 
 
 @pytest.mark.slow

@@ -9,7 +9,8 @@ import numpy as np
 
 from porocore.core.inputs.input_space import InputSpace
 from porocore.core.inputs.used_values import farthest
-from porocore.sampling.samplers.candidates import BoolArray, distances, opening, spread_out
+from porocore.sampling.samplers.candidates import BoolArray, distances, spread_out
+from porocore.sampling.samplers.designs import box_corners, halton_points
 from porocore.states import Array, IntArray
 
 
@@ -22,7 +23,7 @@ class MemberChoice:
     Attributes
     ----------
     values : (k, m)
-        Parameters of the members, each farthest from all before it.
+        Parameters of the members, those of the first states first.
     states_per_member
         Number of states that are solved at one member before another is prepared.
     """
@@ -32,7 +33,7 @@ class MemberChoice:
 
     @classmethod
     def for_states(cls, inputs: InputSpace, count: int, states_per_member: int, seed: int) -> MemberChoice:
-        """Return the members for ``count`` states: the corners of up to three parameters, then farthest points.
+        """Return the members for ``count`` states: a Halton sequence over the ranges, then some of their corners.
 
         Where a body uses some values of the parameters alone, they are farthest ones of these, the ends first.
         """
@@ -41,7 +42,9 @@ class MemberChoice:
             return cls(np.empty((1, 0)), states_per_member)
         if (used := inputs.used_values) is not None:
             return cls(used.unit[farthest(used.unit, members)], states_per_member)
-        return cls(opening(m, members, seed), states_per_member)
+        corners = box_corners(m) if 2 ** (m + 1) <= members else np.empty((0, m))
+        within = halton_points(m, members - len(corners), seed)
+        return cls(np.concatenate([within, corners]), states_per_member)
 
     @property
     def m(self) -> int:
