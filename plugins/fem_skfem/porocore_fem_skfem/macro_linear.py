@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy import sparse
@@ -68,6 +68,8 @@ class MacroLinearSolver:
             level = linear_level(d.mesh, d.boundary)
             self._iterative = IterativeSolver(supports, level, d.mesh.n_u, d.linear)
         self._failures = 0
+        #: Last system that was solved directly, and its matrix: further right-hand sides take its factor.
+        self._last: tuple[System, sparse.csr_matrix] | None = None
 
     def forget(self) -> None:
         """Make a new preconditioner for the next system."""
@@ -95,12 +97,14 @@ class MacroLinearSolver:
                 accuracy=accuracy,
             )
             if solved.reached(accuracy):
-                self._failures = 0
+                self._failures, self._last = 0, None
                 self._direct.release()
                 return solved.x[d.free]
             self._failures += 1
             self._require_memory(solved.iterations, solved.reduction)
-        return self._direct.solve(d.equation_matrix(system), d.equations(right), again=again)[d.of_free]
+        if self._last is None or self._last[0] is not system:
+            self._last = system, d.equation_matrix(system)
+        return self._direct.solve(self._last[1], d.equations(right), again=again)[d.of_free]
 
     def _require_memory(self, iterations: int, reduction: float) -> None:
         """Tell that a factor takes over.
@@ -137,10 +141,12 @@ class SparseLinearSolver:
         self._work = work
         self._factor: pardiso.GeneralFactor | None = None
         self._single = True
+        #: Last matrix with a factor by SuperLU, and the factor.
+        self._last: tuple[sparse.csr_matrix, Any] | None = None
 
     def release(self) -> None:
-        """Free the memory of the factor."""
-        self._factor = None
+        """Free the memory of the factors."""
+        self._factor = self._last = None
 
     def solve(self, matrix: sparse.csr_matrix, right: Array, *, again: bool) -> Array:
         """Return x with A x = ``right``; with ``again`` the last factor may still serve.
@@ -161,15 +167,16 @@ class SparseLinearSolver:
             if not (np.isfinite(matrix.data).all() and np.isfinite(right).all()):
                 raise FactorError(NOT_FINITE)
             if len(right) <= SMALL or pardiso.library() is None:
-                factor = superlu(matrix)
-                self._add_set_up(began)
-                x: Array | None = factor.solve(right)
+                if self._last is None or self._last[0] is not matrix:
+                    self._last = matrix, superlu(matrix)
+                    self._add_set_up(began)
+                x: Array | None = self._last[1].solve(right)
             else:
                 x = self._by_factor(matrix, right, again)
             if x is None or not np.isfinite(x).all():
                 raise SingularError("the tangent is singular")
         except FactorError as error:
-            self._factor = None
+            self.release()
             raise StepFailed(_message(error)) from error
         self._work.add_solve(0, perf_counter() - began - self._set_up_seconds)
         return x
