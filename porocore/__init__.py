@@ -34,6 +34,9 @@ if TYPE_CHECKING:
     from porocore.interfaces.law import MacroLaw as MacroLaw
     from porocore.interfaces.law import MacroResponse as MacroResponse
     from porocore.interfaces.law import MacroTangent as MacroTangent
+    from porocore.interfaces.law_changes import MemoryChanges as MemoryChanges
+    from porocore.interfaces.law_changes import PointChanges as PointChanges
+    from porocore.interfaces.law_changes import ResponseChanges as ResponseChanges
     from porocore.interfaces.macro import MacroSolver as MacroSolver
     from porocore.interfaces.records import failed_response as failed_response
     from porocore.interfaces.rest_data import RestData as RestData
@@ -42,6 +45,13 @@ if TYPE_CHECKING:
     from porocore.interfaces.sampler import Sampler as Sampler
     from porocore.interfaces.sampler import StudyFacts as StudyFacts
     from porocore.interfaces.sampler import StudySampler as StudySampler
+    from porocore.interfaces.sensitivities import BoundaryChange as BoundaryChange
+    from porocore.interfaces.sensitivities import CellParameterChange as CellParameterChange
+    from porocore.interfaces.sensitivities import InitialPressureChange as InitialPressureChange
+    from porocore.interfaces.sensitivities import LoadChange as LoadChange
+    from porocore.interfaces.sensitivities import MacroSensitivities as MacroSensitivities
+    from porocore.interfaces.sensitivities import ModulusChange as ModulusChange
+    from porocore.interfaces.sensitivities import ViscosityChange as ViscosityChange
     from porocore.interfaces.solution import History as History
     from porocore.interfaces.solution import MacroSolution as MacroSolution
     from porocore.interfaces.solution import Profile as Profile
@@ -109,6 +119,16 @@ _HOMES = {
     "porocore.interfaces.surrogate": ["Surrogate", "TrainingProgress", "TrainingSet"],
     "porocore.interfaces.element_cells": ["ElementCells"],
     "porocore.interfaces.law": ["LawMemory", "MacroLaw", "MacroResponse", "MacroTangent"],
+    "porocore.interfaces.law_changes": ["MemoryChanges", "PointChanges", "ResponseChanges"],
+    "porocore.interfaces.sensitivities": [
+        "BoundaryChange",
+        "CellParameterChange",
+        "InitialPressureChange",
+        "LoadChange",
+        "MacroSensitivities",
+        "ModulusChange",
+        "ViscosityChange",
+    ],
     "porocore.cell.materials.neo_hookean": ["NeoHookean"],
     "porocore.macro.laws.point_law": ["Law", "LawResponse", "LawTangent"],
     "porocore.macro.problem": ["MacroProblem"],

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.core.inputs.input_space import InputSpace
 from porocore.errors import ConfigurationError
 from porocore.interfaces.sensitivities import (
     BoundaryChange,
@@ -26,6 +27,7 @@ from porocore.macro.composition.region_law import RegionLaw
 from porocore.macro.laws import ClosedLaw, make_closure
 from porocore.macro.problem import MacroProblem
 from porocore.plugins.registry import registry
+from porocore.testing.synthetic.porous_family import porous_training_set
 from porocore.testing.synthetic.porous_law import PorousFamilyLaw
 from porocore.testing.synthetic.response import linear_law, mean_gradient_law
 
@@ -173,6 +175,19 @@ def test_derivatives_by_each_unknown_are_limits_of_differences(make_solver, clos
 def test_the_conductivity_of_the_deformed_pore_depends_on_the_unknowns_too(make_solver, closure):
     given = law("radius", "poisson_ratio", "viscosity", closure=closure, conductivity="deformed")
     check(make_solver, column, given, UNKNOWNS, together=True, modulus="modulus")
+
+
+@pytest.mark.slow
+def test_a_surrogate_of_a_family_has_derivatives(make_solver):
+    """Whose flux goes by the conductivity that it has learned of the deformed pore."""
+    inputs = InputSpace.from_ranges(
+        {"H22": (-0.12, 0.04), "p": (0.0, 0.1)},
+        {"radius": (0.15, 0.3), "poisson_ratio": (0.2, 0.45), "viscosity": (0.005, 0.02)},
+    )
+    surrogate = registry().get("surrogate", "polynomial")().fit(porous_training_set(60, 0, inputs), seed=0)
+    given = ClosedLaw(surrogate, make_closure("potential", 0.6, NeoHookean(), np.eye(3), law="deformed"))
+    unknowns = {name: UNKNOWNS[name] for name in ("radius", "poisson_ratio", "viscosity", "load", "initial")}
+    check(make_solver, column, given, unknowns, together=True)
 
 
 @pytest.mark.parametrize("given", [linear_law(), mean_gradient_law()], ids=["linear", "mean-gradient"])
