@@ -17,6 +17,7 @@ from porocore.calibration.fit.quality import FitQuality
 from porocore.calibration.fit.search import CalibrationFit
 from porocore.calibration.folder import CalibrationFolder
 from porocore.calibration.forward.cells import FamilyCells, families
+from porocore.calibration.forward.further import further_data
 from porocore.calibration.inference.infer import Inference, infer
 from porocore.calibration.inference.rule import POISSON_RATIO, IdentifiabilityRule
 from porocore.calibration.observations.curve import ObservedCurve, curve_data
@@ -99,7 +100,7 @@ def _calibrated(
     if synthetic:
         plan = rounds.plan = _with_made_up_data(plan, rounds.model)
     misfit, found = rounds.fitted(curve_data(plan.curves))
-    inference = _inferred(plan, misfit, found, console)
+    inference = _inferred(plan, misfit, found, rounds, console)
     done = _finished(folder, plan, misfit, found, inference, cells, time.monotonic() - began)
     truth = np.array([each.unknown.start for each in plan.unknowns]) if synthetic else None
     write_results(folder, done, misfit, rounds.record, truth)
@@ -133,7 +134,9 @@ def _with_made_up_data(plan: CalibrationPlan, model: CurveModel) -> CalibrationP
     return replace(plan, experiments=tuple(experiments))
 
 
-def _inferred(plan: CalibrationPlan, misfit: Misfit, found: CalibrationFit, console: Console) -> Inference:
+def _inferred(
+    plan: CalibrationPlan, misfit: Misfit, found: CalibrationFit, rounds: FitRounds, console: Console
+) -> Inference:
     """Return what the data say, with progress."""
     names = {each.unknown.name: next(iter(each.numbers.values())).name for each in plan.unknowns}
     ratios = {
@@ -141,7 +144,7 @@ def _inferred(plan: CalibrationPlan, misfit: Misfit, found: CalibrationFit, cons
         for name, number in names.items()
         if number.rsplit(".", 1)[-1] == POISSON_RATIO
     }
-    asked, total = 0, 2 * len(names) + 1
+    asked, total = 0, 2 * len(names) + 3
     with console.task("intervals", "ends") as task:
 
         def tell(words: str) -> None:
@@ -150,7 +153,9 @@ def _inferred(plan: CalibrationPlan, misfit: Misfit, found: CalibrationFit, cons
             asked += 1
 
         rule = IdentifiabilityRule(distances=ratios)
-        return infer(misfit, found.best, rule=rule, rays=plan.fit.rays, tell=tell)
+        values = misfit.values(found.best.coordinates)
+        further = further_data(rounds.experiments, plan.unknowns, values, tell)
+        return infer(misfit, found.best, rule=rule, further=further, rays=plan.fit.rays, tell=tell)
 
 
 def _finished(

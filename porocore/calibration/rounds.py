@@ -107,6 +107,11 @@ class FitRounds:
         if model.chosen_steps is not None and name not in known:
             write_json(self.folder.steps, {**known, name: model.chosen_steps.tolist()})
 
+    @property
+    def experiments(self) -> Sequence[ExperimentModel]:
+        """Models of all experiments with the cells of the present round."""
+        return self._lazy.made.experiments
+
     def fitted(self, data: CurveData) -> tuple[Misfit, CalibrationFit]:
         """Return misfit and fit of the last round.
 

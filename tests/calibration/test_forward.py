@@ -12,6 +12,7 @@ import pytest
 
 from porocore.calibration.config.loading import read_plan
 from porocore.calibration.forward.experiment import ExperimentModel
+from porocore.calibration.forward.further import further_data
 from porocore.calibration.forward.steps import planned_times, with_fixed_steps
 from porocore.calibration.plan import CalibrationPlan
 from porocore.cell.materials.neo_hookean import NeoHookean
@@ -242,3 +243,53 @@ def test_curves_name_what_a_solution_lacks(plan: CalibrationPlan, tmp_path: Path
     model = ExperimentModel(replace(experiment, curves=(lacking,)), plan.unknowns, law())
     with pytest.raises(ConfigurationError, match="did you mean 'inside'"):
         model.curves(starts(plan))
+
+
+def test_further_measurements_are_those_of_the_models_that_make_them() -> None:
+    some = {name: UNKNOWNS[name] for name in ("radius", "poisson_ratio", "modulus")}
+    few = {**CURVE, "deviation": 0.002}
+    plan = planned(
+        some,
+        calibration={"unknowns": some, "observations": {"settlement": {"quantity": "settlement", **few}}},
+    )
+    at = starts(plan)
+    exact = model_of(plan).curves(at)
+    experiment = plan.experiments[0]
+    curve = replace(experiment.curves[0], measured=exact.values)
+    plan = replace(plan, experiments=(replace(experiment, curves=(curve,)),))
+    share = 0.002 / np.abs(exact.values).max()
+    told: list[str] = []
+    found = {each.name: each.rows for each in further_data([model_of(plan)], plan.unknowns, at, told.append)}
+    assert "the settlement" not in found
+    assert told == ["other quantities", "larger load"]
+    by_coordinate = np.array([1.0, 1.0, at[2]])  # the modulus is searched in ln x
+    every = model_of(planned(some, calibration={"unknowns": some, "observations": OBSERVATIONS})).curves(at)
+    names, count = [*OBSERVATIONS], int(TIMES["count"])
+    for name, words in {
+        "largest": "the largest pore pressure",
+        "drained": "the drained volume",
+        "pressure": "the pore pressure of the probe 'inside'",
+        "move": "the displacement 2 of the probe 'inside'",
+    }.items():
+        rows = slice(names.index(name) * count, (names.index(name) + 1) * count)
+        wanted = every.slopes[rows] * by_coordinate / (share * np.abs(every.values[rows]).max())
+        np.testing.assert_allclose(found[words], wanted, rtol=1e-8, atol=1e-8 * np.abs(wanted).max())
+    (larger,) = (words for words in found if "times the load" in words)
+    factor = float(larger.split(" under ")[1].split(" ")[0])
+    other = replace(plan, experiments=(replace(plan.experiments[0], load=-factor),))
+    wanted = model_of(other).curves(at)
+    np.testing.assert_allclose(
+        found[larger], wanted.slopes * by_coordinate / (share * np.abs(wanted.values).max()), rtol=1e-8
+    )
+
+
+def test_a_load_that_is_unknown_is_not_enlarged() -> None:
+    some = {name: UNKNOWNS[name] for name in ("radius", "poisson_ratio", "load")}
+    plan = planned(
+        some, calibration={"unknowns": some, "observations": {"drained": {"quantity": "drained", **CURVE}}}
+    )
+    curve = replace(plan.curves[0], measured=np.ones(int(TIMES["count"])))
+    plan = replace(plan, experiments=(replace(plan.experiments[0], name="", curves=(curve,)),))
+    found = [each.name for each in further_data([model_of(plan)], plan.unknowns, starts(plan))]
+    assert "the settlement" in found
+    assert not [name for name in found if "load" in name]

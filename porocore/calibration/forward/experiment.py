@@ -59,13 +59,13 @@ class ExperimentModel:
     ) -> None:
         self.experiment, self.law = experiment, law
         #: Position of each unknown that belongs to the experiment, its number, and the factor to dimensionless values.
-        self._own: list[tuple[int, StudyNumber, float]] = [
+        self.numbers: list[tuple[int, StudyNumber, float]] = [
             (j, each.numbers[experiment.name], each.dimensionless(experiment))
             for j, each in enumerate(unknowns)
             if experiment.name in each.numbers
         ]
         self._count = len(unknowns)
-        for j, number, _ in self._own:
+        for j, number, _ in self.numbers:
             if number.kind in ("modulus", "viscosity", "pore"):
                 require_scalable(experiment.config, unknowns[j].unknown.name)
         self._solver: MacroSolver = make_backend("macro solver", experiment.config)
@@ -82,7 +82,7 @@ class ExperimentModel:
     def _with_fixed_steps(self, first: Array, steps: Array | None) -> RunConfig:
         """Return the study with the steps that it has at the first values of the unknowns."""
         config = self.experiment.config
-        body = BodyAtValues.of_values(config, self.experiment.load, self._numbers(first))
+        body = BodyAtValues.of_values(config, self.experiment.load, self._values_of(first))
 
         def chosen() -> Array:
             found = steps
@@ -95,17 +95,17 @@ class ExperimentModel:
 
         own = config.macro.problem(self.experiment.load)
         data = np.concatenate([curve.times for curve in self.experiment.curves])
-        shifted = any(number.kind == "time_shift" for _, number, _ in self._own)
+        shifted = any(number.kind == "time_shift" for _, number, _ in self.numbers)
         with speaking(config.result_units):
             plan = with_fixed_steps(own, data, chosen, hit=not shifted)
         return config.model_copy(update={"macro": config.macro.model_copy(update={"time": plan})})
 
-    def _numbers(self, values: Array) -> dict[StudyNumber, float]:
-        return {number: float(values[j]) * factor for j, number, factor in self._own}
+    def _values_of(self, values: Array) -> dict[StudyNumber, float]:
+        return {number: float(values[j]) * factor for j, number, factor in self.numbers}
 
     def body(self, values: Array) -> BodyAtValues:
         """Return the body for values (k,) of the unknowns."""
-        return BodyAtValues.of_values(self.config, self.experiment.load, self._numbers(values))
+        return BodyAtValues.of_values(self.config, self.experiment.load, self._values_of(values))
 
     def solve(self, values: Array) -> tuple[BodyAtValues, MacroSolution, MacroSensitivities | None]:
         """Return body, solution and derivatives of the whole specimen for values (k,) of the unknowns."""
@@ -125,7 +125,7 @@ class ExperimentModel:
 
     def _effects(self, values: Array, body: BodyAtValues) -> dict[int, UnknownEffect]:
         found = {}
-        for j, number, factor in self._own:
+        for j, number, factor in self.numbers:
             effect = effect_of(number, float(values[j]) * factor, body)
             if effect is not None:
                 found[j] = UnknownEffect(effect.change, effect.factor * factor)
@@ -143,7 +143,7 @@ class ExperimentModel:
             body, solution, found = self.solve(values)
         effects = self._effects(values, body)
         steps = solution.history.time * body.scales.factor("time")
-        shift = sum(v for number, v in self._numbers(values).items() if number.kind == "time_shift")
+        shift = sum(v for number, v in self._values_of(values).items() if number.kind == "time_shift")
         rows, slopes = [], []
         for curve in self.experiment.curves:
             unit = curve.factor * body.scales.factor(curve.series.quantity)
@@ -155,7 +155,7 @@ class ExperimentModel:
                 by = unit * at.values(curve.series.slopes(found))
                 for j, effect in effects.items():
                     mine[:, j] = effect.factor * by[:, found.changes.index(effect.change)]
-            for j, number, factor in self._own:
+            for j, number, factor in self.numbers:
                 if number.kind == "time_shift":
                     mine[:, j] = unit * factor * at.rates(series)
             slopes.append(mine)
