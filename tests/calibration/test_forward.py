@@ -259,7 +259,7 @@ def test_further_measurements_are_those_of_the_models_that_make_them() -> None:
     plan = replace(plan, experiments=(replace(experiment, curves=(curve,)),))
     share = 0.002 / np.abs(exact.values).max()
     told: list[str] = []
-    found = {each.name: each.rows for each in further_data([model_of(plan)], plan.unknowns, at, told.append)}
+    found = {each.name: each.rows for each in further_data([model_of(plan)], plan, at, told.append)}
     assert "the settlement" not in found
     assert told == ["other quantities", "larger load"]
     by_coordinate = np.array([1.0, 1.0, at[2]])  # the modulus is searched in ln x
@@ -290,6 +290,6 @@ def test_a_load_that_is_unknown_is_not_enlarged() -> None:
     )
     curve = replace(plan.curves[0], measured=np.ones(int(TIMES["count"])))
     plan = replace(plan, experiments=(replace(plan.experiments[0], name="", curves=(curve,)),))
-    found = [each.name for each in further_data([model_of(plan)], plan.unknowns, starts(plan))]
+    found = [each.name for each in further_data([model_of(plan)], plan, starts(plan))]
     assert "the settlement" in found
     assert not [name for name in found if "load" in name]

@@ -10,7 +10,7 @@ import numpy as np
 from porocore.calibration.forward.experiment import ExperimentModel
 from porocore.calibration.inference.suggestions import FurtherData
 from porocore.calibration.observations.series import MeasuredSeries
-from porocore.calibration.plan import Experiment, PlannedUnknown
+from porocore.calibration.plan import CalibrationPlan, Experiment, PlannedUnknown
 from porocore.calibration.problem import CurvePrediction
 from porocore.errors import SolveError
 from porocore.states import Array
@@ -23,7 +23,7 @@ NOTHING = 1e-6
 
 def further_data(
     models: Sequence[ExperimentModel],
-    unknowns: Sequence[PlannedUnknown],
+    plan: CalibrationPlan,
     values: Array,
     tell: Callable[[str], None] = lambda text: None,
 ) -> list[FurtherData]:
@@ -36,16 +36,18 @@ def further_data(
     ----------
     models
         Of all experiments.
-    unknowns
-        k of them.
+    plan
+        Has the measured curves.
     values : (k,)
         Best values.
     tell
         Called with what is computed next.
     """
     found: list[FurtherData] = []
+    measured = {experiment.name: experiment for experiment in plan.experiments}
     for model in models:
-        variants = _Variants(model, unknowns, values)
+        share = _noise(measured[model.experiment.name])
+        variants = _Variants(model, plan.unknowns, values, share)
         of = f" in the test '{model.experiment.name}'" if model.experiment.name else ""
         tell(f"other quantities{of}")
         found += [FurtherData(f"{words}{of}", rows) for words, rows in variants.other_quantities()]
@@ -92,13 +94,18 @@ class _Variants:
 
     Parameters
     ----------
-    model, unknowns, values
-        As :func:`further_data` has them.
+    model
+        Of the test.
+    unknowns, values
+        All unknowns, and their best values.
+    share
+        Standard deviation of a curve as a share of its largest value.
     """
 
-    def __init__(self, model: ExperimentModel, unknowns: Sequence[PlannedUnknown], values: Array) -> None:
-        self.model, self.unknowns, self.values = model, unknowns, values
-        self._share = _noise(model.experiment)
+    def __init__(
+        self, model: ExperimentModel, unknowns: Sequence[PlannedUnknown], values: Array, share: float
+    ) -> None:
+        self.model, self.unknowns, self.values, self._share = model, unknowns, values, share
         ones = [each.unknown for each in unknowns]
         places = [one.coordinate(float(x)) for one, x in zip(ones, values, strict=True)]
         self._by_coordinate = np.array([one.value_slope(x) for one, x in zip(ones, places, strict=True)])
