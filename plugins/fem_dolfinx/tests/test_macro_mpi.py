@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import subprocess
@@ -79,6 +80,21 @@ ALONE = """
     TIMID.__class__ = Faulty
     with solver.communicator.united():
         solver.solve(prepared, TIMID)
+"""
+DERIVATIVES = """
+    import json
+    import numpy as np
+    from porocore.interfaces.sensitivities import BoundaryChange, InitialPressureChange, ModulusChange, ViscosityChange
+    from porocore.macro.problem import MacroProblem
+    from porocore.testing.macro_laws.solving import NONLINEAR
+
+    changes = [ModulusChange(), ViscosityChange(), InitialPressureChange()]
+    changes += [BoundaryChange("y+", "plate"), BoundaryChange("side", "follower")]
+    prepared = solver.prepare(MacroProblem.model_validate(json.loads((folder / "problem.json").read_text())))
+    _, found = solver.solve_with_sensitivities(prepared, NONLINEAR, changes)
+    if solver.communicator.rank == 0:
+        values = {name: getattr(found, name) for name in ("settlement", "pressure_max", "drained")}
+        np.savez(folder / f"{backend}.npz", **values, **found.reactions, inflow=found.inflow["side"])
 """
 
 SMALL_STEPS = {"end": 0.1, "step": 0.05, "ramp_increments": 1, "ramp_step": 0.05, "profiles": ()}
@@ -162,6 +178,21 @@ def test_a_checkpoint_is_continued_by_any_backend_on_any_number_of_processes(
         for field in fields(Profile):
             mine, theirs = getattr(one, field.name), getattr(other, field.name)
             np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-9, err_msg=field.name)
+
+
+@pytest.mark.slow
+def test_two_processes_have_the_derivatives_of_one(tmp_path):
+    """With oblique planes, a plate and a follower, against scikit-fem."""
+    pytest.importorskip("skfem")
+    (tmp_path / "problem.json").write_text(json.dumps(LARGE["frames, a plate and a follower"]))
+    for processes, backend in ((2, "dolfinx"), (1, "skfem")):
+        done = run(processes, DERIVATIVES, tmp_path, backend)
+        assert done.returncode == 0, done.stderr
+    mine, theirs = (np.load(tmp_path / f"{backend}.npz") for backend in ("dolfinx", "skfem"))
+    assert set(mine) == set(theirs)
+    for name in mine:
+        scale = np.abs(theirs[name]).max()
+        np.testing.assert_allclose(mine[name], theirs[name], rtol=0, atol=1e-7 * scale, err_msg=name)
 
 
 @pytest.mark.slow
