@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -24,7 +25,7 @@ from porocore.macro.composition.bound_law import BoundLaw
 from porocore.macro.composition.linearised_law import LinearisedLaw
 from porocore.macro.composition.member_law import NearestMemberLaw
 from porocore.macro.composition.region_law import RegionLaw
-from porocore.macro.laws import ClosedLaw, make_closure
+from porocore.macro.laws import AdaptiveLaw, ClosedLaw, make_closure
 from porocore.macro.problem import MacroProblem
 from porocore.plugins.registry import registry
 from porocore.testing.synthetic.porous_family import porous_training_set
@@ -347,3 +348,63 @@ def test_laws_that_know_no_derivatives_are_refused():
             solver.solve_with_sensitivities(prepared, given, [change])
     with pytest.raises(ConfigurationError, match="at least one unknown"):
         solver.solve_with_sensitivities(prepared, family, [])
+
+
+# ---- how a run goes --------------------------------------------------------------------------------
+
+
+def largest_difference(found, expected):
+    """Largest difference of the derivatives, as a share of the largest derivative of a series by an unknown."""
+    shares = []
+    for key, values in found.items():
+        times = tuple(range(values.ndim - 1))
+        # What an unknown does not change is round-off.
+        scale = np.maximum(np.abs(expected[key]).max(axis=times), 1e-6)
+        shares.append((np.abs(values - expected[key]).max(axis=times) / scale).max())
+    return max(shares)
+
+
+def test_an_iteration_gives_the_derivatives_of_a_factor(make_solver):
+    given = mean_gradient_law()
+    changes = [ModulusChange(), ViscosityChange(), BoundaryChange("y+", "displacement", 1)]
+    body = {"kind": "box", "elements": (2, 3, 2), "size": (0.8, 1.0, 0.6)}
+    block = layers(body=body, regions={}, fields={}, time=TIME | {"end": 0.9, "step": 0.5})
+    found = []
+    for solver in (make_solver(solver="iterative"), make_solver(solver="direct")):
+        found.append(derivatives(solver.solve_with_sensitivities(solver.prepare(block), given, changes)[1]))
+    assert largest_difference(*found) < ACCURACY
+
+
+@pytest.mark.slow
+def test_halved_steps_are_held_fixed(make_solver):
+    """A step that fails is halved on either side of a difference, too."""
+
+    def problem(load):
+        found = column(traction=-0.3, load=load)
+        return found.model_copy(update={"newton": found.newton.model_copy(update={"iterations": 4})})
+
+    solution = solve(make_solver, problem(1.0), law())
+    assert len(solution.history.time) > 6
+    check(make_solver, problem, law(), {"load": UNKNOWNS["load"]})
+
+
+def test_a_law_that_learns_within_a_step_is_followed(make_solver):
+    """Its memory is that of the new cell law, and so is the derivative of the memory."""
+    early, late = (PorousFamilyLaw("radius", deformed=deformed) for deformed in (False, False))
+    early.predict = partial(flagged, early, -0.02)
+    constants = make_closure("potential", 0.6, NeoHookean(), np.eye(3))
+    adaptive = AdaptiveLaw(early, constants, lambda states: late)
+    problem = column().model_copy(update={"fields": {"radius": 0.22}})
+    changes = [CellParameterChange("radius"), LoadChange(), InitialPressureChange()]
+    found = []
+    for given in (adaptive, law("radius")):
+        solver = make_solver()
+        found.append(derivatives(solver.solve_with_sensitivities(solver.prepare(problem), given, changes)[1]))
+    assert adaptive.cell_law is late
+    assert largest_difference(*found) < 1e-9
+
+
+def flagged(cell, limit, states, *, tangent=True):
+    """Responses of a cell that is not to be trusted below a strain."""
+    found = PorousFamilyLaw.predict(cell, states, tangent=tangent)
+    return replace(found, outside_training_range=states.grad_u[:, 1, 1] < limit)
