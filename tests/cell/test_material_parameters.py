@@ -5,6 +5,7 @@ import pytest
 from solids import MATERIALS, deformations, make
 
 from porocore.cell.cell import Cell
+from porocore.cell.family.parameters import parameter_quantities
 from porocore.cell.materials.composite import PlacedMaterials
 from porocore.cell.materials.energy import Swollen
 from porocore.core.models.walk import is_number, walk, with_number
@@ -127,3 +128,24 @@ def test_a_direction_by_its_angle_is_that_vector():
     assert family.point_group.name == "2/m"
     assert not family.mirrored
     assert family.at([0]).mirrored
+
+
+@pytest.mark.parametrize(
+    ("energy", "parameters", "stresses"),
+    [
+        (
+            "m/2*(I1 - 3 - 2*log(J)) + f/a*(exp(a*(I1 - 3)**2) - 1)",
+            {"m": 0.8, "f": 1.0, "a": 6.0},
+            {"m", "f"},
+        ),
+        ("m*(1 - s)*(I1 - 3 - 2*log(J)) + m*s*(J - 1)**2", {"m": 0.8, "s": 0.3}, {"m"}),
+        ("0.4*(I1 - 3 - 2*log(J)) + c*(J - 1)**2", {"c": 0.8}, set()),
+        ("a*b*(I1 - 3 - 2*log(J))", {"a": 0.8, "b": 0.5}, set()),
+        ("(a*b)**0.5*(I1 - 3 - 2*log(J))", {"a": 0.8, "b": 0.5}, {"a", "b"}),
+    ],
+)
+def test_which_parameters_of_a_formula_are_stresses_follows_from_the_formula(energy, parameters, stresses):
+    """An exponent in kPa would be nonsense, and a modulus without a unit none that a reader of a report can use."""
+    ranges = {name: {"range": [value, 1.1 * value]} for name, value in parameters.items()}
+    cell = Cell(material={"kind": "expression", "energy": energy, "parameters": ranges})
+    assert parameter_quantities(cell) == {name: "stress" if name in stresses else "" for name in parameters}

@@ -13,6 +13,7 @@ import numpy as np
 from porocore.core.echo import cut, echo, suggestion
 from porocore.core.files.yaml_document import Location, dotted
 from porocore.core.inputs.input_space import NAMES
+from porocore.core.models.strict import StrictModel
 from porocore.core.models.walk import Place, is_number, walk
 from porocore.core.units.dimensions import Dimension
 from porocore.errors import ConfigurationError
@@ -103,14 +104,18 @@ def parameter_quantities(cell: Family) -> dict[str, str]:
     return {each.name: _quantity(places[each.path]) for each in cell.parameters}
 
 
-def _quantity(place: Place | None) -> str:
-    """Return the declared quantity of a number, or of the mapping or list that holds it."""
-    while place is not None:
-        found = next((extra.quantity for extra in place.metadata if isinstance(extra, Dimension)), None)
-        if found is not None:
-            return found
-        place = place.above
-    return ""
+def _quantity(place: Place) -> str:
+    """Return the quantity of a number: that which it, or the mapping or list that holds it, is declared to have."""
+    declared, at = "", place
+    while True:
+        if not declared:
+            found = (extra.quantity for extra in at.metadata if isinstance(extra, Dimension))
+            declared = next(found, "")
+        if isinstance(at.value, StrictModel):
+            return at.value.quantity_of(place.path[len(at.path) :], declared)
+        if at.above is None:
+            return declared
+        at = at.above
 
 
 def may_vary(place: Place) -> bool:

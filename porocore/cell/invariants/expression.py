@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import keyword
 import re
+from functools import cached_property
+from itertools import combinations
 from typing import Annotated, Literal
 
+import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 
 from porocore.cell.invariants.by_invariants import BASIC, InvariantMaterial, formula_of
@@ -14,10 +17,17 @@ from porocore.cell.invariants.generated import derivatives
 from porocore.cell.invariants.invariants import Invariant, Third
 from porocore.cell.materials.fibres import Direction, Directions, fibre_invariants, same_in_order, turned
 from porocore.cell.materials.material import Material
+from porocore.core.files.yaml_document import Location
 from porocore.core.formulas.expressions import CONSTANTS, Expression
 from porocore.core.units.dimensions import Dimension
 from porocore.states import IntArray
 
+#: Parameters up to which the dimension of each is found; the work doubles with each.
+MOST_PARAMETERS = 8
+#: Deformation gradients at which energies are compared.
+STRETCHED = np.eye(3) + np.array(
+    [[[0.11, 0.03, 0.02], [0.01, -0.07, 0.04], [-0.02, 0.05, 0.06]], np.diag([0.05, 0.02, 0.09])]
+)
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,30}")
 
 
@@ -113,6 +123,34 @@ class ExpressionMaterial(InvariantMaterial):
     @property
     def constants(self) -> dict[str, float]:
         return self.parameters
+
+    def quantity_of(self, below: Location, declared: str) -> str:
+        """Return '' for a parameter that is no stress, such as an exponent; see :attr:`stresses`."""
+        plain = below[0] == "parameters" and below[-1] not in self.stresses
+        return "" if plain else declared
+
+    @cached_property
+    def stresses(self) -> frozenset[str]:
+        """Names of the parameters that are stresses, since Ψ is one.
+
+        They are in every set of parameters which, doubled together, double Ψ. Of too many parameters none is known.
+        """
+        names = list(self.parameters)
+        if len(names) > MOST_PARAMETERS:
+            return frozenset()
+        doubling = [
+            chosen
+            for count in range(1, len(names) + 1)
+            for chosen in map(frozenset, combinations(names, count))
+            if self._doubled_by(chosen)
+        ]
+        return frozenset.intersection(*doubling) if doubling else frozenset()
+
+    def _doubled_by(self, names: frozenset[str]) -> bool:
+        doubled = {name: (2 if name in names else 1) * value for name, value in self.parameters.items()}
+        energy = self.energy_density(STRETCHED)
+        found = self.model_copy(update={"parameters": doubled}).energy_density(STRETCHED)
+        return bool(np.allclose(found, 2 * energy, rtol=1e-9, atol=0))
 
     def stress_hint(self) -> str:
         """Return the missing term, in the names of the configuration."""

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ConfigDict, Discriminator, ValidationError
 from pydantic_core import ErrorDetails
 
 from porocore.core.echo import did_you_mean, echo
-from porocore.core.files.yaml_document import dotted
+from porocore.core.files.yaml_document import Location, dotted
 from porocore.errors import ConfigurationError
 
 
@@ -17,6 +17,10 @@ class StrictModel(BaseModel):
     """Immutable model that refuses unknown keys and numbers that are not finite."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    def quantity_of(self, below: Location, declared: str) -> str:
+        """Return the quantity of a number below the section, by default as it is declared; '' is a plain number."""
+        return declared
 
 
 if TYPE_CHECKING:

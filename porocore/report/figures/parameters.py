@@ -66,7 +66,8 @@ def rest_figure(family: FamilySummary, k: int) -> Figure:
         axes.plot(
             members, field.members * by, "o", ms=3, mfc="white", mec=VERMILLION, mew=1.0, label="solved"
         )
-        axes.set_ylabel(axis_label(field.label, field.quantity, units))
+        # On two lines, since the longest is longer than its panel.
+        axes.set_ylabel(axis_label(field.label, field.quantity, units).replace(" [", "\n["))
         axes.set_ylim(bottom=min(0.0, float(np.nanmin(field.low[k])) * by))
     for axes in panels.ravel()[len(family.fields) :]:
         axes.set_visible(False)
