@@ -8,14 +8,19 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import numpy as np
 from make_images import IMAGES, _pixels
 from matplotlib.figure import Figure
 
+from porocore.core.units.results import ResultUnits
 from porocore.interfaces.solution import MacroSolution
+from porocore.macro.body.section import sections
 from porocore.report.figures import PROFILE_FIELDS, body_figure, png_bytes, series_figure
+from porocore.report.figures.fields import axes_in_section
 from porocore.report.figures.profiles import ColumnAxis
 from porocore.report.figures.series import panels
-from porocore.report.figures.style import DASHED, TIME_COLOURS, new_figure, styled
+from porocore.report.figures.style import DASHED, TIME_COLOURS, axis_label, new_figure, styled
+from porocore.states import Array
 from porocore.study.run_folder.folder import RunFolder
 
 #: Of each example: the number of the profile, and what is shown against time.
@@ -26,6 +31,13 @@ SHOWN = {
     "soil-strip": (0, ("pressure at the probes", "displacement of the probes")),
     "layered-soil": (1, ("pressure at the probes", "displacement of the probes")),
     "swelling-gel": (1, ("pressure at the probes", "displacement of the probes")),
+    "cartilage-zones": (0, ("displacement of the probes",)),
+    "graded-gyroid": (0, ("pressure at the probes",)),
+}
+#: Of bodies whose cell varies with the height: the parameter that is shown over it, and its name.
+OVER_HEIGHT = {
+    "cartilage-zones": ("radius", "radius of the pores [cell]"),
+    "graded-gyroid": ("void_fraction", "void fraction [–]"),
 }
 
 
@@ -39,12 +51,66 @@ def example_picture(folder: RunFolder, name: str) -> Figure:
     which, kinds = SHOWN[name]
     known = {panel.plain for panel in panels(nonlinear)}
     units = config.result_units
-    parts = [body_figure(nonlinear, nonlinear.after_rest[which], units)]
+    parts = field_parts(nonlinear, linear, name, units)
+    parts.append(body_figure(nonlinear, nonlinear.after_rest[which], units))
     parts += [series_figure(nonlinear, linear, kind, units) for kind in kinds if kind in known]
-    figure = new_figure(12.6, 3.9)
-    for axes, part in zip(figure.subplots(1, len(parts)), parts, strict=True):
-        axes.imshow(_pixels(part))
+    pictures = [_pixels(part) for part in parts]
+    rows = 2 if len(parts) > 3 else 1
+    columns = -(-len(parts) // rows)
+    figure = new_figure(4.2 * columns, 3.9 * rows)
+    for axes, picture in zip(figure.subplots(rows, columns).ravel(), pictures, strict=True):
+        axes.imshow(picture)
         axes.set_axis_off()
+    return figure
+
+
+def field_parts(
+    nonlinear: MacroSolution, linear: MacroSolution, name: str, units: ResultUnits
+) -> list[Figure]:
+    """A parameter and the strain over the height, and the material axes where they differ; none of other examples."""
+    cells = nonlinear.element_cells
+    if name not in OVER_HEIGHT or cells is None:
+        return []
+    found = [height_figure(nonlinear, linear, *OVER_HEIGHT[name], units)]
+    axes = cells.axes_at(0)
+    if axes is not None:
+        found.append(axes_in_section(sections(nonlinear.points, nonlinear.cells), axes, cells, units))
+    return found
+
+
+@styled
+def height_figure(
+    nonlinear: MacroSolution, linear: MacroSolution, parameter: str, label: str, units: ResultUnits
+) -> Figure:
+    """A parameter of the cell and the last strain along the height, means over the layers of elements."""
+    figure = new_figure(5.4, 4.4)
+    left, right = figure.subplots(1, 2, sharey=True)
+    cells = nonlinear.element_cells
+    assert cells is not None
+    low, high = (
+        getattr(nonlinear.points[nonlinear.cells, 1], end)(axis=1) * units.factor("displacement")
+        for end in ("min", "max")
+    )
+    edges = np.append(np.unique(low.round(9)), high.max())
+    layer = np.searchsorted(edges, (low + high) / 2) - 1
+
+    def over_height(values: Array) -> Array:
+        return np.bincount(layer, values) / np.bincount(layer)
+
+    left.stairs(
+        over_height(cells.field(parameter, 0)), edges, orientation="horizontal", baseline=None, lw=1.8
+    )
+    for solution, how in (
+        (nonlinear, {"lw": 1.8}),
+        (linear, {"lw": 1.3, "ls": DASHED, "color": "0.35", "label": "linear"}),
+    ):
+        strain = over_height(solution.profiles[-1].grad_u[:, 1, 1].reshape(len(layer), -1).mean(axis=1))
+        right.stairs(100 * strain, edges, orientation="horizontal", baseline=None, **how)
+    left.set(
+        xlabel=label, ylabel=axis_label("height $X_2$", "displacement", units), ylim=(edges[0], edges[-1])
+    )
+    right.set(xlabel="final $H_{22}$ [%]")
+    right.legend()
     return figure
 
 

@@ -17,7 +17,7 @@ from porocore.study.run_folder.folder import RunFolder
 from porocore.surrogates.portable import NumpySurrogate
 
 sys.path.insert(0, str(Path(__file__).parent))
-from study import porocore, succeeded, write_study
+from study import Running, porocore, succeeded, write_study
 
 
 @pytest.fixture(scope="session")
@@ -65,3 +65,17 @@ def a_copy(finished: Path, tmp_path: Path) -> Callable[..., Path]:
         return folder
 
     return copy
+
+
+@pytest.fixture
+def launch(tmp_path):
+    """Start the command in the background; whatever a failed test leaves of it is killed."""
+    started = []
+
+    def start(*words, **how):
+        started.append(Running(tmp_path / "streams", *words, **how))
+        return started[-1]
+
+    yield start
+    for running in started:
+        running.kill_all()

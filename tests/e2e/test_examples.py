@@ -2,36 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
-import yaml
-from study import porocore, succeeded, write_study
+from coarse_examples import COARSE, run
 
-from porocore.interfaces.solution import MacroSolution
-
-EXAMPLES = Path(__file__).parents[2] / "examples"
-#: Few states of a coarse cell, and a polynomial, which is the same on every machine.
-COARSE = {
-    "cell.mesh": {"size": 0.4, "fluid_size": 0.2},
-    "surrogate": {"backend": "polynomial"},
-    "sampling.workers": 1,
-    "sampling.test": {"count": 1, "seed": 0},
-}
 #: For bodies whose states need the whole cell.
 GENERAL = COARSE | {"sampling.sampler": "latin-hypercube", "sampling.tolerance": None}
 #: Relative; beyond round-off a figure moves by what quadrature and solvers are changed to.
 SAME = 1e-4
-
-
-def run(folder: Path, name: str, changes: dict) -> dict[str, MacroSolution]:
-    """Solutions of the example by the file's name."""
-    base = yaml.safe_load((EXAMPLES / f"{name}.yaml").read_text(encoding="utf-8"))
-    config = write_study(folder / "example.yaml", changes, base=base)
-    succeeded(porocore("run", config, "--out", folder / "run", timeout=900))
-    assert list((folder / "run" / "fields").glob("*.pvd"))
-    return {path.stem: MacroSolution.load_file(path) for path in (folder / "run" / "solutions").glob("*.h5")}
 
 
 def test_confined_compression_relaxes(tmp_path):

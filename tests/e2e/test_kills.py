@@ -14,7 +14,6 @@ from study import (
     PAUSING_SOLVING,
     PLAIN,
     QUICK,
-    Running,
     assert_same_results,
     assert_tidy,
     contents,
@@ -29,20 +28,6 @@ from study import (
 )
 
 from porocore.sampling.datasets.dataset import Dataset
-
-
-@pytest.fixture
-def launch(tmp_path):
-    """Start the command in the background; whatever a failed test leaves of it is killed."""
-    started = []
-
-    def start(*words, **how):
-        started.append(Running(tmp_path / "streams", *words, **how))
-        return started[-1]
-
-    yield start
-    for running in started:
-        running.kill_all()
 
 
 @pytest.fixture

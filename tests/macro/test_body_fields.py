@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from porocore.core.units.results import OutputUnits, ResultUnits, speaking
+from porocore.core.units.scales import Scales
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh_file import read_body
 from porocore.macro.body.structured import box
@@ -254,3 +256,32 @@ def test_the_names_of_volumes_come_with_the_mesh(tmp_path):
 def test_parts_and_kinks_of_a_problem_know_them():
     problem = confined_column(2, fields={"radius": 0.2}, regions={"top": {"above": 1.0}})
     assert {"fields", "regions"} <= problem.parts
+
+
+@pytest.mark.parametrize(
+    ("fields", "regions", "said"),
+    [
+        (
+            {"radius": "0.1 + 0.1*y"},
+            {},
+            r"the field is 0\.29\d* at \([\d.]+, 19\d\d, [\d.]+\) mm, beyond the range",
+        ),
+        (
+            {"radius": {"formula": "0.3", "initial": 0.2, "over": {"ramp": 1, "until": 2}}},
+            {},
+            r"mm, t = 1\d{4} s, beyond the range",
+        ),
+        (
+            {"radius": 0.2},
+            {"low": {"kind": "layer", "below": 1.5}, "high": {"kind": "layer", "above": 0.5}},
+            r"one at \(500, 750, 500\) mm; regions must not overlap",
+        ),
+    ],
+)
+def test_places_and_times_in_messages_have_the_units_of_the_study(fields, regions, said):
+    """A length is 1 m."""
+    scales = Scales(modulus=1.0, length=1.0, pore=0.01, viscosity=1.0)
+    units = ResultUnits(scales, OutputUnits(length="mm"))
+    ranges = CellRanges([{"radius": (0.1, 0.25)}] * 3)
+    with speaking(units), pytest.raises(ConfigurationError, match=said):
+        require_composition(setup(fields, regions), MESH, ranges, 2.0)

@@ -18,6 +18,7 @@ from porocore.report.context import SamplingSummary
 from porocore.report.figures.fields import (
     axes_along_column,
     axes_in_section,
+    body_fields,
     field_along_column,
     field_in_section,
     regions_in_section,
@@ -125,7 +126,7 @@ def test_the_undeformed_cell_over_a_parameter_has_units_members_and_a_band(famil
     np.testing.assert_allclose(dots.get_xdata(), family.members[:, 1] * factor)
     band = stiffness.collections[0].get_paths()[0].vertices[:, 1]
     assert (band.min(), band.max()) == pytest.approx((0.5 * 0.4 * factor, 2.0 * 0.8 * factor))
-    assert labels(figure)[-2:] == ["c10 [kPa]", "stiffness [kPa]"]
+    assert labels(figure)[-2:] == ["c10 [kPa]", "stiffness\n[kPa]"]
     assert legend(figure) == ["others anywhere in their ranges", "surrogate, others in the middle", "solved"]
     alone = replace(
         family,
@@ -287,3 +288,25 @@ def test_k_is_compared_with_the_cell_of_its_own_place(context, solution, body):
     said = conductivity_sentence(case, context.cell, replace(body, conductivity=2 * last))
     assert "K_ref,22 is lowered." in said
     assert "In the undeformed cells at t = 0, both are" in said
+
+
+def test_fields_of_the_body_are_drawn_in_the_units_of_their_labels(solution, body):
+    """The colour bar ends at the values of the table of regions."""
+    drawn = {}
+
+    class Kept:
+        def png(self, name, figure, text):
+            drawn[name] = figure.axes[-1]
+            return text
+
+    spread = np.linspace(1.0, 3.0, len(body.conductivity))[:, None, None] * np.eye(3)
+    with speaking(UNITS):
+        body_fields(solution, replace(body, conductivity=spread), Kept())
+    modulus, conductivity = (drawn[f"body_{name}"] for name in ("c10", "conductivity"))
+    assert modulus.get_ylim() == pytest.approx((10.0, 20.0))  # 1 and 2 of 10 kPa
+    assert "kPa" in modulus.get_ylabel()
+    factor = UNITS.factor("conductivity")
+    assert factor != 1
+    shown = np.array(conductivity.get_ylim()) / factor
+    assert 1 <= shown[0] < shown[1] <= 3
+    assert drawn["body_radius"].get_ylim() == pytest.approx((0.15, 0.25), abs=0.02)

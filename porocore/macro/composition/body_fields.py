@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from porocore.core.echo import echo
+from porocore.core.units.results import spoken
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.composition.axes import AXES, AxesField, as_field
@@ -244,10 +245,10 @@ def _require_within(
     if outside.max() <= 1e-9 * (high - low):
         return
     worst = int(rows[outside.argmax()])
-    at = ", ".join(f"{x:.4g}" for x in piece.points.places[worst])
-    when = f", t = {time:g}" if piece.field.varies else ""
+    at = spoken().texts(piece.points.places[worst], "displacement")
+    when = f", t = {spoken().text(time, 'time', 6)}" if piece.field.varies else ""
     raise ConfigurationError(
-        f"{piece.key}: the field is {values[worst]:.6g} at ({at}){when}, beyond the range [{low:g}, {high:g}] of the "
+        f"{piece.key}: the field is {values[worst]:.6g} at {at}{when}, beyond the range [{low:g}, {high:g}] of the "
         f"parameter '{name}'; narrow the field, or widen the range"
     )
 

@@ -18,6 +18,7 @@ from porocore.core.files.foreign_mesh import read_mesh
 from porocore.core.files.input_file import FromFile
 from porocore.core.models.bounds import MOST_TIMES
 from porocore.core.units.dimensions import Dimension
+from porocore.core.units.results import spoken
 from porocore.errors import ConfigurationError
 from porocore.macro.body.tetrahedra import tetrahedra, tetrahedron_at
 from porocore.macro.composition.field import ParameterField, Points
@@ -171,4 +172,4 @@ def _mesh_data(path: Path, name: str, key: str) -> tuple[Array, Any, Array]:
 
 
 def _text(place: Any) -> str:
-    return f"({', '.join(f'{value:.4g}' for value in place)})"
+    return spoken().texts(place, "displacement")

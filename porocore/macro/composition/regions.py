@@ -12,6 +12,7 @@ from pydantic import Field, Tag, model_validator
 from porocore.core.echo import echo
 from porocore.core.models.strict import StrictModel, by_kind
 from porocore.core.units.dimensions import Dimension
+from porocore.core.units.results import spoken
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.composition.axes import Fields
@@ -181,10 +182,10 @@ def region_numbers(mesh: BodyMesh, regions: Mapping[str, Region]) -> IntArray:
             )
         if (both := inside & (number > 0)).any():
             other = names[int(number[both][0]) - 1]
-            at = ", ".join(f"{x:.4g}" for x in mesh.centres[both.argmax()])
+            at = spoken().texts(mesh.centres[both.argmax()], "displacement")
             raise ConfigurationError(
                 f"{key}: {int(both.sum())} of its {int(inside.sum())} elements lie in the region '{other}' too, one at "
-                f"({at}); regions must not overlap"
+                f"{at}; regions must not overlap"
             )
         number[inside] = k
     return number

@@ -277,7 +277,11 @@ def body_fields(solution: MacroSolution, body: BodyCells, pictures: Pictures) ->
     K = body.conductivity[:, 1, 1]
     shown.append(("conductivity", [(0.0, K)], "conductivity at rest $K_{22}$", "conductivity"))
     found += [
-        field(name, values, axis_label(label, quantity, units))
+        field(
+            name,
+            [(time, at * units.factor(quantity)) for time, at in values],
+            axis_label(label, quantity, units),
+        )
         for name, values, label, quantity in shown
         if not _uniform(np.concatenate([at for _, at in values]))
     ]
