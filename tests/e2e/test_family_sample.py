@@ -22,6 +22,7 @@ STUDY = {
     "cell": {"material": {"poisson_ratio": {"range": [0.2, 0.4]}}, "mesh": {"size": 0.45}},
     "sampling": {
         "sampler": "sobol",
+        "parameters": "ranges",
         "inputs": {"H22": {"range": [-0.1, 0.02]}, "p": {"range": [-0.05, 0.05]}},
         "options": {"count": 6, "states_per_member": 3},
         "test": {"count": 2},
@@ -41,7 +42,7 @@ STUDY = {
     },
 }
 #: A surrogate that learns no parameters.
-LEARNS_ONE_CELL = "torch"
+LEARNS_ONE_CELL = {"backend": "torch", "model": "mlp"}
 FILES = ("undeformed.h5", "samples.h5", "test.h5")
 
 
@@ -117,7 +118,8 @@ def test_a_finished_sampling_solves_nothing_and_a_damaged_file_is_refused(run: P
 def test_check_counts_the_members_and_what_learns_none_is_refused_before_it_begins(study: Path) -> None:
     said = called("check", study)
     assert "10 undeformed members; states of 2 members, held-out states of 1 member" in said
-    out = study.parent / "refused"
-    said = called("run", study, "--out", out, "--surrogate", LEARNS_ONE_CELL, status=2)
+    out, other = study.parent / "refused", study.parent / "one-cell.yaml"
+    other.write_text(yaml.safe_dump({**STUDY, "surrogate": LEARNS_ONE_CELL}, sort_keys=False))
+    said = called("run", other, "--out", out, status=2)
     assert "learns no cells with parameters, but cell.material.poisson_ratio is a range" in said
     assert not out.exists()

@@ -17,6 +17,7 @@ from porocore.sampling.samplers.random_states import RandomStates
 from porocore.states import MacroState
 from porocore.study.config.body_parameters import LATTICE, told_apart
 from porocore.study.config.config import RunConfig
+from porocore.study.preflight.family_work import family_lines, members_of
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.testing.synthetic.porous_family import porous_training_set
 
@@ -145,6 +146,15 @@ def test_states_are_at_values_that_the_body_uses(sampler: Any) -> None:
         assert {min(INPUTS.used), max(INPUTS.used)} <= set(values)
     if isinstance(sampler, SobolDesign):
         assert sampler.members >= len(set(values))
+
+
+def test_no_more_members_are_counted_than_the_body_uses() -> None:
+    for config, counted in ((study(), (6, 3)), (study(macro__fields__radius=0.24), (1, 1))):
+        sampler = SobolDesign(config.input_space(), 24)
+        assert members_of(config, sampler) == counted
+        (line,) = family_lines(config, sampler)
+        assert line.endswith("poisson_ratio 0.33 (sampling.parameters: body)")
+    assert "sampling.parameters" not in next(family_lines(study(sampling__parameters="ranges"), sampler))
 
 
 def test_parameters_away_from_the_body_are_outside() -> None:
