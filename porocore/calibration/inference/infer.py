@@ -136,7 +136,7 @@ def infer(
         with_priors=LinearPrecision.from_jacobian(fitted.jacobian),
         without_priors=LinearPrecision.from_jacobian(jacobian),
         directions=directions,
-        words=tuple(direction_words(each, unknowns, limits) for each in directions),
+        words=tuple(direction_words(each, unknowns, limits, fitted.coordinates) for each in directions),
         intervals=intervals,
         data_intervals=data_intervals,
         identifiable=_identifiable(rule, unknowns, misfit.values(fitted.coordinates), data_intervals),

@@ -19,7 +19,9 @@ EXPONENT_TOLERANCE = 0.02
 SMALLEST_CHANGE = 0.001
 
 
-def direction_words(found: UnseenDirection, unknowns: Sequence[Unknown], limits: Array) -> str:
+def direction_words(
+    found: UnseenDirection, unknowns: Sequence[Unknown], limits: Array, coordinates: Array
+) -> str:
     """Return an unseen direction in words.
 
     First the product, ratio, sum or difference of two unknowns that alone is seen, where that is so; then a step of
@@ -33,7 +35,7 @@ def direction_words(found: UnseenDirection, unknowns: Sequence[Unknown], limits:
     one = len(moves) == 1
     together = f"{moves[0]} alone changes" if one else f"{_listed(moves)} together change"
     told = f"{together} no curve by more than its noise ({change} standard deviations of a value)."
-    pair = _pair_words(found.direction, unknowns, indices) if len(indices) == 2 else ""
+    pair = _pair_words(found.direction, unknowns, indices, coordinates) if len(indices) == 2 else ""
     if one:
         pair = f"{unknowns[indices[0]].name} is not seen. "
     return f"{pair}{told}"
@@ -55,17 +57,21 @@ def _listed(texts: Sequence[str]) -> str:
     return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} and {texts[-1]}"
 
 
-def _pair_words(direction: Array, unknowns: Sequence[Unknown], indices: Sequence[int]) -> str:
-    """Return what alone is seen of two unknowns: a ratio or product of powers, a sum or a difference."""
+def _pair_words(
+    direction: Array, unknowns: Sequence[Unknown], indices: Sequence[int], coordinates: Array
+) -> str:
+    """Return what alone is seen of two unknowns: a sum or a difference, a ratio or a product of powers."""
     i, j = indices
-    one, other, ratio = unknowns[i], unknowns[j], float(direction[j] / direction[i])
-    if one.scale != other.scale:
-        return ""
-    if one.scale == "linear":
-        if one.unit == other.unit and abs(abs(ratio) - 1) < EXPONENT_TOLERANCE:
+    one, other = unknowns[i], unknowns[j]
+    if one.scale == other.scale == "linear" and one.unit == other.unit:
+        ratio = float(direction[j] / direction[i])
+        if abs(abs(ratio) - 1) < EXPONENT_TOLERANCE:
             word, sign = ("difference", "−") if ratio > 0 else ("sum", "+")
             return f"Only the {word} {one.name} {sign} {other.name} is seen, not each. "
+    moves = [_relative_move(unknowns[n], float(direction[n]), float(coordinates[n])) for n in indices]
+    if 0.0 in moves:
         return ""
+    ratio = moves[1] / moves[0]
     # Along (1, q/p) in logarithms x^q / y^p stays.
     power = Fraction(abs(ratio)).limit_denominator(LARGEST_EXPONENT)
     if power.numerator > LARGEST_EXPONENT or not _close(float(power), abs(ratio)):
@@ -73,6 +79,13 @@ def _pair_words(direction: Array, unknowns: Sequence[Unknown], indices: Sequence
     kept = _power(one.name, power.numerator), _power(other.name, power.denominator)
     text = f"ratio {kept[0]}/{kept[1]}" if ratio > 0 else f"product {kept[0]}·{kept[1]}"
     return f"Only the {text} is seen, not each. "
+
+
+def _relative_move(unknown: Unknown, move: float, coordinate: float) -> float:
+    """Return the move of ln x; 0 for an unknown that need not be positive."""
+    if unknown.scale == "log":
+        return move
+    return move / coordinate if unknown.lower >= 0 and coordinate > 0 else 0.0
 
 
 def _close(one: float, other: float) -> bool:

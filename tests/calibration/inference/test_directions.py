@@ -19,6 +19,9 @@ CELL = (
 )
 
 
+AT = np.array([np.log(0.24), 0.35, 0.0, 0.0])
+
+
 def layer(x, load):
     """A layer of a porous solid with three channels, its moduli by the bound of Hashin and Shtrikman."""
     radius, nu, E, viscosity = np.exp(x[0]), x[1], np.exp(x[2]), np.exp(x[3])
@@ -53,7 +56,7 @@ def test_confined_compression_hides_exactly_one_direction():
     move = found.direction / found.direction[0] * np.log(1.07)
     assert move[1] == pytest.approx(-0.043, abs=0.02)
     assert np.exp(move[2:]) - 1 == pytest.approx([0.19, 0.36], abs=0.1)
-    assert direction_words(found, CELL, limits) == (
+    assert direction_words(found, CELL, limits, AT) == (
         "radius + 7.5 %, poisson_ratio − 0.059, modulus + 25 % and viscosity + 46 % together change no curve by more "
         "than its noise (less than 0.001 standard deviations of a value)."
     )
@@ -79,7 +82,7 @@ def test_four_singular_values_of_the_prototype_name_one_direction():
     cosine = abs(found.direction @ unseen) / np.linalg.norm(unseen)
     assert cosine == pytest.approx(1, abs=1e-3)
     assert found.deviation == pytest.approx(1 / 0.012, rel=1e-3)
-    assert direction_words(found, CELL, limits).startswith(
+    assert direction_words(found, CELL, limits, AT).startswith(
         "radius + 8.8 %, poisson_ratio − 0.053, modulus + 24 % and viscosity + 46 % together change no curve"
     )
 
@@ -104,9 +107,10 @@ def pair(one, other, *rest, scale="log"):
     unknowns = tuple(Unknown(name, 1.0, 0.1, 10.0, scale) for name in ("a", "b", "c"))[: 2 + len(rest)]
     column = np.linspace(1, 2, 20) * 100
     columns = [one * column, other * column, *(each * column**2 for each in rest)]
-    limits = RULE.limits(unknowns, np.zeros(len(unknowns)) if scale == "log" else np.ones(len(unknowns)))
+    at = np.zeros(len(unknowns)) if scale == "log" else np.ones(len(unknowns))
+    limits = RULE.limits(unknowns, at)
     found = unseen_directions(np.stack(columns, axis=1), limits)
-    return [direction_words(each, unknowns, limits) for each in found]
+    return [direction_words(each, unknowns, limits, at) for each in found]
 
 
 @pytest.mark.parametrize(
@@ -144,7 +148,18 @@ def test_two_unseen_directions_are_told_with_few_unknowns():
     unknowns = tuple(Unknown(name, 1.0, 0.1, 10.0, "log") for name in "abcd")
     column = np.linspace(1, 2, 20) * 100
     rows = np.stack([column, -column, 0 * column, column**2], axis=1)
-    limits = np.full(4, np.log(1.1))
+    at, limits = np.zeros(4), np.full(4, np.log(1.1))
     found = unseen_directions(rows, limits)
-    words = sorted(direction_words(each, unknowns, limits).split(". ")[0] for each in found)
+    words = sorted(direction_words(each, unknowns, limits, at).split(". ")[0] for each in found)
     assert words == ["Only the ratio a/b is seen, not each", "c is not seen"]
+
+
+def test_a_ratio_is_told_on_linear_scales_too():
+    """Steps of a are relative on a logarithmic scale; those of b = 4 are absolute."""
+    unknowns = (Unknown("a", 1.0, 0.1, 10.0, "log"), Unknown("b", 4.0, 0.1, 10.0))
+    at, column = np.array([0.0, 4.0]), np.linspace(1, 2, 20) * 100
+    limits = RULE.limits(unknowns, at)
+    (found,) = unseen_directions(np.stack([column, -column / 4.0], axis=1), limits)
+    assert direction_words(found, unknowns, limits, at).startswith("Only the ratio a/b is seen, not each. ")
+    signed = (unknowns[0], Unknown("b", 4.0, -10.0, 10.0))
+    assert direction_words(found, signed, limits, at).startswith("a + ")
