@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -28,6 +28,7 @@ from porocore.calibration.rounds import FitRounds, experiments_identity
 from porocore.core.console import Console
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.store import ResultStore
+from porocore.core.parallel.calls import CallProcesses
 from porocore.core.parallel.threads import one_blas_thread
 from porocore.states import Array
 from porocore.study.preflight.checks import check_backends
@@ -83,25 +84,21 @@ def calibrate(
         console.note(note)
     with one_blas_thread(), folder, ExitStack() as stack:
         cells = families(plan, folder.path, stack, console, chosen_store(store))
-        return _calibrated(plan, folder, cells, console, synthetic, began)
+        for family in cells:
+            family.learn()
+        count = min(len(plan.experiments), plan.experiments[0].config.sampling.worker_count())
+        processes = stack.enter_context(CallProcesses(count)) if count > 1 else None
+        rounds = FitRounds(plan, folder, cells, console, processes)
+        return _calibrated(rounds, synthetic, began)
 
 
-def _calibrated(
-    plan: CalibrationPlan,
-    folder: CalibrationFolder,
-    cells: list[FamilyCells],
-    console: Console,
-    synthetic: bool,
-    began: float,
-) -> Calibration:
-    for family in cells:
-        family.learn()
-    rounds = FitRounds(plan, folder, cells, console)
+def _calibrated(rounds: FitRounds, synthetic: bool, began: float) -> Calibration:
+    plan, folder, console = rounds.plan, rounds.folder, rounds.console
     if synthetic:
         plan = rounds.plan = _with_made_up_data(plan, rounds.model)
     misfit, found = rounds.fitted(curve_data(plan.curves))
     inference = _inferred(plan, misfit, found, rounds, console)
-    done = _finished(folder, plan, misfit, found, inference, cells, time.monotonic() - began)
+    done = _finished(folder, plan, misfit, found, inference, rounds.cells, time.monotonic() - began)
     truth = np.array([each.unknown.start for each in plan.unknowns]) if synthetic else None
     write_results(folder, done, misfit, rounds.record, truth)
     for warning in done.warnings:
@@ -164,7 +161,7 @@ def _finished(
     misfit: Misfit,
     found: CalibrationFit,
     inference: Inference,
-    cells: list[FamilyCells],
+    cells: Sequence[FamilyCells],
     seconds: float,
 ) -> Calibration:
     quality = FitQuality.of_fit(misfit, inference.best)

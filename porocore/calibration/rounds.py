@@ -17,6 +17,7 @@ from porocore.calibration.problem import CurveData, CurveModel, CurvePrediction,
 from porocore.core.console import Console
 from porocore.core.files.plain_data import json_hash, write_json
 from porocore.core.files.reading import read_json
+from porocore.core.parallel.calls import CallProcesses
 from porocore.errors import RunFolderError
 from porocore.states import Array
 
@@ -54,11 +55,19 @@ class FitRounds:
         Families of the experiments, learned.
     console
         Shows the progress.
+    processes
+        Solve experiments side by side; None: there are none.
     """
 
     def __init__(
-        self, plan: CalibrationPlan, folder: CalibrationFolder, cells: Sequence[FamilyCells], console: Console
+        self,
+        plan: CalibrationPlan,
+        folder: CalibrationFolder,
+        cells: Sequence[FamilyCells],
+        console: Console,
+        processes: CallProcesses | None = None,
     ) -> None:
+        self._processes = processes
         self.plan, self.folder, self.cells, self.console = plan, folder, tuple(cells), console
         self._last = min(family.rounds for family in cells)
         for family in cells:
@@ -93,6 +102,7 @@ class FitRounds:
         return StudiesModel(
             [each.unknown for each in self.plan.unknowns],
             [models[experiment.name] for experiment in self.plan.experiments],
+            self._processes,
         )
 
     def _known_steps(self) -> dict[str, list[float]]:

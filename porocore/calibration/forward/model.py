@@ -8,6 +8,7 @@ import numpy as np
 
 from porocore.calibration.forward.experiment import ExperimentModel
 from porocore.calibration.problem import CurveModel, CurvePrediction, Unknown
+from porocore.core.parallel.calls import CallProcesses, Tell
 from porocore.states import Array
 
 
@@ -20,16 +21,49 @@ class StudiesModel(CurveModel):
         All unknowns.
     experiments
         A model of each experiment.
+    processes
+        Solve the experiments side by side; None: this process solves one after the other.
     """
 
-    def __init__(self, unknowns: Sequence[Unknown], experiments: Sequence[ExperimentModel]) -> None:
+    def __init__(
+        self,
+        unknowns: Sequence[Unknown],
+        experiments: Sequence[ExperimentModel],
+        processes: CallProcesses | None = None,
+    ) -> None:
         self.unknowns, self.experiments = tuple(unknowns), tuple(experiments)
+        self._processes = processes
 
     def curves(self, values: Array) -> CurvePrediction:
         """Return the curves; see :class:`~porocore.calibration.problem.CurveModel`."""
-        found = [one.curves(values) for one in self.experiments]
+        found = self._each(values)
         return CurvePrediction(
             np.concatenate([each.values for each in found]),
             np.concatenate([each.slopes for each in found]),
             any(each.flagged for each in found),
         )
+
+    def _each(self, values: Array) -> list[CurvePrediction]:
+        if self._processes is None or len(self.experiments) < 2:
+            return [one.curves(values) for one in self.experiments]
+        calls = [
+            self._processes.submit(
+                f"while it solved the experiment '{one.experiment.name}'", curves_elsewhere, one, values
+            )
+            for one in self.experiments
+        ]
+        # All are waited for, so that an error leaves no call behind.
+        failures, found = [], []
+        for call in calls:
+            try:
+                found.append(call.result())
+            except Exception as error:  # noqa: BLE001 - it is raised again below
+                failures.append(error)
+        if failures:
+            raise failures[0]
+        return found
+
+
+def curves_elsewhere(tell: Tell, model: ExperimentModel, values: Array) -> CurvePrediction:
+    """Return the curves of an experiment in this process."""
+    return model.curves(values)

@@ -13,7 +13,7 @@ from porocore.macro.problem import MacroProblem, TimePlan
 from porocore.states import Array
 
 #: A step nearer than this share of its length to the time of a datum is left out, but for kinks of the loads.
-NEAR = 0.3
+NEAR = 0.5
 
 
 def planned_times(problem: MacroProblem) -> Array:
