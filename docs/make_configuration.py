@@ -1,4 +1,4 @@
-"""Tables of docs/configuration.md and docs/cell.md, made from the models, classes and fields that they describe.
+"""Tables of configuration.md, cell.md and calibration.md, made from the models, classes and fields that they describe.
 
 .venv/bin/python docs/make_configuration.py [--check]
 
@@ -34,7 +34,7 @@ from porocore.study.config.schema import field_docstrings
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "configuration.md"
-PAGES = (PAGE, ROOT / "docs" / "cell.md")
+PAGES = (PAGE, ROOT / "docs" / "cell.md", ROOT / "docs" / "calibration.md")
 TABLE = re.compile(
     r"^<!-- (?P<table>keys|kinds|keys-by-kind|fields|parameters|responses) (?P<of>[^\n]+) -->\n.*?^<!-- end -->$",
     flags=re.MULTILINE | re.DOTALL,

@@ -22,11 +22,7 @@ def _no_switch(value: object) -> object:
 
 
 #: A plain number, or a text with a unit, whose quantity another key decides.
-Value = Annotated[
-    Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
-    | Annotated[str, Field(max_length=120, min_length=1)],
-    BeforeValidator(_no_switch),
-]
+Value = Annotated[float | Annotated[str, Field(max_length=120, min_length=1)], BeforeValidator(_no_switch)]
 Positive = Annotated[float, Field(gt=0, le=LARGEST_NUMBER)]
 Name = Annotated[str, Field(min_length=1, max_length=200)]
 Kind = Literal["settlement", "displacement", "force", "pressure", "drained", "inflow"]
@@ -160,11 +156,11 @@ class ExperimentSettings(StrictModel):
 class FitSettings(StrictModel):
     """Search of the unknowns: starts, evaluations, tolerance."""
 
-    starts: Annotated[int, Field(ge=1, le=100)] = 3
+    starts: Annotated[int, Field(ge=1, le=100)] = 2
     """Searches: one from the start values, the others from points spread over the bounds."""
     evaluations: Annotated[int, Field(ge=2, le=10_000)] = 60
     """Evaluations of one search at most."""
-    tolerance: Annotated[float, Field(ge=1e-14, le=1e-2)] = 1e-10
+    tolerance: Annotated[float, Field(ge=1e-14, le=1e-2)] = 1e-8
     """A search ends where the sum of squares, or the unknowns, change by less than this share."""
     rounds: Annotated[int, Field(ge=0, le=20)] = 3
     """So often are further cells solved where the fitted body leaves the states that the surrogate is trusted in."""
