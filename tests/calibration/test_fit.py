@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -49,7 +50,7 @@ def data(noise: float = 0.0, seed: int = 0) -> CurveData:
     )
 
 
-def fitted(model: CurveModel, measured: CurveData, **settings: int) -> tuple[Misfit, CalibrationFit]:
+def fitted(model: CurveModel, measured: CurveData, **settings: Any) -> tuple[Misfit, CalibrationFit]:
     misfit = Misfit(model, measured)
     return misfit, fit(misfit, FitSettings(**settings), Console(io.StringIO()))
 
@@ -115,16 +116,16 @@ def test_a_fit_that_was_killed_goes_on_to_the_same_answer(killed_after: int, tmp
     def recorded(model: CurveModel) -> RecordedModel:
         return RecordedModel(model, EvaluationRecord(tmp_path / "evaluations.jsonl", "one"))
 
-    measured = data(0.05)
+    measured, settings = data(0.05), {"starts": 4, "tolerance": 1e-10}
     whole = Relaxation()
-    _, through = fitted(whole, measured)
+    _, through = fitted(whole, measured, **settings)
     assert whole.count > 20
     with pytest.raises(KeyboardInterrupt):
-        fitted(recorded(Relaxation(last=killed_after)), measured)
+        fitted(recorded(Relaxation(last=killed_after)), measured, **settings)
     with (tmp_path / "evaluations.jsonl").open("a", encoding="utf-8") as file:
         file.write('{"unknowns": [1.0, 0.')  # half a line, as a kill leaves it
     rest = Relaxation()
-    _, resumed = fitted(recorded(rest), measured)
+    _, resumed = fitted(recorded(rest), measured, **settings)
     np.testing.assert_array_equal(resumed.best.coordinates, through.best.coordinates)
     np.testing.assert_array_equal(resumed.best.jacobian, through.best.jacobian)
     kept = EvaluationRecord(tmp_path / "evaluations.jsonl", "one")
