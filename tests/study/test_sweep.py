@@ -114,6 +114,7 @@ def test_the_table_has_a_row_for_each_value(study: porocore.Study, swept: Parame
         np.testing.assert_allclose([float(row[name]) for row in rows], column, rtol=1e-7)
     assert all(path.stat().st_size > 10_000 for path in swept.pictures)
     assert swept.folder.path == Path(f"{study.path}-over-poisson_ratio")
+    assert swept.plan.family.sampling.parameters == "ranges"
     assert "range" in (swept.folder.path / "config.yaml").read_text(encoding="utf-8")
 
 

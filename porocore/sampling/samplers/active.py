@@ -38,6 +38,8 @@ MOST_CANDIDATES = 512
 MOST_AT_MEMBERS = 2048
 #: Members of a family that the states before the first round are solved at, at least.
 FIRST_MEMBERS = 4
+#: Seconds more in which a round of a family is chosen, roughly: its polynomials have more terms.
+FAMILY_SECONDS = 1.0
 #: States of :class:`Active` are at least this share of their mean spacing apart.
 APART = 0.5
 
@@ -72,6 +74,7 @@ class LearningSampler(RoundSampler, StudySampler):
         self.initial = usual if initial is None else whole("sampling.options.initial", initial, 2)
         self.batch = whole("sampling.options.batch", batch, 1)
         self.seed = whole("sampling.options.seed", seed, 0, LARGEST_SEED)
+        self.decision += FAMILY_SECONDS if inputs.parameters else 0.0
         self.choice = MemberChoice.for_states(inputs, count, self.states_per_member, self.seed)
 
     @abstractmethod

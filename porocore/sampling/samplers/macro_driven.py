@@ -76,6 +76,7 @@ class MacroDriven(LearningSampler):
 
     fills_ranges = False
     choosing = "exploring by macro runs"
+    decision = 0.0
 
     def __init__(
         self,
@@ -98,7 +99,7 @@ class MacroDriven(LearningSampler):
         self.tolerance = positive("sampling.tolerance", tolerance)
         self.elements = whole("sampling.options.elements", elements, 1)
         self.steps = whole("sampling.options.steps", steps, 2)
-        self.decision = STEP_SECONDS * self.steps
+        self.decision += STEP_SECONDS * self.steps
         #: Results of the macro runs after each round.
         self.results: list[Array] = []
 

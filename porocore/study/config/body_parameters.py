@@ -105,15 +105,16 @@ def told_apart(
     for each in values:
         if not len(each):
             continue
-        unit = np.clip((each - low) / (high - low), 0, 1)
+        # Round-off decides nothing, not even half-way between two steps.
+        unit = np.clip((each - low) / (high - low), 0, 1).round(DIGITS)
         first = unit[0] if first is None else first
-        varies |= (np.abs(unit - first) > 10.0**-DIGITS).any(axis=0)
+        varies |= (unit != first).any(axis=0)
         here = np.round(unit * LATTICE).astype(np.int64)
         more = here if before is None else _between(before, here)
         rows, before = _distinct(np.concatenate([rows, _distinct(more)])), here
     if first is None:
         return ()
-    shares = np.where(varies, rows / LATTICE, first.round(DIGITS))
+    shares = np.where(varies, rows / LATTICE, first)
     shares = np.unique(shares, axis=0)
     if len(shares) > MOST:
         shares = shares[np.sort(farthest(shares, MOST))]
