@@ -7,11 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from porocore.macro.body.element import VTK_NODES
 from porocore.macro.body.tetrahedra import tetrahedra, tetrahedron_at
 from porocore.states import Array, IntArray
 
 #: Places along the longer side of a section.
 RESOLUTION = 180
+#: Edges are straight whose middles are off by no more than this share of the body.
+STRAIGHT = 1e-9
 #: Axes on the page, to the right and upwards, of the sections across x, y and z.
 SIDES = {0: (2, 1), 1: (0, 2), 2: (0, 1)}
 
@@ -60,8 +63,9 @@ class Section:
 
 def sections(points: Array, cells: IntArray) -> tuple[Section, ...]:
     """Return the sections through the middle of a body with these nodes and elements, across z, x and y."""
-    corners = 8 if cells.shape[1] == 27 else 4
-    parts, owner = tetrahedra(points, cells[:, :corners])
+    straight, element_of = straight_parts(points, cells)
+    parts, part_of = tetrahedra(points, straight)
+    owner = element_of[part_of]
     low, high = points.min(axis=0), points.max(axis=0)
     # Not on a face between elements, of which either might be found.
     middle = (low + high) / 2 + 1e-4 * (high - low)
@@ -81,6 +85,27 @@ def sections(points: Array, cells: IntArray) -> tuple[Section, ...]:
         ends = np.stack([low[sides], high[sides]], axis=1)
         found.append(Section(across, float(middle[across]), ends, element))
     return tuple(found)
+
+
+def straight_parts(points: Array, cells: IntArray) -> tuple[IntArray, IntArray]:
+    """Return elements with straight edges in place of a body's elements, and the element that each is a part of.
+
+    Curved hexahedra are eight each, whose corners are all of their nodes; others are one, their corners.
+    """
+    own = np.arange(len(cells))
+    if cells.shape[1] != 27:
+        return cells[:, :4], own
+    corners, middles = points[cells[:, :8]], points[cells[:, 8:]]
+    share = np.prod(np.where(VTK_NODES[:8] == 0, 2 - VTK_NODES[8:, None], VTK_NODES[8:, None]) / 2, axis=2)
+    off = np.abs(np.einsum("mc,ecx->emx", share, corners) - middles).max(initial=0.0)
+    if off <= STRAIGHT * np.ptp(points, axis=0).max():
+        return cells[:, :8], own
+    number = {tuple(node): i for i, node in enumerate(VTK_NODES.tolist())}
+    eighths = [
+        [number[tuple(corner)] for corner in (first + VTK_NODES[:8] // 2).tolist()]
+        for first in VTK_NODES[:8] // 2
+    ]
+    return cells[:, np.array(eighths)].reshape(-1, 8), np.repeat(own, 8)
 
 
 def most_telling(among: Sequence[Section], values: Array | Callable[[Section], Array]) -> Section:
