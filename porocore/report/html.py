@@ -163,6 +163,7 @@ def _cell_parts(context: ReportContext, pictures: Pictures) -> dict[str, Any]:
         "picture": _cell_picture(context, pictures),
         "parameter_rows": [] if family is None else parameter_rows(family, used, context.units),
         "over_parameters": [] if family is None else over_parameters(context, family, pictures),
+        "spent_on_body": bool(sampling.inputs.used),
         "statuses": status_rows(sampling),
         "solved": solved_sentence(solved_shares(sampling)),
         "training_states": int(sampling.training.sum()),
