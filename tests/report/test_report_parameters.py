@@ -244,6 +244,7 @@ def test_the_page_has_the_cell_over_its_parameters_and_the_cells_of_the_body(con
     inputs = InputSpace.from_ranges(
         {"H22": (-0.4, 0.04), "p": (-0.02, 0.24)}, {"radius": (0.1, 0.3), "c10": (0.5, 2)}
     )
+    inputs = replace(inputs, used=((0.15, 1.0), (0.2, 1.0), (0.25, 2.0)))
     x = np.random.default_rng(0).uniform(inputs.lower, inputs.upper, (40, 4))
     status = np.full(40, int(Status.converged))
     sampling = SamplingSummary(inputs, x, status, status == Status.converged)
@@ -260,6 +261,7 @@ def test_the_page_has_the_cell_over_its_parameters_and_the_cells_of_the_body(con
         "cell.material.c10",
         "Cells of the body",
         "and values of its parameters",
+        "only at values of the parameters that occur in the body",
     ):
         assert said in page.words
     pictures = [image["alt"] for image in page.all("img")]
