@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from scipy import sparse
 
 from porocore.interfaces.law import MacroResponse
 from porocore.interfaces.law_changes import MemoryChanges, ResponseChanges
@@ -83,29 +85,35 @@ class StepEquations:
         StepFailed
             A system has no solution.
         """
-        d, tangent = self.d, self.response.tangent
-        assert tangent is not None
-        x = [
-            self._solve(-d.residual(each, self.dt, own, self.x).values, own.values)
-            for each, own in zip(UnknownChange.each(self.fixed), self.own, strict=True)
-        ]
-        still = np.zeros(len(d.prescribed))
-        for correction in range(CORRECTIONS + 1):
-            total, memory = self.fixed.moved(tangent, *changes_at_points(d, x))
-            parts = UnknownChange.each(total)
-            residuals = [self._residual(*each) for each in zip(parts, self.own, x, strict=True)]
-            misfits = [self._misfit(*each) for each in zip(residuals, x, strict=True)]
-            if max(misfits) <= SMALL or correction == CORRECTIONS:
-                break
+        d = self.d
+        x = [self._prescribed(own) for own in self.own]
+        parts, memory = self._moved(x)
+        residuals = [self._residual(*each) for each in zip(parts, self.own, x, strict=True)]
+        misfits, still = [np.inf] * len(x), np.zeros(len(d.prescribed))
+        for _ in range(1 + CORRECTIONS):
             for j, misfit in enumerate(misfits):
                 if misfit > SMALL:
-                    x[j] = x[j] - self._solve(residuals[j].values, still)
+                    x[j] = x[j] - d.solve(self.linear.system, residuals[j].values, still, again=True)
+            parts, memory = self._moved(x)
+            residuals = [self._residual(*each) for each in zip(parts, self.own, x, strict=True)]
+            misfits = [self._misfit(*each) for each in zip(residuals, x, strict=True)]
+            if max(misfits) <= SMALL:
+                break
         if not max(misfits) <= TOO_LARGE:
             raise StepFailed(f"the linear solver leaves {max(misfits):.2g} of the right-hand side")
         return x, parts, memory, [residual.values for residual in residuals]
 
-    def _solve(self, right: Array, jump: Array) -> Array:
-        return self.d.solve(self.linear.system, right, jump, again=True)
+    def _prescribed(self, own: Loads) -> Array:
+        """Return the changes of the prescribed unknowns, and zero elsewhere."""
+        x = np.zeros(len(self.d.unknowns))
+        x[self.d.prescribed] = own.values
+        return x
+
+    def _moved(self, x: list[Array]) -> tuple[list[UnknownChange], MemoryChanges]:
+        """Return the total derivatives of what is integrated and of the memory where the unknowns change by ``x``."""
+        assert self.response.tangent is not None
+        total, memory = self.fixed.moved(self.response.tangent, *changes_at_points(self.d, x))
+        return UnknownChange.each(total), memory
 
     def _misfit(self, residual: Residual, x: Array) -> float:
         """Return the largest residual over its scale; zero where only round-off is left, as of a rigid motion."""
@@ -115,13 +123,16 @@ class StepEquations:
         force, volume = largest_free(d, d.magnitudes(self.linear.system, x))
         return misfit_of(d, residual, (ROUND_OFF * force, ROUND_OFF * volume))
 
+    @cached_property
+    def _follower(self) -> sparse.csr_matrix | None:
+        return self.d.follower_tangent(self.x, self.loads)
+
     def _residual(self, change: UnknownChange, own: Loads, x: Array) -> Residual:
         """Return the total derivative of the residual by one unknown, which is zero in the equations."""
-        d, found = self.d, self.d.residual(change, self.dt, own, self.x)
-        follower = d.follower_tangent(self.x, self.loads)
+        d, found, follower = self.d, self.d.residual(change, self.dt, own, self.x), self._follower
         if follower is None:
             return found
         whole = np.zeros(d.mesh.size)
-        whole[: d.mesh.n_u] = (follower @ d.to_mesh(x)[: follower.shape[1]])[: d.mesh.n_u]
+        whole[: d.mesh.n_u] = follower @ d.to_mesh(x)[: d.mesh.n_u]
         moved = np.where(np.arange(len(d.unknowns)) < d.owned, d.from_mesh(whole), 0.0)
         return Residual(found.values + moved, found.force_scale, found.volume_scale)
