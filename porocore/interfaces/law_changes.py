@@ -112,7 +112,7 @@ class ResponseChanges(Batch):
 
         def along(by_H: Array, by_p: Array, *shape: int) -> Array:
             slopes: Array = np.matmul(by_H.reshape(n, -1, 9), H)
-            slopes += by_p.reshape(n, -1, 1) * p[:, None, :]
+            add_scaled(slopes, by_p.reshape(n, -1), p)
             return slopes.reshape(n, *shape, k)
 
         stored = along(tangent.storage_grad_u, tangent.storage_p)
@@ -129,3 +129,9 @@ class ResponseChanges(Batch):
             flux + np.matmul(tangent.flux_grad_p, grad_p),
         )
         return total, MemoryChanges(grad_u, p, mean_grad, fluid)
+
+
+def add_scaled(total: Array, values: Array, factors: Array) -> None:
+    """Add values (n, r) times factors (n, k), many of them zero, to ``total`` (n, r, k) in place."""
+    for j in np.flatnonzero(factors.any(axis=0)):
+        total[..., j] += values * factors[:, j, None]

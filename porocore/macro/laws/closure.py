@@ -11,7 +11,7 @@ from porocore.cell.cell import Cell
 from porocore.cell.materials.composite import Solid
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import LawMemory, MacroResponse, UndeformedCells, fingerprint
-from porocore.interfaces.law_changes import MemoryChanges, ResponseChanges
+from porocore.interfaces.law_changes import MemoryChanges, ResponseChanges, add_scaled
 from porocore.macro.laws.cell_changes import CellChanges
 from porocore.macro.laws.pull_back import CONDUCTIVITY_LAWS, ConductivityLaw, PulledBack, at_points
 from porocore.states import Array, CellResponse, MacroState
@@ -111,12 +111,13 @@ class Closure(ABC):
         self, cell: CellResponse, by: CellChanges, cells: UndeformedCells | None = None
     ) -> Array:
         """Return the changes (n, 3, 3, k) of F̄ = I + H + <∇u¹>_s/φ_s at fixed H."""
-        share = at_points(self.solid_fraction_of(cells), 3)
-        grown = by.porosity[:, None, None, :] / share
-        return np.asarray((by.mean_grad + cell.mean_grad[..., None] * grown) / share)
+        share, n = at_points(self.solid_fraction_of(cells), 2), len(cell)
+        found: Array = by.mean_grad / at_points(self.solid_fraction_of(cells), 3)
+        add_scaled(found.reshape(n, 9, -1), (cell.mean_grad / share**2).reshape(n, 9), by.porosity)
+        return found
 
     @abstractmethod
-    def changes(
+    def respond_to_changes(
         self,
         states: MacroState,
         cell: CellResponse,
@@ -127,8 +128,8 @@ class Closure(ABC):
         *,
         cells: UndeformedCells | None = None,
         cells_before: UndeformedCells | None = None,
-    ) -> ResponseChanges:
-        """Return the derivatives of the response at fixed (H, p, ∇p) by k unknowns.
+    ) -> tuple[MacroResponse, ResponseChanges]:
+        """Return the response with its tangent, and its derivatives at fixed (H, p, ∇p) by k unknowns.
 
         Parameters
         ----------

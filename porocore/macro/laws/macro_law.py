@@ -171,10 +171,23 @@ class ClosedLaw(MacroLaw):
         K = closure.conductivity if cells is None else cells.conductivity
         undeformed = None if closure.law == "deformed" else K
         by = cell_changes(self.cell_law, states, cell, changes, undeformed, closure.responses)
-        derivatives = closure.changes(
-            states, cell, grad_p, memory, by, before, cells=cells, cells_before=cells_before
-        )
-        return self._closed(states, cell, grad_p, memory, True, cells, cells_before), derivatives
+        closed = [
+            closure.respond_to_changes(
+                states[part],
+                cell[part],
+                grad_p[part],
+                memory[part],
+                by[part],
+                before[part],
+                cells=None if cells is None else cells[part],
+                cells_before=None if cells_before is None else cells_before[part],
+            )
+            for part in _parts(len(states))
+        ]
+        if len(closed) == 1:
+            return closed[0]
+        responses, derivatives = map(list, zip(*closed, strict=True))
+        return MacroResponse.concatenate(responses), ResponseChanges.concatenate(derivatives)
 
     def _closed(
         self,
@@ -187,7 +200,6 @@ class ClosedLaw(MacroLaw):
         before: UndeformedCells | None,
     ) -> MacroResponse:
         """Return the response that the closure makes of the cell's, so many points at a time."""
-        parts = [slice(first, first + CHUNK) for first in range(0, len(states), CHUNK)]
 
         def closed(part: slice) -> MacroResponse:
             return self.closure.respond(
@@ -200,11 +212,19 @@ class ClosedLaw(MacroLaw):
                 before=None if before is None else before[part],
             )
 
-        return closed(slice(None)) if len(parts) <= 1 else MacroResponse.concatenate([*map(closed, parts)])
+        parts = _parts(len(states))
+        return closed(parts[0]) if len(parts) == 1 else MacroResponse.concatenate([*map(closed, parts)])
 
     def reasons(self, states: MacroState) -> list[str]:
         """Return the reasons that the cell law knows; see :class:`MacroLaw`."""
         return self.cell_law.reasons(states)
+
+
+def _parts(n: int) -> list[slice]:
+    """Return the parts of n points that a closure treats at once, one at least."""
+    if n <= CHUNK:
+        return [slice(None)]
+    return [slice(first, first + CHUNK) for first in range(0, n, CHUNK)]
 
 
 class SurrogateRefinement(Protocol):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from porocore.cell.cell import Cell
@@ -9,7 +11,7 @@ from porocore.cell.materials.composite import Composite, Solid
 from porocore.core.tensors.cofactors import cofactor_tangent
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import LawMemory, MacroResponse, MacroTangent, UndeformedCells
-from porocore.interfaces.law_changes import MemoryChanges, ResponseChanges
+from porocore.interfaces.law_changes import MemoryChanges, ResponseChanges, add_scaled
 from porocore.macro.laws.cell_changes import CellChanges
 from porocore.macro.laws.closure import Closure
 from porocore.macro.laws.pull_back import ConductivityLaw, PulledBack, at_points, deformation_tangent
@@ -21,6 +23,28 @@ def _unfit(reason: str) -> str:
         "closure 'mean-gradient' takes the stress of the solid at its mean deformation, so the whole solid must have "
         f"one strain energy without a stress at rest, but {reason}; choose closure: potential"
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Deformed:
+    """Kinematics and stress of n points; the change of φ_s (n,) with <∇u¹>_s/φ_s (n, 3, 3) is None without one."""
+
+    phi_s: float | Array
+    share: float | Array  #: φ_s, (n, 1, 1) or one number
+    p: Array  #: (n, 1, 1)
+    pore: PulledBack
+    step: Array  #: (n, 3, 3)  φ_f ΔH − Δ<∇u¹>_s
+    grown: tuple[Array, Array] | None
+    solid: Array  #: (n, 3, 3)  F̄, and the identity where there is none
+    solid_stress: Array  #: (n, 3, 3)  ∂Ψ/∂F(F̄)
+
+
+@dataclass(frozen=True, eq=False)
+class _Slopes:
+    """Derivatives of the stress, and of the storage in the last row, by F̄ (n, 10, 9); −∂storage/∂<∇u¹>_s (n, 1, 9)."""
+
+    by_deformation: Array
+    by_mean_grad: Array
 
 
 class MeanGradientClosure(Closure):
@@ -78,31 +102,10 @@ class MeanGradientClosure(Closure):
         before: UndeformedCells | None = None,
     ) -> MacroResponse:
         """Return the response at n points; NaN where det F̄ ≤ 0 or det(I + H) ≤ 0."""
-        phi_s = self.solid_fraction_of(cells)
-        share, p = at_points(phi_s, 2), states.p[:, None, None]
-        phi_f = 1 - share
-        pore = self.pull_back(states, cell, grad_p, cells)
-        step = phi_f * (states.grad_u - memory.states.grad_u) - (cell.mean_grad - memory.mean_grad)
-        storage, grown = np.einsum("nij,nij->n", pore.cof, step), None
-        if before is not None and cells is not None:
-            grown = (before.porosity - cells.porosity, cell.mean_grad / share)
-            storage = storage - grown[0] * (pore.J - np.einsum("nij,nij->n", pore.cof, grown[1]))
-        solid_stress = np.where(pore.missing, np.nan, self.energy.stress(self._solid(pore)))
-        return MacroResponse(
-            stress=share * solid_stress - phi_f * p * pore.cof,
-            storage=storage,
-            flux=pore.flux,
-            memory=self.memory(states, cell),
-            deformation=pore.F,
-            volume_ratio=pore.J,
-            transformed_conductivity=pore.transformed,
-            outside_training_range=np.zeros(len(p), bool)
-            if cell.outside_training_range is None
-            else cell.outside_training_range,
-            tangent=self._tangent(p, pore, step, grad_p, cell.tangent, phi_s, grown) if tangent else None,
-        )
+        at = self._deformed(states, cell, grad_p, memory, cells, before)
+        return self._response(at, states, cell, self._slopes(at) if tangent else None)
 
-    def changes(
+    def respond_to_changes(
         self,
         states: MacroState,
         cell: CellResponse,
@@ -113,109 +116,115 @@ class MeanGradientClosure(Closure):
         *,
         cells: UndeformedCells | None = None,
         cells_before: UndeformedCells | None = None,
-    ) -> ResponseChanges:
-        """Return the derivatives at fixed (H, p, ∇p); see :class:`Closure`.
+    ) -> tuple[MacroResponse, ResponseChanges]:
+        """Return the response and its derivatives; see :class:`Closure`.
 
         Raises
         ------
         ConfigurationError
             φ_s depends on an unknown, and changes with time.
         """
-        assert before.mean_grad is not None
         tangent = cell.tangent
+        assert before.mean_grad is not None
         assert tangent is not None
-        n, k = by.modulus.shape
-        share, p = at_points(self.solid_fraction_of(cells), 2), states.p[:, None, None]
-        phi_f, pore = 1 - share, self.pull_back(states, cell, grad_p, cells)
-        F, dF = self._solid(pore), self.deformation_changes(cell, by, cells)
-        along, cof_F = dF.reshape(n, 9, k), cofactor_tangent(pore.F).reshape(n, 9, 9)
-        cof_change, cof = cof_F @ along, pore.cof.reshape(n, 1, 9)
-        solid = self.energy.stress(F)
-        stress = share * (self.energy.tangent(F).reshape(n, 9, 9) @ along) - phi_f * p * cof_change
-        stress += (share * solid).reshape(n, 9, 1) * by.modulus[:, None, :]
-        stress -= (solid + p * pore.cof).reshape(n, 9, 1) * by.porosity[:, None, :]
-        since = states.grad_u - memory.states.grad_u
-        step = phi_f * since - (cell.mean_grad - memory.mean_grad)
-        moved = (before.mean_grad - by.mean_grad).reshape(n, 9, k) - phi_f * before.grad_u.reshape(n, 9, k)
-        moved += since.reshape(n, 9, 1) * by.porosity[:, None, :]
-        storage: Array = np.matmul(step.reshape(n, 1, 9), cof_change) + np.matmul(cof, moved)
-        if cells_before is not None and cells is not None:
-            storage = storage - self._growth(
-                cell, by, share, cells_before.porosity - cells.porosity, cof, cof_change
+        if cells_before is not None and by.porosity.any():
+            raise ConfigurationError(
+                "closure 'mean-gradient' gives no derivatives by parameters that change the porosity where these "
+                "change with time; choose closure: potential"
             )
-        return ResponseChanges(
+        at = self._deformed(states, cell, grad_p, memory, cells, cells_before)
+        slopes, (n, k), dF = self._slopes(at), by.modulus.shape, self.deformation_changes(cell, by, cells)
+        found: Array = np.matmul(slopes.by_deformation, dF.reshape(n, 9, k))
+        stress, storage = found[:, :9], found[:, 9:]
+        add_scaled(stress, (at.share * at.solid_stress).reshape(n, 9), by.modulus)
+        add_scaled(stress, -(at.solid_stress + at.p * at.pore.cof).reshape(n, 9), by.porosity)
+        moved = before.mean_grad.reshape(n, 9, k) - (1 - at.share) * before.grad_u.reshape(n, 9, k)
+        add_scaled(moved, (states.grad_u - memory.states.grad_u).reshape(n, 9), by.porosity)
+        storage += at.pore.cof.reshape(n, 1, 9) @ moved - slopes.by_mean_grad @ by.mean_grad.reshape(n, 9, k)
+        return self._response(at, states, cell, slopes), ResponseChanges(
             stress=stress.reshape(n, 3, 3, k),
             storage=storage[:, 0],
-            flux=pore.flux_changes(grad_p, dF, by.conductivity, self.law),
+            flux=at.pore.flux_changes(dF, by.conductivity, self.law),
             mean_grad=by.mean_grad,
             mean_grad_grad_u=tangent.mean_grad_grad_u,
             mean_grad_p=tangent.mean_grad_p,
         )
 
-    def _growth(
+    def _deformed(
         self,
+        states: MacroState,
         cell: CellResponse,
-        by: CellChanges,
-        share: float | Array,
-        grown: Array,
-        cof: Array,
-        cof_change: Array,
-    ) -> Array:
-        """Return the change (n, 1, k) of (det F̄ − Ḡᵀ:m/φ_s) Δφ_s, with Δφ_s = ``grown`` (n,)."""
-        if by.porosity.any():
-            raise ConfigurationError(
-                "closure 'mean-gradient' gives no derivatives by parameters that change the porosity where these "
-                "change with time; choose closure: potential"
-            )
-        mean = (cell.mean_grad / share).reshape(len(cell), 1, 9)
-        # det F̄ changes by Ḡᵀ:δF̄, of which δm/φ_s is all.
-        return np.asarray(-grown[:, None, None] * (mean @ cof_change))
+        grad_p: Array,
+        memory: LawMemory,
+        cells: UndeformedCells | None,
+        before: UndeformedCells | None,
+    ) -> _Deformed:
+        phi_s = self.solid_fraction_of(cells)
+        share = at_points(phi_s, 2)
+        pore = self.pull_back(states, cell, grad_p, cells)
+        step = (1 - share) * (states.grad_u - memory.states.grad_u) - (cell.mean_grad - memory.mean_grad)
+        grown = None
+        if before is not None and cells is not None:
+            grown = (before.porosity - cells.porosity, cell.mean_grad / share)
+        # Ψ is asked only where there is a state.
+        solid = np.where(pore.missing, np.eye(3), pore.F)
+        stress = np.where(pore.missing, np.nan, self.energy.stress(solid))
+        return _Deformed(phi_s, share, states.p[:, None, None], pore, step, grown, solid, stress)
+
+    def _response(
+        self, at: _Deformed, states: MacroState, cell: CellResponse, slopes: _Slopes | None
+    ) -> MacroResponse:
+        pore = at.pore
+        storage = np.einsum("nij,nij->n", pore.cof, at.step)
+        if at.grown is not None:
+            storage = storage - at.grown[0] * (pore.J - np.einsum("nij,nij->n", pore.cof, at.grown[1]))
+        return MacroResponse(
+            stress=at.share * at.solid_stress - (1 - at.share) * at.p * pore.cof,
+            storage=storage,
+            flux=pore.flux,
+            memory=self.memory(states, cell),
+            deformation=pore.F,
+            volume_ratio=pore.J,
+            transformed_conductivity=pore.transformed,
+            outside_training_range=np.zeros(len(states), bool)
+            if cell.outside_training_range is None
+            else cell.outside_training_range,
+            tangent=None if slopes is None else self._tangent(at, cell.tangent, slopes),
+        )
+
+    def _slopes(self, at: _Deformed) -> _Slopes:
+        """Return the derivatives by F̄ and by <∇u¹>; second-rank tensors are rows of 9, fourth-rank ones 9 × 9."""
+        n, pore, share = len(at.pore.J), at.pore, at.share
+        cof_F = cofactor_tangent(pore.F).reshape(n, 9, 9)
+        cof_row = pore.cof.reshape(n, 1, 9)
+        by_F = np.empty((n, 10, 9))
+        by_F[:, 9:] = at.step.reshape(n, 1, 9) @ cof_F
+        by_m = cof_row
+        if at.grown is not None:
+            change = at.grown[0][:, None, None]
+            by_F[:, 9:] -= change * (cof_row - at.grown[1].reshape(n, 1, 9) @ cof_F)
+            by_m = cof_row * (1 - change / share)
+        cof_F *= (1 - share) * at.p
+        np.multiply(self.energy.tangent(at.solid).reshape(n, 9, 9), share, out=by_F[:, :9])
+        by_F[:, :9] -= cof_F
+        return _Slopes(by_F, by_m)
 
     @staticmethod
-    def _solid(pore: PulledBack) -> Array:
-        """F̄, and the identity where there is none: Ψ is asked only where it exists."""
-        return np.where(pore.missing, np.eye(3), pore.F)
-
-    def _tangent(
-        self,
-        p: Array,
-        pore: PulledBack,
-        step: Array,
-        grad_p: Array,
-        cell: CellTangent | None,
-        phi_s: float | Array,
-        grown: tuple[Array, Array] | None,
-    ) -> MacroTangent:
-        """Chain rule through F̄(H, p); second-rank tensors are rows of 9, fourth-rank ones 9 × 9 matrices.
-
-        ``grown`` is the change of φ_s (n,) and <∇u¹>_s/φ_s (n, 3, 3).
-        """
+    def _tangent(at: _Deformed, cell: CellTangent | None, slopes: _Slopes) -> MacroTangent:
+        """Return the chain rule through F̄(H, p)."""
         assert cell is not None
         assert cell.mean_grad_grad_u is not None
         assert cell.mean_grad_p is not None
-        n, share = len(pore.J), at_points(phi_s, 2)
-        phi_f = 1 - share
+        n, pore, phi_f = len(at.pore.J), at.pore, 1 - at.share
         M, Q = cell.mean_grad_grad_u.reshape(n, 9, 9), cell.mean_grad_p.reshape(n, 9, 1)
-        dF_dH, dF_dp = deformation_tangent(cell, phi_s)
-        cof_F = cofactor_tangent(pore.F).reshape(n, 9, 9)
-        cof_row = pore.cof.reshape(n, 1, 9)
-
-        by_F = np.empty((n, 10, 9))  # of the stress, and of the storage
-        by_F[:, 9:] = step.reshape(n, 1, 9) @ cof_F
-        by_m = cof_row
-        if grown is not None:
-            change = grown[0][:, None, None]
-            by_F[:, 9:] -= change * (cof_row - grown[1].reshape(n, 1, 9) @ cof_F)
-            by_m = cof_row * (1 - change / share)
-        cof_F *= phi_f * p
-        np.multiply(self.energy.tangent(self._solid(pore)).reshape(n, 9, 9), share, out=by_F[:, :9])
-        by_F[:, :9] -= cof_F
+        by_F, by_m = slopes.by_deformation, slopes.by_mean_grad
+        dF_dH, dF_dp = deformation_tangent(cell, at.phi_s)
         by_H, by_p = by_F @ dF_dH, (by_F @ dF_dp)[..., 0]
-        flux_H, flux_p = pore.flux_tangent(grad_p, cell, phi_s, (dF_dH, dF_dp))
+        flux_H, flux_p = pore.flux_tangent(cell, at.phi_s, (dF_dH, dF_dp))
         return MacroTangent(
             stress_grad_u=by_H[:, :9].reshape(n, 3, 3, 3, 3),
             stress_p=by_p[:, :9].reshape(n, 3, 3) - phi_f * pore.cof,
-            storage_grad_u=(by_H[:, 9:10] + phi_f * cof_row - by_m @ M).reshape(n, 3, 3),
+            storage_grad_u=(by_H[:, 9:10] + phi_f * pore.cof.reshape(n, 1, 9) - by_m @ M).reshape(n, 3, 3),
             storage_p=by_p[:, 9] - (by_m @ Q)[:, 0, 0],
             flux_grad_u=flux_H.reshape(n, 3, 3, 3),
             flux_p=flux_p,

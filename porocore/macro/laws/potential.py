@@ -60,11 +60,22 @@ class PotentialClosure(Closure):
         ValueError
             The memory was made by a closure that keeps no fluid volume.
         """
+        pore = self.pull_back(states, cell, grad_p, cells)
+        return self._response(states, cell, pore, memory, cells, tangent)
+
+    def _response(
+        self,
+        states: MacroState,
+        cell: CellResponse,
+        pore: PulledBack,
+        memory: LawMemory,
+        cells: UndeformedCells | None,
+        tangent: bool,
+    ) -> MacroResponse:
         if memory.fluid_volume is None:
             raise ValueError("expected a memory with the fluid volume; make it by ClosedLaw.initial")
         assert cell.stress is not None
         assert cell.fluid_volume is not None
-        pore = self.pull_back(states, cell, grad_p, cells)
         taken_up = cell.fluid_volume - memory.fluid_volume
         return MacroResponse(
             stress=np.where(pore.missing, np.nan, cell.stress),
@@ -77,12 +88,10 @@ class PotentialClosure(Closure):
             outside_training_range=np.zeros(len(states), bool)
             if cell.outside_training_range is None
             else cell.outside_training_range,
-            tangent=self._tangent(pore, grad_p, cell.tangent, self.solid_fraction_of(cells))
-            if tangent
-            else None,
+            tangent=self._tangent(pore, cell.tangent, self.solid_fraction_of(cells)) if tangent else None,
         )
 
-    def changes(
+    def respond_to_changes(
         self,
         states: MacroState,
         cell: CellResponse,
@@ -93,35 +102,32 @@ class PotentialClosure(Closure):
         *,
         cells: UndeformedCells | None = None,
         cells_before: UndeformedCells | None = None,
-    ) -> ResponseChanges:
-        """Return the derivatives at fixed (H, p, ∇p); see :class:`Closure`."""
+    ) -> tuple[MacroResponse, ResponseChanges]:
+        """Return the response and its derivatives; see :class:`Closure`."""
         assert by.stress is not None
         assert by.fluid_volume is not None
         assert before.fluid_volume is not None
         pore = self.pull_back(states, cell, grad_p, cells)
-        return ResponseChanges(
+        found = ResponseChanges(
             stress=by.stress,
             storage=by.fluid_volume - before.fluid_volume,
-            flux=pore.flux_changes(
-                grad_p, self.deformation_changes(cell, by, cells), by.conductivity, self.law
-            ),
+            flux=pore.flux_changes(self.deformation_changes(cell, by, cells), by.conductivity, self.law),
             fluid_volume=by.fluid_volume,
         )
+        return self._response(states, cell, pore, memory, cells, True), found
 
     def memory(self, states: MacroState, cell: CellResponse) -> LawMemory:
         """Return the memory with the fluid volume, from which the next storage is counted."""
         return LawMemory(states, cell.mean_grad, cell.fluid_volume)
 
     @staticmethod
-    def _tangent(
-        pore: PulledBack, grad_p: Array, cell: CellTangent | None, solid_fraction: float | Array
-    ) -> MacroTangent:
+    def _tangent(pore: PulledBack, cell: CellTangent | None, solid_fraction: float | Array) -> MacroTangent:
         assert cell is not None
         assert cell.stress_grad_u is not None
         assert cell.stress_p is not None
         assert cell.fluid_volume_grad_u is not None
         assert cell.fluid_volume_p is not None
-        flux_H, flux_p = pore.flux_tangent(grad_p, cell, solid_fraction)
+        flux_H, flux_p = pore.flux_tangent(cell, solid_fraction)
         return MacroTangent(
             stress_grad_u=cell.stress_grad_u,
             stress_p=cell.stress_p,

@@ -7,6 +7,7 @@ the deformed pore, which is a response of the cell.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal, get_args
 
 import numpy as np
@@ -39,8 +40,8 @@ class PulledBack:
         K_ref, between ∇_X p and the flux through reference area: Ḡ K̂ F̄⁻ᵀ, or that of the deformed pore.
     transformed : (n, 3, 3)
         K_t = K_ref/det F̄ (Dehghani & Zilian's transformed conductivity), F̄⁻¹ K̂ F̄⁻ᵀ where K is carried along.
-    flux : (n, 3)
-        q = −conductivity ∇_X p.
+    grad_p, flux : (n, 3)
+        ∇_X p, and q = −conductivity ∇_X p.
     undeformed : (3, 3) or (n, 3, 3)
         K; None where the conductivity is that of the deformed pore.
     rotation : (n, 3, 3)
@@ -52,6 +53,7 @@ class PulledBack:
     cof: Array
     conductivity: Array
     transformed: Array
+    grad_p: Array
     flux: Array
     undeformed: Array | None
     rotation: Array | None = None
@@ -93,7 +95,8 @@ class PulledBack:
             conductivity = cof.swapaxes(1, 2) @ carried @ cof / J[:, None, None]
         transformed = conductivity / J[:, None, None]
         flux = -(conductivity @ grad_p[:, :, None])[..., 0]
-        return cls(F, J, cof, conductivity, transformed, flux, None if law == "deformed" else K, rotation)
+        undeformed = None if law == "deformed" else K
+        return cls(F, J, cof, conductivity, transformed, grad_p, flux, undeformed, rotation)
 
     @property
     def missing(self) -> Array:
@@ -102,7 +105,6 @@ class PulledBack:
 
     def flux_tangent(
         self,
-        grad_p: Array,
         cell: CellTangent,
         solid_fraction: float | Array,
         deformation: tuple[Array, Array] | None = None,
@@ -119,15 +121,15 @@ class PulledBack:
         """
         n = len(self.J)
         if self.undeformed is not None:
-            by_F = self._flux_by_deformation(grad_p, self.undeformed)
+            by_F = self.flux_by_deformation
             dF_dH, dF_dp = deformation or deformation_tangent(cell, solid_fraction)
             return by_F @ dF_dH, (by_F @ dF_dp)[..., 0]
         if cell.conductivity_grad_u is None or cell.conductivity_p is None:
             return np.zeros((n, 3, 9)), np.zeros((n, 3))
-        by_H = np.einsum("nijk,nj->nik", cell.conductivity_grad_u.reshape(n, 3, 3, 9), grad_p)
-        return -by_H, -(cell.conductivity_p @ grad_p[:, :, None])[..., 0]
+        by_H = np.einsum("nijk,nj->nik", cell.conductivity_grad_u.reshape(n, 3, 3, 9), self.grad_p)
+        return -by_H, -(cell.conductivity_p @ self.grad_p[:, :, None])[..., 0]
 
-    def flux_changes(self, grad_p: Array, deformation: Array, K: Array, law: ConductivityLaw) -> Array:
+    def flux_changes(self, deformation: Array, K: Array, law: ConductivityLaw) -> Array:
         """Return the changes (n, 3, k) of q at fixed ∇p.
 
         Parameters
@@ -141,21 +143,26 @@ class PulledBack:
         """
         n, k = len(K), K.shape[-1]
         if self.undeformed is None:
-            return np.asarray(-np.einsum("nijk,nj->nik", K, grad_p))
+            return -_along(K, self.grad_p)
         R = self.rotation
         if R is None and law == "piola" and not is_isotropic(np.moveaxis(K, -1, 1)):
             R = polar_rotation(np.where(self.missing, np.eye(3), self.F))
-        pulled = (self.cof @ grad_p[:, :, None])[..., 0]
+        pulled = (self.cof @ self.grad_p[:, :, None])[..., 0]
         turned = pulled if R is None else (pulled[:, None, :] @ R)[:, 0]
-        flow = np.einsum("nijk,nj->nik", K, turned)
+        flow = _along(K, turned)
         if R is not None:
             flow = R @ flow
-        moved = self._flux_by_deformation(grad_p, self.undeformed) @ deformation.reshape(n, 9, k)
+        moved = self.flux_by_deformation @ deformation.reshape(n, 9, k)
         return np.asarray(moved - self.cof.swapaxes(1, 2) @ flow / self.J[:, None, None])
 
-    def _flux_by_deformation(self, grad_p: Array, K: Array) -> Array:
-        """Return ∂q/∂F̄ (n, 3, 9), for R̄ held q_i F̄⁻¹_lk − F̄⁻¹_ik q_l + (K_ref)_il (F̄⁻ᵀ ∇_X p)_k."""
-        n, R, q = len(self.J), self.rotation, self.flux
+    @cached_property
+    def flux_by_deformation(self) -> Array:
+        """∂q/∂F̄ (n, 3, 9) of a K that is carried along.
+
+        For R̄ held it is q_i F̄⁻¹_lk − F̄⁻¹_ik q_l + (K_ref)_il (F̄⁻ᵀ ∇_X p)_k.
+        """
+        n, R, q, K, grad_p = len(self.J), self.rotation, self.flux, self.undeformed, self.grad_p
+        assert K is not None
         inverse = np.ascontiguousarray(self.cof.swapaxes(1, 2)) / self.J[:, None, None]
         pulled = (grad_p[:, None, :] @ inverse)[:, 0]
         by_F = q[:, :, None, None] * inverse.swapaxes(1, 2)[:, None]
@@ -173,6 +180,14 @@ class PulledBack:
     def _states_of(self, R: Array) -> Array:
         """Return F̄ (n, 3, 3), and R where there is none."""
         return np.where(self.missing, R, self.F)
+
+
+def _along(K: Array, vectors: Array) -> Array:
+    """Return K v (n, 3, k) of tensors (n, 3, 3, k) and vectors (n, 3)."""
+    found = np.zeros((len(K), 3, K.shape[-1]))
+    for j in np.flatnonzero(K.any(axis=(0, 1, 2))):
+        found[..., j] = (K[..., j] @ vectors[:, :, None])[..., 0]
+    return found
 
 
 def is_isotropic(K: Array) -> bool:

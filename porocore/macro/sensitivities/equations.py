@@ -87,7 +87,8 @@ class StepEquations:
         """
         d = self.d
         x = [self._prescribed(own) for own in self.own]
-        parts, memory = self._moved(x)
+        lifted = d.communicator.max(float(any(each.any() for each in x))) > 0
+        parts = self._moved(x)[0] if lifted else UnknownChange.each(self.fixed)
         residuals = [self._residual(*each) for each in zip(parts, self.own, x, strict=True)]
         misfits, still = [np.inf] * len(x), np.zeros(len(d.prescribed))
         for _ in range(1 + CORRECTIONS):
