@@ -156,3 +156,25 @@ def test_data_that_nothing_explains_are_told_in_one_sentence() -> None:
     quality = FitQuality.of_fit(misfit, found.best)
     assert "no values of the unknowns explain the data" in quality.complaint
     assert "the curve 'force' is off by" in quality.complaint
+
+
+class Valley(CurveModel):
+    """A bent valley (x, x²) whose floor falls by less than anything that counts."""
+
+    unknowns = (Unknown("x", -1.2, -3.0, 3.0), Unknown("y", 1.44, -1.0, 9.0))
+
+    def curves(self, values: Array) -> CurvePrediction:
+        x, y = values
+        slopes = np.array([[-2e3 * x, 1e3], [0.05, 0.0]])
+        return CurvePrediction(np.array([1e3 * (y - x**2), 0.05 * (x - 1)]), slopes)
+
+
+def test_a_search_does_not_creep_along_a_valley(monkeypatch: pytest.MonkeyPatch) -> None:
+    measured = CurveData(np.zeros(2), np.ones(2), np.zeros(2, np.int64), np.arange(2.0), ("curve",))
+    _, found = fitted(Valley(), measured, starts=1, evaluations=500)
+    assert found.converged
+    assert 2 * found.best.cost < 0.02
+    assert found.searches[0].evaluations < 20
+    monkeypatch.setattr("porocore.calibration.fit.search.GAIN", 0.0)
+    _, whole = fitted(Valley(), measured, starts=1, evaluations=500)
+    assert whole.searches[0].evaluations > 2 * found.searches[0].evaluations

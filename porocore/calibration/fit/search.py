@@ -16,6 +16,9 @@ from porocore.states import Array
 
 #: Tolerance of the searches beside the first, until one is better by more than this share of a variance.
 ROUGH, ALIKE = 1e-4, 1e-2
+#: A search ends where so many steps together lower the sum of squares by less than this: along a direction that the
+#: data do not see it would creep on to a bound, to no effect on any statement.
+CREEPING, GAIN = 5, 0.02
 #: Other starts lie this share of the bounds' distance away from them.
 AWAY = 0.1
 
@@ -31,7 +34,7 @@ class Search:
     end
         Where it ended; None: the start could not be computed.
     converged
-        Whether it ended by its tolerance, and not by the number of evaluations.
+        Whether it ended by its tolerance or for lack of gain, and not by the number of evaluations.
     evaluations
         Evaluations of the misfit.
     failure
@@ -149,6 +152,26 @@ def _from_start(
     return _search(misfit, rough.end.coordinates, settings, settings.tolerance, show)
 
 
+class _Creeping(Exception):
+    """Steps no longer lower the sum of squares by anything that counts."""
+
+
+class _Steps:
+    """Points at which a search takes the Jacobian, one for each step."""
+
+    def __init__(self, misfit: Misfit) -> None:
+        self.misfit, self.costs = misfit, list[float]()
+        self.last: Fitted | None = None
+
+    def jacobian(self, x: Array) -> Array:
+        """Return the Jacobian; raise :class:`_Creeping` where the last steps have gained nothing."""
+        self.last = self.misfit.at(x)
+        self.costs.append(self.last.cost)
+        if len(self.costs) > CREEPING and 2 * (self.costs[-1 - CREEPING] - self.costs[-1]) < GAIN:
+            raise _Creeping
+        return self.last.jacobian
+
+
 def _search(
     misfit: Misfit,
     start: Array,
@@ -178,16 +201,20 @@ def _search(
         size = len(misfit.at(inside).residuals)
     except SolveError as error:
         return Search(start, None, False, 1, str(error))
-    found: Any = least_squares(
-        residuals,
-        inside,
-        jac=lambda x: misfit.at(x).jacobian,
-        bounds=(lower, upper),
-        method="trf",
-        x_scale="jac",
-        ftol=tolerance,
-        xtol=tolerance,
-        gtol=tolerance,
-        max_nfev=settings.evaluations,
-    )
+    steps = _Steps(misfit)
+    try:
+        found: Any = least_squares(
+            residuals,
+            inside,
+            jac=steps.jacobian,
+            bounds=(lower, upper),
+            method="trf",
+            x_scale="jac",
+            ftol=tolerance,
+            xtol=tolerance,
+            gtol=tolerance,
+            max_nfev=settings.evaluations,
+        )
+    except _Creeping:
+        return Search(start, steps.last, True, evaluations)
     return Search(start, misfit.at(np.asarray(found.x, dtype=float)), found.status > 0, evaluations)
