@@ -98,7 +98,8 @@ class TorchNetwork(Evaluator):
         return z, layers
 
     def _tensor(self, array: Array) -> torch.Tensor:
-        return torch.as_tensor(np.ascontiguousarray(array), dtype=torch.float64, device=self.device)
+        # Torch warns of an array that is not writable, as those from a file or of a broadcast; "W" copies it.
+        return torch.as_tensor(np.require(array, np.float64, ["C", "W"]), device=self.device)
 
 
 def available_device(name: str) -> torch.device:

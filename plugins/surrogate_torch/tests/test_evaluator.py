@@ -4,6 +4,7 @@ import itertools
 import subprocess
 import sys
 import textwrap
+import warnings
 
 import numpy as np
 import pytest
@@ -17,6 +18,12 @@ from porocore.testing.synthetic.potential_cell import potential_training_set
 from porocore_surrogate_torch.evaluator import TorchNetwork, available_device
 from porocore_surrogate_torch.surrogate import TorchSurrogate
 from porocore_surrogate_torch.training import TorchAutodiff, choose_device
+
+
+def read_only(array):
+    found = np.array(array)
+    found.setflags(write=False)
+    return found
 
 
 def network(activation, widths):
@@ -39,6 +46,20 @@ def test_the_same_as_numpy(activation, widths, n):
         for one, other in zip(getattr(found, name)(x), getattr(net, name)(x), strict=True):
             np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)
     np.testing.assert_allclose(found.evaluate(x), net.evaluate(x), rtol=0, atol=1e-13)
+
+
+def test_arrays_that_are_not_writable_are_taken_without_a_warning():
+    net, x = network("tanh", (3, 8, 1)), np.broadcast_to([0.1, -0.2, 0.3], (5, 3))
+    frozen = Network(net.activation, *(tuple(map(read_only, each)) for each in (net.weights, net.biases)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        # Torch gives this warning once in a process.
+        torch.set_warn_always(True)
+        try:
+            found = TorchNetwork(frozen, torch.device("cpu")).evaluate(read_only(x))
+        finally:
+            torch.set_warn_always(False)
+    np.testing.assert_allclose(found, net.evaluate(x), rtol=0, atol=1e-13)
 
 
 def test_several_outputs():
