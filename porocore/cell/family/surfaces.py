@@ -40,11 +40,14 @@ class Round:
         Radius.
     along : (3,)
         Direction of the line, of any length; 0 for a sphere.
+    is_tube
+        Whether the body is the part of the cylinder from ``centre`` to ``centre + along`` alone.
     """
 
     centre: Values
     radius: complex
     along: Values
+    is_tube: bool = False
 
     def value(self, points: Array) -> Values:
         away = self._away(points)
@@ -54,12 +57,22 @@ class Round:
         away = self._away(points)
         return np.asarray(away / np.linalg.norm(away, axis=1, keepdims=True))
 
+    def covers(self, points: Array, depth: float) -> npt.NDArray[np.bool_]:
+        """Return which points (n, 3) lie deeper than ``depth`` in the body, for real numbers."""
+        deep: npt.NDArray[np.bool_] = self.value(points) < -depth
+        if self.is_tube:
+            share = self._share(points - self.centre)
+            deep &= (share >= 0) & (share <= 1)
+        return deep
+
     def _away(self, points: Array) -> Values:
         away: Values = points - self.centre
         if np.any(self.along != 0):
-            share = (away @ self.along) / (self.along @ self.along)
-            away = away - share[:, None] * self.along
+            away = away - self._share(away)[:, None] * self.along
         return away
+
+    def _share(self, away: Values) -> Values:
+        return np.asarray((away @ self.along) / (self.along @ self.along))
 
 
 def sphere(centre: Values, radius: complex) -> Round:

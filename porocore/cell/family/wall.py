@@ -189,7 +189,8 @@ class WallMotion:
         values = self._others.values(places, surfaces).real
         if np.abs(values).max(initial=0.0) > TOGETHER:
             raise MemberError("surfaces of the pore wall that meet in one place no longer do")
-        if any(surfaces[i].value(places).min() < -self._deep for i in self._bodies):
+        bodies = (surfaces[i] for i in self._bodies)
+        if any(body.covers(places, self._deep).any() for body in bodies if isinstance(body, Round)):
             raise MemberError("a part of the pore wall comes to lie within another pore, or another obstacle")
 
     def velocity(

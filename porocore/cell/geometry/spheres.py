@@ -187,7 +187,7 @@ class SpherePores(DrawnGeometry):
 
     def wall_surfaces(self) -> Sequence[WallSurface] | None:
         spheres = [sphere(centre, radius) for centre, radius in self._images()]
-        return [*spheres, *(Round(a, radius, b - a) for a, b, radius in self._tubes())]
+        return [*spheres, *(Round(a, radius, b - a, is_tube=True) for a, b, radius in self._tubes())]
 
     def draw(self, gmsh: Any) -> DrawnPart:
         """The wedge of a lattice."""
