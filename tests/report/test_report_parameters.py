@@ -9,6 +9,7 @@ import pytest
 from report_page import Page
 from scipy.spatial.transform import Rotation
 
+from porocore.cell.cell import Cell
 from porocore.core.inputs.input_space import InputSpace
 from porocore.core.units.results import OutputUnits, ResultUnits, speaking
 from porocore.core.units.scales import Scales
@@ -42,6 +43,7 @@ from porocore.report.words.parameters import (
 )
 from porocore.report.words.statuses import visited_shares
 from porocore.states import Status
+from porocore.study.findings.parameters import parameter_ranges
 
 RADIUS = ParameterRange("radius", "cell.geometry.radius", 0.1, 0.3)
 MODULUS = ParameterRange("c10", "cell.material.c10", 0.5, 2.0, "stress")
@@ -137,6 +139,31 @@ def test_the_undeformed_cell_over_a_parameter_has_units_members_and_a_band(famil
     assert legend(rest_figure(alone, 0)) == ["surrogate", "solved"]
 
 
+def test_members_are_not_drawn_over_a_parameter_that_they_do_not_have(family):
+    """The members of a swelling solid are dry, and made an exact surrogate look wrong by a fifth."""
+    dry = replace(family, parameters=(RADIUS, replace(MODULUS, solved=False)))
+    assert "solved" in legend(rest_figure(dry, 0))
+    assert "solved" not in legend(rest_figure(dry, 1))
+
+
+@pytest.mark.parametrize(
+    ("material", "solved"),
+    [
+        ({"poisson_ratio": 0.3, "swelling": {"range": [0.98, 1.05]}}, {"radius": True, "swelling": False}),
+        ({"poisson_ratio": 0.3, "swelling": 1.04}, {"radius": False}),
+        ({"poisson_ratio": {"range": [0.2, 0.4]}}, {"radius": True, "poisson_ratio": True}),
+    ],
+)
+def test_members_are_solved_before_the_solid_swells(material, solved):
+    cell = Cell.model_validate(
+        {
+            "geometry": {"kind": "orthogonal-channels", "radius": {"range": [0.2, 0.3]}},
+            "material": {"kind": "neo-hookean", **material},
+        }
+    )
+    assert {each.name: each.solved for each in parameter_ranges(cell)} == solved
+
+
 def test_errors_are_grouped_by_output_and_binned():
     beyond = np.arange(9) == 8
     groups = group_errors(
@@ -179,6 +206,8 @@ def test_rows_and_figures_of_parameters(family):
     assert rows[1] == ("c10 [kPa]", "cell.material.c10", "5.000 to 20.00", "10.00")
     (found, _) = family_figures(family, group_errors([check()]), used)
     assert (found["range"], found["in_body"]) == ([0.1, 0.3], [0.15, 0.25])
+    off = {"radius": (0.9999999999999998, 1.0400000000000003)}
+    assert family_figures(family, [], off)[0]["in_body"] == [1.0, 1.04]
     thirds = found["rms_error_percent_by_third"]["P_E"]
     expected = [100 * 1e-3 / 0.1 * np.sqrt(np.mean(np.arange(3 * k, 3 * k + 3) ** 2)) for k in range(3)]
     np.testing.assert_allclose(thirds, expected, rtol=1e-12)
@@ -312,3 +341,26 @@ def test_fields_of_the_body_are_drawn_in_the_units_of_their_labels(solution, bod
     shown = np.array(conductivity.get_ylim()) / factor
     assert 1 <= shown[0] < shown[1] <= 3
     assert drawn["body_radius"].get_ylim() == pytest.approx((0.15, 0.25), abs=0.02)
+
+
+def test_fields_along_a_column_are_drawn_in_the_units_of_their_labels(upright):
+    """A K without its unit stood at an axis with one."""
+    drawn = {}
+
+    class Kept:
+        def svg(self, name, figure, text):
+            drawn[name] = figure.axes[0]
+            return text
+
+        png = svg
+
+    K = np.linspace(1.0, 3.0, 6)[:, None, None] * np.eye(3)
+    times = tuple(profile.time for profile in upright.profiles)
+    cells = BodyCells(upright.element_cells, times, volumes_of(upright), K, np.linspace(0.2, 0.3, 6))
+    with speaking(UNITS):
+        body_fields(upright, cells, Kept())
+    for name, quantity, ends in (("conductivity", "conductivity", (1, 3)), ("porosity", "", (0.2, 0.3))):
+        axes = drawn[f"body_{name}"]
+        (steps,) = [patch.get_data().values for patch in axes.patches if hasattr(patch, "get_data")]
+        np.testing.assert_allclose(steps[[0, -1]], np.array(ends) * UNITS.factor(quantity))
+        assert f"[{UNITS.name(quantity)}]" in axes.get_ylabel()

@@ -45,7 +45,7 @@ def rest_figure(family: FamilySummary, k: int) -> Figure:
     """Draw the properties of the undeformed cell over one parameter.
 
     The line is the surrogate with the other parameters in the middle of their ranges, the band with these anywhere in
-    them, the dots are the solved members.
+    them, the dots are the solved members, over a parameter for which these can be compared.
     """
     parameter, units = family.parameters[k], spoken()
     rows = (len(family.fields) + 1) // 2
@@ -63,9 +63,10 @@ def rest_figure(family: FamilySummary, k: int) -> Figure:
             )  # fmt: skip
         middle = "surrogate" if alone else "surrogate, others in the middle"
         axes.plot(x, field.curves[k] * by, color=BLUE, label=middle)
-        axes.plot(
-            members, field.members * by, "o", ms=3, mfc="white", mec=VERMILLION, mew=1.0, label="solved"
-        )
+        if parameter.solved:
+            axes.plot(
+                members, field.members * by, "o", ms=3, mfc="white", mec=VERMILLION, mew=1.0, label="solved"
+            )
         # On two lines, since the longest is longer than its panel.
         axes.set_ylabel(axis_label(field.label, field.quantity, units).replace(" [", "\n["))
         axes.set_ylim(bottom=min(0.0, float(np.nanmin(field.low[k])) * by))

@@ -68,7 +68,7 @@ class BodyCells:
         return at[:1] if same else at
 
     def used(self) -> dict[str, tuple[float, float]]:
-        """Return the least and the largest value of each parameter at the kept times."""
+        """Return the least and the largest mean over an element of each parameter, at the kept times."""
         values = self.cells.values
         if values is None:
             return {}

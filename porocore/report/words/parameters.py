@@ -19,6 +19,8 @@ GROUPS = {
     "fluid volume": r"$\varphi$",
     "K": "$K$",
 }
+#: Digits of a mean over an element that are not round-off.
+MEAN_DIGITS = 12
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,9 @@ class ParameterRange:
         Ends of its range.
     quantity
         Of :data:`porocore.core.units.scales.QUANTITIES`; '' is a plain number.
+    solved
+        Whether the solved undeformed members can be held against the law over it. They cannot over a swelling of the
+        whole solid, or where this has a fixed one: they are solved before it swells, and the law has that exactly.
     """
 
     name: str
@@ -40,6 +45,7 @@ class ParameterRange:
     lower: float
     upper: float
     quantity: str = ""
+    solved: bool = True
 
     def label(self, units: ResultUnits) -> str:
         """Return the name with its unit."""
@@ -153,7 +159,7 @@ def family_figures(
 ) -> list[dict[str, object]]:
     """Return range, use in the body and held-out errors of each parameter, ready for ``metrics.json``.
 
-    ``used`` are least and largest value in the body. Errors are those in the three thirds of the range.
+    ``used`` are least and largest mean over an element of the body. Errors are those in the three thirds of the range.
     """
     found: list[dict[str, object]] = []
     for k, parameter in enumerate(family.parameters):
@@ -170,17 +176,24 @@ def family_figures(
                 "name": parameter.name,
                 "key": parameter.key,
                 "range": [parameter.lower, parameter.upper],
-                "in_body": list(used[parameter.name]) if parameter.name in used else None,
+                "in_body": [_rounded(end) for end in used[parameter.name]]
+                if parameter.name in used
+                else None,
                 "rms_error_percent_by_third": thirds,
             }
         )
     return found
 
 
+def _rounded(value: float) -> float:
+    """Return a mean without the round-off of its weights: 1 rather than 0.9999999999999998."""
+    return float(f"{value:.{MEAN_DIGITS}g}")
+
+
 def parameter_rows(
     family: FamilySummary, used: Mapping[str, tuple[float, float]], units: ResultUnits
 ) -> list[tuple[str, str, str, str]]:
-    """Return name, key, range and values in the body of each parameter."""
+    """Return name, key, range and least and largest mean over an element of the body of each parameter."""
     rows = []
     for each in family.parameters:
         factor = units.factor(each.quantity)

@@ -8,6 +8,7 @@ import numpy as np
 
 from porocore.cell.cell import Cell
 from porocore.cell.family.parameters import parameter_quantities
+from porocore.cell.family.undeformed import parameter_kinds
 from porocore.interfaces.law import CellLaw, MacroLaw
 from porocore.macro.composition.linearised_law import LinearisedLaw
 from porocore.report.words.parameters import FamilySummary, ParameterRange, RestField
@@ -36,11 +37,7 @@ def family_summary(cell: Cell, members: Dataset, law: MacroLaw, surrogate: CellL
     """
     found, stable = members.states().parameters, members.responses().stable
     assert found is not None
-    quantities = parameter_quantities(cell)
-    parameters = tuple(
-        ParameterRange(each.name, each.key, each.lower, each.upper, quantities[each.name])
-        for each in cell.parameters
-    )
+    parameters = parameter_ranges(cell)
     points = np.linspace([p.lower for p in parameters], [p.upper for p in parameters], POINTS).T
     solved = _of_members(members, np.flatnonzero(stable))
     curves = [[_by_the_law(law, surrogate, rows) for rows in _rows(points, k)] for k in range(len(points))]
@@ -59,6 +56,24 @@ def family_summary(cell: Cell, members: Dataset, law: MacroLaw, surrogate: CellL
             )
         )
     return FamilySummary(parameters, found[stable], points, tuple(fields), int((~stable).sum()))
+
+
+def parameter_ranges(cell: Cell) -> tuple[ParameterRange, ...]:
+    """Return the parameters of a family in their order, for the report."""
+    quantities = parameter_quantities(cell)
+    kinds = parameter_kinds(cell)
+    swollen = "swelling" not in kinds and cell.material is not None and cell.material.swelling != 1
+    return tuple(
+        ParameterRange(
+            each.name,
+            each.key,
+            each.lower,
+            each.upper,
+            quantities[each.name],
+            solved=not swollen and kind != "swelling",
+        )
+        for each, kind in zip(cell.parameters, kinds, strict=True)
+    )
 
 
 #: Properties of the undeformed cell by their plain names: label and quantity.
