@@ -35,10 +35,10 @@ from porocore.study.findings.reach import (
     change_without,
     shears,
     visited,
-    written,
 )
 from porocore.study.magnitudes.prescribed import known, prescribed_times
 from porocore.study.outline.linear_reach import linear_solutions, too_large
+from porocore.study.outline.wide_ranges import extents, too_wide
 from porocore.study.preflight.workload import sheared
 
 #: States, and place and time of each.
@@ -47,9 +47,6 @@ Found = tuple[MacroState, Callable[[int], str]]
 #: Beyond what the linear solution reaches, a proposed range goes by this share of what was missing: on a plug of a
 #: scaffold at -10 % the law of the cell took H13 to -0.0100 where the linear one said -0.0072.
 LINEAR_MARGIN = 0.5
-#: Ranges so many times as wide as what is reached are noted: ample ones of the examples are 7, since pressures between
-#: the few steps are higher by a third; a component below the smallest share of its range is zero.
-WIDE, SMALLEST = 10.0, 1e-4
 #: A component of H, and a pressure as a share of the reference modulus, beyond which the linear solution tells a slip
 #: rather than a range, unless half as much was sampled: pores of a tenth of their size gave H22 = 1.2.
 UNLIKELY = {"H": 0.5, "p": 1.0}
@@ -74,24 +71,44 @@ def predicted_reach(config: RunConfig, linear: LinearCoefficients | MacroLaw) ->
         yield from (f"note: {note}" for note in prescribed_reach(config, body_mesh(config.macro)))
         yield f"reach of the body: not predicted, since {why}"
         return
+    parts = {name: _part(config, solutions, name) for name in config.cell_names}
+    units = config.result_units
+    found = {name: [_of_solution(each, units) for each in part] for name, part in parts.items()}
+    reached = {
+        name: extents(config.of_cell(name), [states for states, _ in each]) for name, each in found.items()
+    }
+    mesh = body_mesh(config.macro)
+    for name, part in parts.items():
+        left: list[str] = []
+        lines = _reach(config.of_cell(name), part, found[name], name, left, None if config.cells else mesh)
+        yield from lines_of_cell(name, lines)
+        yield from lines_of_cell(name, too_wide(config, name, reached, left))
+    if config.cells:
+        yield from (f"note: {note}" for note in prescribed_reach(config, mesh))
+
+
+def _part(config: RunConfig, solutions: Sequence[MacroSolution], name: str | None) -> list[MacroSolution]:
+    """Return the solutions in the regions of a cell."""
     if not config.cells:
-        yield from _reach(config, solutions, "sampling.inputs", body_mesh(config.macro))
-        return
-    for name in config.cell_names:
-        one, regions = config.of_cell(name), regions_of_cell(config.macro.regions, name)
-        key = "sampling.inputs" if name is None else f"sampling.cells.{name}.inputs"
-        names = [parameter.name for parameter in one.cell.parameters]
-        parts = [solution.of_regions(regions, names) for solution in solutions]
-        yield from lines_of_cell(name, _reach(one, parts, key))
-    yield from (f"note: {note}" for note in prescribed_reach(config, body_mesh(config.macro)))
+        return list(solutions)
+    names = [parameter.name for parameter in config.of_cell(name).cell.parameters]
+    return [each.of_regions(regions_of_cell(config.macro.regions, name), names) for each in solutions]
 
 
 def _reach(
-    config: RunConfig, solutions: Sequence[MacroSolution], key: str, mesh: BodyMesh | None = None
+    config: RunConfig,
+    solutions: Sequence[MacroSolution],
+    found: Sequence[Found],
+    name: str | None,
+    left: list[str],
+    mesh: BodyMesh | None,
 ) -> Iterator[str]:
-    """Yield what the solutions say of the ranges under ``key``; what is prescribed, only with the mesh of the body."""
+    """Yield what the solutions say of the ranges of a cell; what is prescribed, only with the mesh of the body.
+
+    Inputs whose ranges are left are added to ``left``.
+    """
     units, where = config.result_units, "the body" if mesh is not None else "its part of the body"
-    found = [_of_solution(solution, units) for solution in solutions]
+    key = "sampling.inputs" if name is None else f"sampling.cells.{name}.inputs"
     share = max(map(partial(_share, config), solutions, [states for states, _ in found]))
     reached = _beyond(config, found) if share >= LEAST_FLAGGED else []
     if not reached:
@@ -99,8 +116,8 @@ def _reach(
         if mesh is not None:
             yield from (f"note: {note}" for note in prescribed_reach(config, mesh))
         yield from _crushed(found)
-        yield from _too_wide(config, found, [], key)
         return
+    left += [each.name for each in reached]
     unlikely = list(_unlikely(config, reached))
     yield from unlikely
     yield (
@@ -110,9 +127,8 @@ def _reach(
     yield from (f"  {each.line(units, LINEAR_MARGIN)}, since {each.in_words(units)}" for each in reached)
     yield from _crushed(found)
     nodes = len(config.cell.make_mesh("solid", "whole").points)
-    for note in sheared(config, nodes, [each.name for each in reached]):
+    for note in sheared(config, nodes, left):
         yield f"note: {note}{_without(config, reached, found)}"
-    yield from _too_wide(config, found, [each.name for each in reached], key)
 
 
 def _unlikely(config: RunConfig, reached: Sequence[Reach]) -> Iterator[str]:
@@ -152,37 +168,6 @@ def _crushed(found: Sequence[Found]) -> Iterator[str]:
         "bear; lower the load, bring it up over a longer time ('until' of its ramp, else ramp_increments times "
         "ramp_step), or check its unit"
     )
-
-
-def _too_wide(config: RunConfig, found: Sequence[Found], left: Sequence[str], key: str) -> Iterator[str]:
-    """Yield a note on ranges that are much wider than what the body reaches, and lines to write; not on those ``left``.
-
-    A component that stays zero is sampled for another reason.
-    """
-    inputs, units = config.sampling.input_space(), config.result_units
-    states = MacroState.concatenate([states for states, _ in found])
-    if config.surrogate_model == "potential":
-        states = inputs.without_rotation(states)
-    rows, lines = components(states), []
-    for name, *ends in zip(inputs.names, inputs.lower, inputs.upper, strict=True):
-        values = rows[NAMES.index(name)]
-        low, high = min(0.0, float(values.min())), max(0.0, float(values.max()))
-        times = (ends[1] - ends[0]) / max(high - low, SMALLEST * (ends[1] - ends[0]))
-        if name in left or not WIDE < times < 1 / SMALLEST:
-            continue
-        more = LINEAR_MARGIN * (high - low)  # at both ends: the law of the cell may turn a sign
-        texts = [written(name, end, units) for end in (max(low - more, ends[0]), min(high + more, ends[1]))]
-        reaches = f"{written(name, low, units)} to {written(name, high, units)}".translate(MINUS)
-        lines.append(
-            f"  {name}: {{range: [{', '.join(texts)}]}}, since {name} reaches {reaches} and is sampled {times:.0f} "
-            "times as wide"
-        )
-    if lines:
-        yield (
-            f"note: by linear poroelasticity the body uses less than one part in {WIDE:g} of a range, and states are "
-            f"spent where it never comes; write under '{key}:'"
-        )
-        yield from lines
 
 
 def _without(config: RunConfig, reached: Sequence[Reach], found: Sequence[Found]) -> str:
