@@ -21,7 +21,7 @@ Extents = Mapping[str, tuple[float, float]]
 
 def extents(config: RunConfig, found: Sequence[MacroState]) -> Extents:
     """Return the least and largest value of each input of one cell in some states, zero included."""
-    inputs, states = config.sampling.input_space(), MacroState.concatenate(found)
+    inputs, states = config.sampling.input_space(), MacroState.concatenate(list(found))
     if config.surrogate_model == "potential":
         states = inputs.without_rotation(states)
     rows = components(states)
