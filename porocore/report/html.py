@@ -241,7 +241,7 @@ def _case_pictures(
             figures.history_figure(
                 case.nonlinear, case.linear, *case.others, log_time=log_time, settles=settles, units=units
             ),
-            f"{'Settlement, p' if settles else 'P'}ore pressure and drained volume against "
+            f"{'Settlement or heave, p' if settles else 'P'}ore pressure and drained volume against "
             f"{'logarithmic ' if log_time else ''}time, load {load}",
         )
         for log_time in (False, True)

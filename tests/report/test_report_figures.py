@@ -386,6 +386,46 @@ def test_a_prescribed_settlement_is_not_drawn(pair):
     assert {"nonlinear", "linear"} <= set(legend(figure))
 
 
+@pytest.mark.parametrize("log_time", [False, True])
+def test_a_body_that_swells_has_its_heave_and_suction_drawn(pair, log_time):
+    """The panel of the settlement was empty, and that of the largest pressure showed 1e-16."""
+
+    def swelling(solution, size):
+        history = replace(
+            solution.history,
+            settlement=0 * solution.history.settlement,
+            pressure_max=1e-16 * solution.history.pressure_max,
+        )
+        profiles = tuple(
+            replace(each, u=size * np.abs(each.u), p=-size * np.abs(each.p)) for each in solution.profiles
+        )
+        return replace(solution, history=history, profiles=profiles)
+
+    units = ResultUnits(Scales(modulus=4e4, length=1e-3, pore=8e-6), OutputUnits(length="mm", stress="kPa"))
+    both = swelling(pair[0], 2.0), swelling(pair[1], 1.0)
+    figure = history_figure(*both, log_time=log_time, units=units)
+    heave, suction, _ = figure.axes
+    assert heave.get_ylabel() == "heave max$(u_2)$ [mm]"
+    assert suction.get_ylabel() == "least pore pressure $p$ [kPa]"
+    kept = [each for each in pair[0].profiles if each.time > 0 or not log_time]
+    times = np.array([each.time for each in kept]) * units.factor("time")
+    np.testing.assert_allclose(heave.get_lines()[0].get_xdata(), times)
+    raised = [2 * np.abs(each.u[:, 1]).max() for each in kept]  # 1 mm is 1
+    np.testing.assert_allclose(heave.get_lines()[0].get_ydata(), raised)
+    least = [-2 * 40 * np.abs(each.p).max() for each in kept]  # 40 kPa is 1
+    np.testing.assert_allclose(suction.get_lines()[0].get_ydata(), least)
+    # No line stands for what may have happened between these times.
+    assert {line.get_linestyle() for line in (*heave.get_lines(), *suction.get_lines())} == {"None"}
+    assert {"nonlinear", "linear", "at the times of the profiles"} <= set(legend(figure))
+    assert not any("%" in text for text in legend(figure))
+    assert_no_overlap(figure)
+    # A law that settles, or without profiles, keeps the settlement and the largest pressure at each step.
+    for other in (pair[1], replace(both[1], profiles=())):
+        axes = history_figure(both[0], other, log_time=log_time).axes
+        assert axes[0].get_ylabel().startswith("settlement")
+        assert axes[1].get_ylabel().startswith("largest")
+
+
 @pytest.mark.parametrize("height", [0.3, 2.0, 3.0, 30.0])
 def test_labels_of_a_body_lie_in_its_picture(pair, height):
     """The label of the axis upwards of a plug of 4 mm by 3 mm was cut off."""

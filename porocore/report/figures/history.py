@@ -1,8 +1,9 @@
-"""Figure of settlement, pore pressure and drained volume against time."""
+"""Figure of settlement or heave, pore pressure or suction, and drained volume against time."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from porocore.core.units.results import ResultUnits
-from porocore.interfaces.solution import MacroSolution
+from porocore.interfaces.solution import History, MacroSolution, Profile
 from porocore.report.figures.style import (
     DASHED,
     DOTTED,
@@ -24,12 +25,47 @@ from porocore.report.figures.style import (
     new_figure,
     styled,
 )
-from porocore.report.metrics import time_within
+from porocore.report.metrics import solution_metrics, time_within
+from porocore.report.words.settlement import nothing_settles, only_suction
 from porocore.states import Array
 
 MARKS = ((0.95, "o"), (0.99, "D"))
 #: Of further laws, in order.
 OTHERS = ((GREEN, (0, (7, 1.5))), (PURPLE, (0, (4, 1.2, 1, 1.2))), (ORANGE, (0, (2, 1))))
+
+
+@dataclass(frozen=True)
+class _Panel:
+    """A quantity of the body against time: at each step, or at the times of the profiles, which is then marked."""
+
+    label: str
+    quantity: str
+    at_step: Callable[[History], Array] | None = None
+    at_profile: Callable[[Profile], float] | None = None
+
+    def values(self, solution: MacroSolution) -> tuple[Array, Array]:
+        """Return times and values, dimensionless."""
+        if self.at_step is not None:
+            return solution.history.time, self.at_step(solution.history)
+        assert self.at_profile is not None
+        times = np.array([profile.time for profile in solution.profiles])
+        return times, np.array([self.at_profile(profile) for profile in solution.profiles])
+
+
+SETTLEMENT = _Panel("settlement max$(-u_2)$", "displacement", lambda history: history.settlement)
+HEAVE = _Panel("heave max$(u_2)$", "displacement", at_profile=lambda profile: float(profile.u[:, 1].max()))
+PRESSURE = _Panel("largest pore pressure $p$", "pressure", lambda history: history.pressure_max)
+SUCTION = _Panel("least pore pressure $p$", "pressure", at_profile=lambda profile: float(profile.p.min()))
+DRAINED = _Panel("drained volume", "volume", lambda history: history.drained)
+
+
+def _panels(solutions: Sequence[MacroSolution], settles: bool) -> list[_Panel]:
+    """Return what is drawn: heave where nothing settles, the least pressure where there is only suction."""
+    found = [solution_metrics(each) for each in solutions]
+    known = all(each.profiles for each in solutions)
+    heaves = known and all(map(nothing_settles, found)) and any(law["largest_heave"] for law in found)
+    pressure = SUCTION if known and all(map(only_suction, found)) else PRESSURE
+    return [*([HEAVE if heaves else SETTLEMENT] if settles else []), pressure, DRAINED]
 
 
 @styled
@@ -60,21 +96,25 @@ def history_figure(
     -------
     Figure
         Panels above each other: largest settlement, largest pore pressure, drained volume (what has left through the
-        boundary solid or dashed, the paper's measure dotted).
+        boundary solid or dashed, the paper's measure dotted). Where nothing settles the first is the largest heave,
+        where no pressure is positive the second is the least one, both at the times of the profiles.
     """
     units = units or ResultUnits()
     figure = new_figure(5.4, 7.6 if settles else 5.4)
     rows = list(figure.subplots(3 if settles else 2, 1, sharex=True))
-    for solution, colour, style, label in _curves(nonlinear, linear, others):
-        _draw(rows, solution, 1 if log_time else 0, units, {"color": colour, "ls": style, "label": label})
-    drawn = [each.history for each, *_ in _curves(nonlinear, linear, others)]
+    curves = _curves(nonlinear, linear, others)
+    panels = _panels([each for each, *_ in curves], settles)
+    for solution, colour, style, label in curves:
+        _draw(rows, panels, solution, log_time, units, {"color": colour, "ls": style, "label": label})
+    drawn = [each.history for each, *_ in curves]
     marked = any(
         time_within(each.time, each.settlement, share) is not None for each in drawn for share, _ in MARKS
     )
-    _shared_legend(rows[0], MARKS if settles and marked else ())
-    rows[0].set_ylabel(axis_label("settlement max$(-u_2)$", "displacement", units))
-    rows[-2].set_ylabel(axis_label("largest pore pressure $p$", "pressure", units))
-    rows[-1].set_ylabel(axis_label("drained volume", "volume", units))
+    _shared_legend(rows[-1], MARKS if SETTLEMENT in panels and marked else ())
+    if any(panel.at_profile is not None for panel in panels):
+        rows[-1].plot([], [], color="0.35", ls="", label="at the times of the profiles", **_dots(0))
+    for axes, panel in zip(rows, panels, strict=True):
+        axes.set_ylabel(axis_label(panel.label, panel.quantity, units))
     rows[-1].set_xlabel(axis_label("time $t$", "time", units) + (", logarithmic" if log_time else ""))
     for axes in rows:
         if axes.dataLim.ymin >= 0:
@@ -85,24 +125,42 @@ def history_figure(
     else:
         rows[-1].set_xlim(left=0)
     figure.align_ylabels()
-    legend_above(figure, rows[0], columns=2)
+    legend_above(figure, rows[-1], columns=2)
     return figure
 
 
 def _draw(
-    rows: Sequence[Axes], solution: MacroSolution, first: int, units: ResultUnits, how: dict[str, Any]
+    rows: Sequence[Axes],
+    panels: Sequence[_Panel],
+    solution: MacroSolution,
+    log_time: bool,
+    units: ResultUnits,
+    how: dict[str, Any],
 ) -> None:
-    """Draw one solution from its step ``first`` on, in two panels or in three with the settlement."""
-    history = solution.history
-    time, volume = history.time * units.factor("time"), units.factor("volume")
-    values = [history.pressure_max * units.factor("pressure"), history.drained * volume]
-    settled = history.settlement * units.factor("displacement")
-    for axes, each in zip(rows, [*([settled] if len(rows) > 2 else []), *values], strict=True):
-        axes.plot(time[first:], each[first:], **how)
-    paper = history.drained_paper[first:] * volume
-    rows[-1].plot(time[first:], paper, color=how["color"], ls=DOTTED, lw=2.4, alpha=0.75)
-    for share, marker in MARKS if len(rows) > 2 else ():
-        _mark(rows[0], time, settled, share, marker, how["color"])
+    """Draw one solution in all panels; the state at rest is left out of a logarithmic axis."""
+    by, history = units.factor("time"), solution.history
+    for axes, panel in zip(rows, panels, strict=True):
+        time, values = panel.values(solution)
+        values = values * units.factor(panel.quantity)
+        shown = time > 0 if log_time else time >= 0
+        # Between profiles it may have peaked, which a line would deny.
+        dots = {} if panel.at_profile is None else {"ls": "", **_dots(len(axes.lines))}
+        axes.plot(time[shown] * by, values[shown], **how | dots)
+        for share, mark in MARKS if panel is SETTLEMENT else ():
+            _mark(axes, time * by, values, share, mark, how["color"])
+    shown = history.time > 0 if log_time else history.time >= 0
+    paper = history.drained_paper[shown] * units.factor("volume")
+    rows[-1].plot(history.time[shown] * by, paper, color=how["color"], ls=DOTTED, lw=2.4, alpha=0.75)
+
+
+def _dots(drawn: int) -> dict[str, Any]:
+    """Return the markers of a solution after so many others, rings around theirs."""
+    return {
+        "marker": "o",
+        "ms": 5 + 3.5 * drawn,
+        "mfc": "none" if drawn else None,
+        "mew": 1.4,
+    }
 
 
 def _curves(

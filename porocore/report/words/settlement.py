@@ -7,8 +7,8 @@ from typing import Any
 from porocore.report.format import difference, measured, plain
 from porocore.report.metrics import REMNANT, goes_back, is_gone
 
-#: A settlement below this share of the heave is round-off.
-LEAST_SETTLEMENT = 1e-6
+#: A settlement below this share of the heave, or a pressure below this share of the suction, is round-off.
+ROUND_OFF = 1e-6
 #: A suction is told where it is more than this share of the largest pressure. The undershoot of a front is less.
 LEAST_SUCTION = 0.05
 #: Of values that are not kept at every step in the whole body.
@@ -37,7 +37,13 @@ def case_sentences(metrics: dict[str, Any], settles: bool = True) -> list[str]:
 
 def nothing_settles(law: dict[str, Any]) -> bool:
     """Return True if no point of the body moves in the direction −y."""
-    return bool(abs(law["largest_settlement"]) <= LEAST_SETTLEMENT * abs(law["largest_heave"] or 0.0))
+    return bool(abs(law["largest_settlement"]) <= ROUND_OFF * abs(law["largest_heave"] or 0.0))
+
+
+def only_suction(law: dict[str, Any]) -> bool:
+    """Return True if the pore pressure is negative, and nowhere positive but for round-off."""
+    least = law["least_pressure"]
+    return least is not None and bool(least < 0 and abs(law["max_pressure"]) <= -ROUND_OFF * least)
 
 
 def has_suction(law: dict[str, Any]) -> bool:
