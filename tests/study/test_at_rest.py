@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 from invoked import BENCHMARK
 from scipy.special import jn_zeros
 
@@ -23,6 +24,7 @@ from porocore.study.outline.at_rest import (
     cell_lines,
     coefficients_of_consolidation,
     thin_fluid,
+    turned_by,
 )
 
 POISSON = 0.2
@@ -179,6 +181,36 @@ def test_the_coefficient_of_consolidation_is_that_along_the_drained_axes():
     plain = [coefficients_of_consolidation(c, axes, ResultUnits()) for axes in ((0, 1), (1, 2))]
     assert plain[0].startswith(f"coefficient of consolidation c_v {2.5 * known:.2f}, {known:.2f} along x, y,")
     assert plain[1].startswith(f"coefficient of consolidation c_v {known:.2f} along y, z,")
+    turned = coefficients_of_consolidation(c, (1,), ResultUnits(), turned=True)
+    assert turned.startswith(
+        f"coefficient of consolidation c_v {2.5 * known:.2f}, {known:.2f}, {known:.2f} along x, "
+    )
+    assert "x, y, z of the cell, of a layer" in turned
+
+
+def test_a_cell_whose_axes_the_body_turns_is_told_so(tmp_path):
+    """Moduli, K and c_v were given along y, but the layer was drained along z of the cell."""
+    side, turn = {"displacement": [0, None, 0]}, {"axes": {"about": [1, 0, 0], "angle": "90"}}
+    cell = {"geometry": {"kind": "orthogonal-channels", "radius": 0.3}}
+    data = {
+        "cell": cell,
+        "cells": {"felt": cell},
+        "sampling": {"sampler": "sobol", "inputs": {"H22": {"range": [-0.1, 0.1]}}},
+        "macro": {
+            "body": {"kind": "box", "size": [1, 4, 1], "elements": [1, 4, 1]},
+            "regions": {"foam": {"below": 1, "fields": turn}, "felt": {"above": 3, "cell": "felt"}},
+            "boundary": dict.fromkeys(("x-", "x+", "z-", "z+"), side),
+            "loads": [1],
+        },
+    }
+    path = tmp_path / "study.yaml"
+    path.write_text(yaml.safe_dump(data), encoding="utf-8")
+    config = load_config(path)
+    assert turned_by(config, None) == "macro.regions.foam.fields.axes"
+    assert turned_by(config, "felt") == ""
+    data["macro"]["fields"] = turn
+    path.write_text(yaml.safe_dump(data), encoding="utf-8")
+    assert turned_by(load_config(path), "felt") == "macro.fields.axes"
 
 
 def test_a_plain_viscosity_that_was_meant_in_units_is_seen(tmp_path):

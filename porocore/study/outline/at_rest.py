@@ -20,8 +20,11 @@ from porocore.macro.boundary.drainage import (
     moved,
     relaxation_time,
 )
+from porocore.macro.composition.axes import AXES
+from porocore.macro.composition.composed_body import by_region
 from porocore.macro.composition.linearised_law import RestCoefficients
 from porocore.macro.composition.region_law import RegionLaw
+from porocore.macro.composition.regions import regions_of_cell
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.macro.problem import body_mesh
 from porocore.plugins import registry
@@ -94,15 +97,25 @@ def _cell_at_rest(
         )
         return None
     coefficients = linear_coefficients(undeformed(one.cell, one.fem, one.conductivity, store), one)
-    yield f"{head}, drained, in the middle of the ranges:" if one.cell.is_family else f"{head}, drained:"
+    middle = ", in the middle of the ranges" if one.cell.is_family else ""
+    turned = turned_by(config, name)
+    yield f"{head}, drained{middle}{f'; axes are those of the cell, turned by {turned}' if turned else ''}:"
     yield from (f"  {line}" for line in cell_lines(coefficients, one.cell.viscosity, units))
     if axes := drained_axes(config.macro):
-        yield f"  {coefficients_of_consolidation(coefficients, axes, units)}"
+        yield f"  {coefficients_of_consolidation(coefficients, axes, units, turned=bool(turned))}"
     if not one.cell.is_family:
         return coefficients, LinearPoroelasticity(coefficients)
     members = BodyMembers.solved(config, store, most=max(1, MOST_TETRAHEDRA // count), cell=name)
     yield from members.as_lines(one)
     return coefficients, members.law
+
+
+def turned_by(config: RunConfig, name: str | None) -> str:
+    """Return the keys that turn the axes of a cell in the body, in words; empty where none does."""
+    regions = set(regions_of_cell(config.macro.regions, name))
+    return " and ".join(
+        key for key, ks, _ in by_region(config.macro, AXES, sorted(regions)) if regions & set(ks)
+    )
 
 
 def _prescribed(config: RunConfig) -> Iterator[str]:
@@ -155,14 +168,23 @@ def cell_lines(c: LinearCoefficients, viscosity: float, units: ResultUnits) -> I
     yield f"permeability {si}; of a fluid of {fluid}: {by} = {asked}"
 
 
-def coefficients_of_consolidation(c: LinearCoefficients, axes: tuple[int, ...], units: ResultUnits) -> str:
-    """Return c_v along some axes as text; one value where they are the same."""
+def coefficients_of_consolidation(
+    c: LinearCoefficients, axes: tuple[int, ...], units: ResultUnits, *, turned: bool = False
+) -> str:
+    """Return c_v along some axes as text; one value where they are the same.
+
+    Of a cell that is ``turned`` in the body it is along all axes of the cell.
+    """
+    axes = (0, 1, 2) if turned else axes
     values = np.array([c.consolidation_coefficient(axis) for axis in axes]) * units.factor("diffusivity")
     same = np.ptp(values) <= SAME * np.abs(values).max()
     texts = ", ".join(number(value, 3) for value in (values[:1] if same else values))
     unit = f" {units.name('diffusivity')}" if units.given else ""
     along = ", ".join("xyz"[axis] for axis in axes)
-    return f"coefficient of consolidation c_v {texts}{unit} along {along}, of a layer compressed and drained there"
+    of = f"{along} of the cell" if turned else along
+    return (
+        f"coefficient of consolidation c_v {texts}{unit} along {of}, of a layer compressed and drained there"
+    )
 
 
 def _consolidation(config: RunConfig, coefficients: LinearCoefficients | RestCoefficients) -> Iterator[str]:
