@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
-from porocore.core.echo import echo
+from porocore.core.echo import cut, echo
 from porocore.core.parallel import launched
 from porocore.errors import ConfigurationError, UnexpectedError
 
@@ -222,7 +222,13 @@ def parse_inputs(option: str, what: str, text: str, scales: Scales | None = None
             number = float(value)
         except ValueError:
             number = math.nan
-        if not name or name in found or not math.isfinite(number):
+        if not name or "=" not in part:
             raise ConfigurationError(f"{option}: expected {what}, got {echo(text)}")
+        if name in found:
+            raise ConfigurationError(f"{option}: {cut(name)} is given twice; expected {what}")
+        if not math.isfinite(number):
+            raise ConfigurationError(
+                f"{option}: {cut(name)}: expected a finite number, got {echo(value)}; write {what}"
+            )
         found[name] = number
     return found

@@ -64,3 +64,10 @@ def test_a_value_that_is_missing_or_outside_is_told(family: Path) -> None:
     assert refusal("cell", "state", family).endswith("give its value with --parameters poisson_ratio=0.325")
     assert refusal("cell", "state", family, "--parameters", "poisson_ratio=0.5").startswith("--parameters: ")
     assert refusal("cell", "state", family, "--parameters", "raduis=0.2").startswith("--parameters: ")
+    for given, said in (
+        ("poisson_ratio=nan", "poisson_ratio: expected a finite number, got 'nan'"),
+        ("radius=0.2,poisson_ratio=abc", "poisson_ratio: expected a finite number, got 'abc'"),
+        ("radius=0.2,radius=0.21", "radius is given twice"),
+    ):
+        told = refusal("cell", "state", family, "--parameters", given)
+        assert told.startswith(f"--parameters: {said}; ")

@@ -302,7 +302,14 @@ def test_what_cannot_be_bound_is_refused() -> None:
     ):
         with pytest.raises(ConfigurationError, match=said):
             law.at(values)  # type: ignore[arg-type]
-    with pytest.raises(ConfigurationError, match=r"radius: no parameter .* the parameters are stiffness"):
-        law.at(radius=0.2).at(radius=0.2)
+    with pytest.raises(ConfigurationError, match=r"raduis: no parameter .* the parameters are stiffness"):
+        law.at(radius=0.2).at(raduis=0.2)
+    for bound in (law.at(radius=0.2), law.at(radius=0.2).at(stiffness=0.5)):
+        with pytest.raises(
+            ConfigurationError, match=r"radius: it is bound to 0\.2 already; bind another value"
+        ):
+            bound.at(radius=0.25)
+        with pytest.raises(ConfigurationError, match=r"radius: it is bound to 0\.2 already"):
+            bound.response(H, P, parameters={"radius": 0.25})
     with pytest.raises(ConfigurationError, match=r"radius: no parameter .* the cell has no parameters"):
         porocore.Law(linear(), POROSITY).response(H, P, parameters={"radius": 0.2})

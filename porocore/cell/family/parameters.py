@@ -233,15 +233,22 @@ def _of_states(name: str, values: npt.ArrayLike, n: int) -> Array:
     return np.broadcast_to(found, n)
 
 
-def require_known(given: Iterable[str], names: Sequence[str]) -> None:
-    """Refuse names that are no parameters.
+def require_known(
+    given: Iterable[str], names: Sequence[str], bound: Mapping[str, float] | None = None
+) -> None:
+    """Refuse names that are no parameters, or are bound to a value.
 
     Raises
     ------
     ConfigurationError
-        A name is unknown; similar ones are proposed.
+        A name is unknown, for which similar ones are proposed, or ``bound``.
     """
     for name in given:
+        if bound and name in bound:
+            raise ConfigurationError(
+                f"{cut(str(name))}: it is bound to {bound[name]:g} already; bind another value from the law that has "
+                "it open"
+            )
         if name not in names:
             advice = (
                 suggestion(str(name), names, "the parameters are") if names else "the cell has no parameters"

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from porocore.cell.family.parameters import CellParameter, number, values_of_states
+from porocore.cell.family.parameters import CellParameter, number, require_known, values_of_states
 from porocore.core.echo import echo
 from porocore.core.fields.batch import Batch
 from porocore.core.inputs.given_states import given_states
@@ -275,6 +275,8 @@ class Law:
                 f"parameters: missing; the law needs {', '.join(names)}: give them with the states, or bind them "
                 "by at()"
             )
+        if isinstance(self._law, BoundLaw) and isinstance(parameters, Mapping):
+            require_known(parameters, names, self._law.bound)
         values = values_of_states(names, parameters, len(states))
         for name, column in zip(names, values.T, strict=True):
             self._require_inside(name, column)
