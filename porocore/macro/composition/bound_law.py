@@ -30,9 +30,10 @@ class BoundLaw(MacroLaw):
     """
 
     def __init__(self, law: MacroLaw, values: Mapping[str, float]) -> None:
-        require_known(values, law.parameters, law.bound if isinstance(law, BoundLaw) else None)
+        before: dict[str, float] = law.bound if isinstance(law, BoundLaw) else {}
+        require_known(values, law.parameters, before)
         constants = {name: number(name, value) for name, value in values.items()}
-        self.bound = (law.bound if isinstance(law, BoundLaw) else {}) | constants
+        self.bound: dict[str, float] = before | constants
         self.law, self.name, self.noise = law, law.name, law.noise
         self.constant_tangent = law.constant_tangent
         self.parameters = tuple(name for name in law.parameters if name not in constants)
