@@ -160,7 +160,7 @@ class Law:
         """
         if self.parameters:
             raise ConfigurationError(
-                f"the porosity depends on {', '.join(self.parameters)}; bind them by at() first"
+                f"the porosity depends on {', '.join(self.parameters)}; bind them by at()"
             )
         return float(self._at_rest(MacroState.zeros(1))[0])
 
