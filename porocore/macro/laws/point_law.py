@@ -159,9 +159,7 @@ class Law:
             A parameter of the cell is open.
         """
         if self.parameters:
-            raise ConfigurationError(
-                f"the porosity depends on {', '.join(self.parameters)}; bind them by at()"
-            )
+            raise ConfigurationError(f"the porosity depends on {', '.join(self.parameters)}; at() binds them")
         return float(self._at_rest(MacroState.zeros(1))[0])
 
     def at(self, values: Mapping[str, float] | None = None, /, **named: float) -> Law:
