@@ -235,7 +235,7 @@ def test_the_fluid_of_a_family_at_rest_is_its_porosity(family: porocore.Law) -> 
     found = family.response(np.zeros((N, 3, 3)), parameters=THETA)
     np.testing.assert_allclose(found.fluid_volume, porosity(THETA[:, 0]), rtol=1e-12)
     assert family.at(radius=0.2).at(stiffness=1.0).porosity == pytest.approx(float(porosity(np.array(0.2))))
-    with pytest.raises(ConfigurationError, match="the porosity depends on radius; bind them by at"):
+    with pytest.raises(ConfigurationError, match=r"the porosity depends on radius; at\(\) binds"):
         _ = family.at(stiffness=1.0).porosity
 
 
