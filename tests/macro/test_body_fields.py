@@ -225,6 +225,15 @@ def test_files_that_do_not_cover_the_body_are_refused(tmp_path):
         radius(gaps)
 
 
+@pytest.mark.parametrize("named", [False, True])
+def test_a_picture_of_greys_without_values_is_asked_for_them(tmp_path, named):
+    image = save_image(tmp_path / "a.npy") | ({"values": [[0, 0.2], [1, 0.6]]} if named else {})
+    with pytest.raises(ConfigurationError, match="beyond the range") as told:
+        require_composition(setup({"radius": image}), MESH, CellRanges([{"radius": (0.1, 0.3)}]), 1.0)
+    hint = "or widen the range; without 'values: [[value in the file, parameter], …]' the file holds the parameter"
+    assert (hint in str(told.value)) is not named
+
+
 @pytest.mark.parametrize(
     ("fields", "said"),
     [
@@ -233,7 +242,19 @@ def test_files_that_do_not_cover_the_body_are_refused(tmp_path):
         ({"axes": {"about": [0, 0, 1]}}, "about and angle belong together"),
         ({"radius": "0.1*w"}, "unknown name"),
         ({"radius": {"formula": "1", "initial": 2}}, "initial and over belong together"),
-        ({"radius": {"kind": "table", "along": "y", "table": [[1, 1], [0, 1]]}}, "do not ascend"),
+        (
+            {"radius": {"kind": "table", "along": "y", "table": [[1, 1], [0, 1]]}},
+            "entry 2 lies before entry 1",
+        ),
+        (
+            {"axes": {"about": [0, 0, 1], "angle": "90 deg"}},
+            r"in degrees, without a unit; write 90, got '90 deg'",
+        ),
+        ({"axes": {"about": [0, 0, 1], "angle": "1 rad"}}, r"in degrees, without a unit; write 57\.2958"),
+        (
+            {"radius": {"kind": "image", "path": "a.npy", "voxel_size": 1, "values": [[10, 0.1], [10, 0.2]]}},
+            "expected more than 10 in entry 2, got 10; sort them, and give each once",
+        ),
     ],
 )
 def test_faulty_fields_are_refused_when_they_are_read(fields, said):
@@ -270,6 +291,16 @@ def test_parts_and_kinks_of_a_problem_know_them():
             {"radius": {"formula": "0.3", "initial": 0.2, "over": {"ramp": 1, "until": 2}}},
             {},
             r"mm, t = 1\d{4} s, beyond the range",
+        ),
+        (
+            {"radius": {"formula": "log(y - 1)"}},
+            {},
+            r"no finite number at \([\d.]+, \d\d\d?(\.\d)?, [\d.]+\) mm, t = 0, one of",
+        ),
+        (
+            {"radius": 0.2, "axes": {"first": [0, 1, 0], "second": [0, "y", 0]}},
+            {},
+            r"axes.second: the direction has no part perpendicular to the first axis at \(.*\) mm, so that it gives",
         ),
         (
             {"radius": 0.2},

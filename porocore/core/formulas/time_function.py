@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Any
 
 import numpy as np
@@ -40,8 +41,11 @@ class TimeFunction(StrictModel):
         if (self.ramp is None) != (self.until is None):
             raise ValueError("ramp and until belong together: the value, and the time at which it is reached")
         times = [time for time, _ in self.table]
-        if sorted(set(times)) != times:
-            raise ValueError("the times of the table do not ascend")
+        for k, (one, other) in enumerate(pairwise(times), start=1):
+            if other <= one:
+                raise ValueError(
+                    f"the times of the table do not ascend: entry {k + 1} is not after entry {k}; sort them"
+                )
         if self.expression is not None:
             Expression.parse(self.expression, ("t",))
         return self

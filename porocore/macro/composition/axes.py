@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Discriminator, Tag, model_validator
+from pydantic import AfterValidator, Discriminator, Tag, field_validator, model_validator
 
+from porocore.core.echo import echo
 from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import Unit
+from porocore.core.units.results import spoken
 from porocore.errors import ConfigurationError
 from porocore.macro.composition.field import (
     FormulaField,
@@ -23,6 +26,10 @@ from porocore.states import Array
 
 #: A direction shorter than this, or a sine of two directions below it, determines no axes.
 SHORTEST = 1e-9
+#: A number with a unit of angles.
+_ANGLE = re.compile(
+    r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(deg|degrees?|°|rad|radians?)", re.IGNORECASE
+)
 
 
 def _form(value: Any) -> Any:
@@ -72,6 +79,16 @@ class AxesField(StrictModel):
     """Direction of the cell's first axis: three numbers or formulas of x, y, z and t."""
     second: Direction | None = None
     """Direction of the cell's second axis."""
+
+    @field_validator("angle", mode="before")
+    @classmethod
+    def _in_degrees(cls, angle: Any) -> Any:
+        given = _ANGLE.fullmatch(angle.strip()) if isinstance(angle, str) else None
+        if given is not None:
+            number, unit = float(given[1]), given[2].lower()
+            degrees = number if unit.startswith(("d", "°")) else np.rad2deg(number)
+            raise ValueError(f"an angle is in degrees, without a unit; write {degrees:g}, got {echo(angle)}")
+        return angle
 
     @model_validator(mode="after")
     def _one_way(self) -> AxesField:
@@ -180,8 +197,8 @@ def _direction(components: Direction, points: Points, time: float, key: str) -> 
 def _unit(vectors: Array, points: Points, key: str, fault: str = "has no length") -> Array:
     length = np.linalg.norm(vectors, axis=1)
     if len(length) and length.min() < SHORTEST:
-        at = ", ".join(f"{value:.4g}" for value in points.places[length.argmin()])
-        raise ConfigurationError(f"{key}: the direction {fault} at ({at}), so that it gives no axis there")
+        at = spoken().texts(points.places[length.argmin()], "displacement")
+        raise ConfigurationError(f"{key}: the direction {fault} at {at}, so that it gives no axis there")
     return np.asarray(vectors / length[:, None])
 
 

@@ -22,6 +22,7 @@ from porocore.macro.composition.composed_body import (
     without_a_value,
 )
 from porocore.macro.composition.field import ParameterField, Points
+from porocore.macro.composition.measured import MeasuredField
 from porocore.macro.composition.regions import region_numbers
 from porocore.states import Array, BodyPlace, IntArray, MacroState
 
@@ -247,9 +248,11 @@ def _require_within(
     worst = int(rows[outside.argmax()])
     at = spoken().texts(piece.points.places[worst], "displacement")
     when = f", t = {spoken().text(time, 'time', 6)}" if piece.field.varies else ""
+    raw = isinstance(piece.field, MeasuredField) and not piece.field.values
+    hint = "; without 'values: [[value in the file, parameter], …]' the file holds the parameter itself"
     raise ConfigurationError(
         f"{piece.key}: the field is {values[worst]:.6g} at {at}{when}, beyond the range [{low:g}, {high:g}] of the "
-        f"parameter '{name}'; narrow the field, or widen the range"
+        f"parameter '{name}'; narrow the field, or widen the range{hint if raw else ''}"
     )
 
 

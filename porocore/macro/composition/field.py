@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -15,6 +16,7 @@ from porocore.core.formulas.time_function import TimeFunction
 from porocore.core.models.bounds import MOST_TIMES
 from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import Dimension
+from porocore.core.units.results import spoken
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 
@@ -134,8 +136,11 @@ class TableField(ParameterField):
     @classmethod
     def _ascends(cls, table: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
         at = [place for place, _ in table]
-        if sorted(at) != at:
-            raise ValueError("the coordinates of the table do not ascend")
+        for k, (one, other) in enumerate(pairwise(at), start=1):
+            if other < one:
+                raise ValueError(
+                    f"the coordinates of the table do not ascend: entry {k + 1} lies before entry {k}; sort them"
+                )
         if any(at[i] == at[i + 2] for i in range(len(at) - 2)):
             raise ValueError(
                 "more than two entries of the table have the same coordinate; keep two, for a step"
@@ -171,9 +176,9 @@ def formula_values(text: str, places: Array, time: float, key: str) -> Array:
     values = np.broadcast_to(require_formula(text)(x=x, y=y, z=z, t=time), len(places)).astype(float)
     bad = np.flatnonzero(~np.isfinite(values))
     if len(bad):
-        at = ", ".join(f"{value:.4g}" for value in places[bad[0]])
+        at = spoken().texts(places[bad[0]], "displacement")
         raise ConfigurationError(
-            f"{key}: {echo(text)} is no finite number at ({at}), t = {time:g}, one of {len(bad)} of {len(places)} "
-            "points; coordinates and time are dimensionless here"
+            f"{key}: {echo(text)} is no finite number at {at}, t = {spoken().text(time, 'time', 6)}, one of {len(bad)} "
+            f"of {len(places)} points; in a formula coordinates and time are dimensionless"
         )
     return values

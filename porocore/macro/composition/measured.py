@@ -6,6 +6,7 @@ from abc import abstractmethod
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -40,8 +41,12 @@ class MeasuredField(FromFile, ParameterField):
     @classmethod
     def _ascend(cls, values: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
         given = [value for value, _ in values]
-        if sorted(set(given)) != given:
-            raise ValueError("the values of the file do not ascend")
+        for k, (one, other) in enumerate(pairwise(given), start=1):
+            if other <= one:
+                raise ValueError(
+                    f"the values of the file do not ascend: expected more than {one:g} in entry {k + 1}, got "
+                    f"{other:g}; sort them, and give each once"
+                )
         return values
 
     @abstractmethod
@@ -74,7 +79,7 @@ class ImageField(MeasuredField):
     """A stack of images, each voxel of which has one value; it has to cover the body."""
 
     kind: Literal["image"]
-    """A stack of images from a ``.npy`` or TIFF file."""
+    """A stack of images from a ``.npy`` file with the axes [x, y, z], or a TIFF file with a page for each z."""
     voxel_size: Length | tuple[Length, Length, Length]
     """Edge of a voxel, or its edges along x, y and z; with a unit, such as 50 um, or as a multiple of the length."""
     origin: Annotated[tuple[float, float, float], Dimension("displacement")] = (0.0, 0.0, 0.0)
