@@ -8,7 +8,7 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from porocore.core.formulas.time_function import TimeFunction, Value
+from porocore.core.formulas.time_function import TimeFunction, Value, require_later
 from porocore.core.models.bounds import MOST_STEPS, MOST_TIMES
 from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import Dimension
@@ -132,8 +132,7 @@ class TimePlan(StrictModel):
         if any(t > self.end for t in self.profiles):
             raise ValueError(f"a profile time lies behind end = {_time(self.end)}")
         times = [time for time, _ in self.load_curve]
-        if sorted(set(times)) != times:
-            raise ValueError("the times of load_curve do not ascend")
+        require_later(times, "load_curve")
         if times and times[-1] > self.end:
             raise ValueError(f"a time of load_curve lies behind end = {_time(self.end)}")
         return self

@@ -304,6 +304,11 @@ def test_parts_and_kinks_of_a_problem_know_them():
         ),
         (
             {"radius": 0.2},
+            {"low": {"kind": "layer", "below": 0.1}},
+            r"low: none of the 4 elements .* they lie from \(500, 250, 500\) mm to \(500, 1750, 500\) mm: move",
+        ),
+        (
+            {"radius": 0.2},
             {"low": {"kind": "layer", "below": 1.5}, "high": {"kind": "layer", "above": 0.5}},
             r"one at \(500, 750, 500\) mm; regions must not overlap",
         ),

@@ -115,7 +115,7 @@ def test_a_load_curve_takes_the_place_of_the_ramp_and_its_corners_are_hit():
 @pytest.mark.parametrize(
     ("curve", "message"),
     [
-        (((2, 1), (1, 1)), "do not ascend"),
+        (((2, 1), (1, 1)), "times of load_curve do not ascend: entry 2 is not after entry 1"),
         (((1, 1), (1, 2)), "do not ascend"),
         (((200, 1),), "lies behind end = 100"),
         (((0, 1),), "greater than 0"),

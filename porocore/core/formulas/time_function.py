@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Annotated, Any
 
@@ -16,6 +17,21 @@ from porocore.core.units.dimensions import Carried, Dimension
 from porocore.errors import ConfigurationError
 
 Positive = Annotated[float, Field(gt=0)]
+
+
+def require_later(times: Sequence[float], of: str) -> None:
+    """Refuse times of which one is not after that before it.
+
+    Raises
+    ------
+    ValueError
+        There is one; the message has the place in the list, since times have no unit yet.
+    """
+    for k, (one, other) in enumerate(pairwise(times), start=1):
+        if other <= one:
+            raise ValueError(
+                f"the times of {of} do not ascend: entry {k + 1} is not after entry {k}; sort them"
+            )
 
 
 class TimeFunction(StrictModel):
@@ -41,11 +57,7 @@ class TimeFunction(StrictModel):
         if (self.ramp is None) != (self.until is None):
             raise ValueError("ramp and until belong together: the value, and the time at which it is reached")
         times = [time for time, _ in self.table]
-        for k, (one, other) in enumerate(pairwise(times), start=1):
-            if other <= one:
-                raise ValueError(
-                    f"the times of the table do not ascend: entry {k + 1} is not after entry {k}; sort them"
-                )
+        require_later(times, "the table")
         if self.expression is not None:
             Expression.parse(self.expression, ("t",))
         return self
