@@ -180,8 +180,8 @@ def region_numbers(mesh: BodyMesh, regions: Mapping[str, Region]) -> IntArray:
                 spoken().texts(end, "displacement") for end in (mesh.centres.min(0), mesh.centres.max(0))
             )
             raise ConfigurationError(
-                f"{key}: none of the {len(number)} elements has its centre in this region; they lie from {low} to {high}: "
-                "move or widen it, or mesh the body finer there"
+                f"{key}: none of the {len(number)} elements has its centre in this region; they lie from {low} to "
+                f"{high}: move or widen it, or mesh the body finer there"
             )
         if (both := inside & (number > 0)).any():
             other = names[int(number[both][0]) - 1]
