@@ -62,6 +62,9 @@ class LoadChange:
 class BoundaryChange:
     """Change of one prescribed value.
 
+    The derivative is by the number as the boundary conditions have it, before the load and the ramp; where the value is
+    a function of time, it is by a factor of that function, 1 at present.
+
     Attributes
     ----------
     surface
@@ -70,9 +73,6 @@ class BoundaryChange:
         Of which the value is.
     component
         Component 0, 1 or 2 of a displacement or a traction.
-
-    The derivative is by the number as the boundary conditions have it, before the load and the ramp; where the value is
-    a function of time, it is by a factor of that function, 1 at present.
     """
 
     surface: str

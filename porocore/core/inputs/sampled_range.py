@@ -29,7 +29,7 @@ class SampledRange:
     """A convex polytope {x : A x ≤ b} around the sampled inputs and the undeformed cell, which is always known.
 
     With parameters it is known at all of their values, but where the samples are at values that a body uses
-    (:attr:`InputSpace.used`) all others are outside.
+    (``InputSpace.used``) all others are outside.
 
     Its faces lie beyond the samples by half of what neighbours usually differ by along an axis, as far from a sample as
     states between two of them, but not beyond the box of the inputs.
