@@ -39,7 +39,9 @@ ROOT = Path(__file__).parents[1]
     ids=["missing package", "not in CI", "missing for a module", "slow", "not offered"],
 )
 def test_a_skip_fails_in_ci_unless_it_is_a_good_one(body, ci, status, tmp_path):
-    (tmp_path / "conftest.py").write_bytes((ROOT / "conftest.py").read_bytes())
+    (tmp_path / "tests").mkdir()
+    for name in ("conftest.py", "tests/slow_tests.txt"):
+        (tmp_path / name).write_bytes((ROOT / name).read_bytes())
     (tmp_path / "test_own.py").write_text(body)
     (tmp_path / "test_other.py").write_text("def test_b(): pass\n")
     command = [
