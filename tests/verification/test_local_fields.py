@@ -268,11 +268,20 @@ def test_the_command_writes_the_file(monkeypatch, capsys, tmp_path):
     assert len(meshio.read(path).points) > 1000
 
 
-@pytest.mark.parametrize("at", ["H22", "H22=x", "H22=0.1,H22=0.2", "H22=nan", ""])
-def test_the_command_refuses_what_is_no_state(monkeypatch, capsys, tmp_path, at):
+@pytest.mark.parametrize(
+    ("at", "why"),
+    [
+        ("H22", "expected a state such as H22=-0.2,p=0.1, got 'H22'"),
+        ("H22=x", "H22: expected a finite number, got 'x'; write a state such as H22=-0.2,p=0.1"),
+        ("H22=0.1,H22=0.2", "H22 is given twice; expected a state such as H22=-0.2,p=0.1"),
+        ("H22=nan", "H22: expected a finite number, got 'nan'; write a state such as H22=-0.2,p=0.1"),
+        ("", "expected a state such as H22=-0.2,p=0.1, got ''"),
+    ],
+)
+def test_the_command_refuses_what_is_no_state(monkeypatch, capsys, tmp_path, at, why):
     status, _, err = command(monkeypatch, capsys, "cell", "fields", "--at", at, "--out", tmp_path / "out")
     assert status == 2
-    assert f"--at: expected a state such as H22=-0.2,p=0.1, got '{at}'" in err
+    assert f"--at: {why}" in err
     assert not (tmp_path / "out").exists()
 
 
