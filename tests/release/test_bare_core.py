@@ -40,6 +40,7 @@ COMMANDS = [
     ),
     ("reproduce dehghani2022 --figure 13 --out new", BOTH),
     ("sweep study.yaml --over radius=0.2:0.3:3 --out new", BOTH),
+    ("calibrate test.yaml --synthetic --out new", BOTH),
     ("sample study.yaml --out new", SKFEM),
     ("train run", TORCH),
     ("solve run", "macro solver 'skfem' is not installed; install it: pip install porocore-fem-skfem"),
@@ -64,6 +65,17 @@ COMMANDS = [
     ("store clear --store kept", None),
 ]
 
+#: A calibration of the study's modulus.
+TEST = """
+unknowns: {modulus: {lower: 0.5, upper: 2}}
+experiments:
+  creep:
+    study: study.yaml
+    load: -0.01
+    observations:
+      settlement: {quantity: settlement, times: {first: 1, last: 3, count: 3}, deviation_share: 0.01}
+"""
+
 
 @pytest.fixture(scope="module")
 def bare(dist, tmp_path_factory):
@@ -78,6 +90,7 @@ def place(finished, write_coarse, tmp_path_factory):
     """A folder with a study and with a run that somebody else has made."""
     folder = tmp_path_factory.mktemp("place")
     write_coarse(folder / "study.yaml")
+    (folder / "test.yaml").write_text(TEST)
     shutil.copytree(finished, folder / "run")
     return folder
 
