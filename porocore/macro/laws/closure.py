@@ -3,18 +3,48 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from porocore.cell.cell import Cell
 from porocore.cell.materials.composite import Solid
+from porocore.core.fields.batch import Batch
 from porocore.errors import ConfigurationError
-from porocore.interfaces.law import LawMemory, MacroResponse, UndeformedCells, fingerprint
+from porocore.interfaces.law import LawMemory, MacroResponse, MacroTangent, UndeformedCells, fingerprint
 from porocore.interfaces.law_changes import MemoryChanges, ResponseChanges, add_scaled
 from porocore.macro.laws.cell_changes import CellChanges
 from porocore.macro.laws.pull_back import CONDUCTIVITY_LAWS, ConductivityLaw, PulledBack, at_points
 from porocore.states import Array, CellResponse, MacroState
+
+
+@dataclass(frozen=True, eq=False)
+class ClosurePoints(Batch):
+    """Data of n points, of which a closure makes their response.
+
+    Attributes
+    ----------
+    states
+        (H, p; θ).
+    cell
+        Responses of the cell in these states.
+    grad_p : (n, 3)
+        ∇_X p.
+    memory
+        State of the law at the last accepted time.
+    cells
+        Undeformed cell of each point; None: that of the closure's constants.
+    cells_before
+        The same at the time of the memory, where it was another one.
+    """
+
+    states: MacroState
+    cell: CellResponse
+    grad_p: Array
+    memory: LawMemory
+    cells: UndeformedCells | None = None
+    cells_before: UndeformedCells | None = None
 
 
 class Closure(ABC):
@@ -86,26 +116,8 @@ class Closure(ABC):
         )
 
     @abstractmethod
-    def respond(
-        self,
-        states: MacroState,
-        cell: CellResponse,
-        grad_p: Array,
-        memory: LawMemory,
-        *,
-        tangent: bool,
-        cells: UndeformedCells | None = None,
-        before: UndeformedCells | None = None,
-    ) -> MacroResponse:
-        """Return the response at n points, given the cell's responses there; see :class:`MacroLaw`.
-
-        Parameters
-        ----------
-        cells
-            Undeformed cell of each point; None: that of the constants.
-        before
-            The same at the time of the memory, where it was another one.
-        """
+    def respond(self, at: ClosurePoints, *, tangent: bool) -> MacroResponse:
+        """Return the response at n points; see :class:`MacroLaw`."""
 
     def deformation_changes(
         self, cell: CellResponse, by: CellChanges, cells: UndeformedCells | None = None
@@ -118,28 +130,36 @@ class Closure(ABC):
 
     @abstractmethod
     def respond_to_changes(
-        self,
-        states: MacroState,
-        cell: CellResponse,
-        grad_p: Array,
-        memory: LawMemory,
-        by: CellChanges,
-        before: MemoryChanges,
-        *,
-        cells: UndeformedCells | None = None,
-        cells_before: UndeformedCells | None = None,
+        self, at: ClosurePoints, by: CellChanges, before: MemoryChanges
     ) -> tuple[MacroResponse, ResponseChanges]:
         """Return the response with its tangent, and its derivatives at fixed (H, p, ∇p) by k unknowns.
 
         Parameters
         ----------
+        at
+            The points, whose responses of the cell have a tangent.
         by
             Changes of the cell's responses.
         before
             Derivatives of the memory.
-        cells, cells_before
-            Undeformed cells at this time, and at that of the memory; see :meth:`respond`.
         """
+
+    def _response(
+        self, at: ClosurePoints, pore: PulledBack, stress: Array, storage: Array, tangent: MacroTangent | None
+    ) -> MacroResponse:
+        """Return stress and storage with all that a closure takes from the pulled-back pore and the cell."""
+        outside = at.cell.outside_training_range
+        return MacroResponse(
+            stress=stress,
+            storage=storage,
+            flux=pore.flux,
+            memory=self.memory(at.states, at.cell),
+            deformation=pore.F,
+            volume_ratio=pore.J,
+            transformed_conductivity=pore.transformed,
+            outside_training_range=np.zeros(len(at.states), bool) if outside is None else outside,
+            tangent=tangent,
+        )
 
     def memory(self, states: MacroState, cell: CellResponse) -> LawMemory:
         """Return the memory that the next step begins from."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from porocore.interfaces.law import UndeformedCells
-from porocore.macro.laws import Closure
+from porocore.macro.laws.closure import Closure, ClosurePoints
 from porocore.states import Array, CellResponse, MacroState
 
 #: A component of the stress whose values span less than this share of the widest one is not judged.
@@ -61,12 +61,9 @@ def closure_error(
     at_rest, rest = MacroState.zeros(n), np.zeros((n, 3, 3))
     porosity = np.broadcast_to(1 - closure.solid_fraction_of(cells), n)
     at_start = CellResponse(mean_grad=rest, status=exact.status, stress=rest, fluid_volume=porosity)
-    there = closure.respond(
-        states, exact, still, closure.memory(at_rest, at_start), tangent=False, cells=cells
-    )
-    back = closure.respond(
-        at_rest, at_start, still, closure.memory(states, exact), tangent=False, cells=cells
-    )
+    at_end = ClosurePoints(states, exact, still, closure.memory(at_rest, at_start), cells)
+    returned = ClosurePoints(at_rest, at_start, still, closure.memory(states, exact), cells)
+    there, back = (closure.respond(points, tangent=False) for points in (at_end, returned))
 
     components = exact.stress.reshape(n, 9)
     spans = np.ptp(components, axis=0)

@@ -19,7 +19,7 @@ from porocore.interfaces.law import (
 )
 from porocore.interfaces.law_changes import MemoryChanges, PointChanges, ResponseChanges
 from porocore.macro.laws.cell_changes import cell_changes
-from porocore.macro.laws.closure import Closure
+from porocore.macro.laws.closure import Closure, ClosurePoints
 from porocore.plugins.border import check_prediction, prediction_of
 from porocore.states import Array, CellResponse, MacroState
 
@@ -143,15 +143,10 @@ class ClosedLaw(MacroLaw):
         # Newton's iteration may ask for anything; what is not finite is for the macro solver to refuse.
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             # Parameters that are missing are told before the cell law is asked.
-            before, cells = (self._cells(at.parameters) for at in (memory.states, states))
-            found = self.cell_law.predict_from(memory.states, states, tangent=tangent)
-            cell = check_prediction(self.cell_law, found, states)
-            return [
-                self._closed(
-                    states, cell, grad_p, memory, tangent, cells, None if before is cells else before
-                )
-                for grad_p in gradients
-            ]
+            cells = self._cells_of(states, memory)
+            cell = self._predicted(states, memory, tangent)
+            points = [ClosurePoints(states, cell, grad_p, memory, *cells) for grad_p in gradients]
+            return [self._closed(at, tangent) for at in points]
 
     def respond_to_changes(
         self,
@@ -162,58 +157,34 @@ class ClosedLaw(MacroLaw):
         before: MemoryChanges,
     ) -> tuple[MacroResponse, ResponseChanges]:
         """Return the response and its derivatives by unknowns; see :class:`MacroLaw`."""
-        cells_before, cells = (self._cells(at.parameters) for at in (memory.states, states))
-        if cells_before is cells:
-            cells_before = None
-        found = self.cell_law.predict_from(memory.states, states, tangent=True)
-        cell = check_prediction(self.cell_law, found, states)
-        closure = self.closure
-        K = closure.conductivity if cells is None else cells.conductivity
+        closure, cells = self.closure, self._cells_of(states, memory)
+        at = ClosurePoints(states, self._predicted(states, memory, True), grad_p, memory, *cells)
+        K = closure.conductivity if at.cells is None else at.cells.conductivity
         undeformed = None if closure.law == "deformed" else K
-        by = cell_changes(self.cell_law, states, cell, changes, undeformed, closure.responses)
+        by = cell_changes(self.cell_law, states, at.cell, changes, undeformed, closure.responses)
         closed = [
-            closure.respond_to_changes(
-                states[part],
-                cell[part],
-                grad_p[part],
-                memory[part],
-                by[part],
-                before[part],
-                cells=None if cells is None else cells[part],
-                cells_before=None if cells_before is None else cells_before[part],
-            )
-            for part in _parts(len(states))
+            closure.respond_to_changes(at[part], by[part], before[part]) for part in _parts(len(states))
         ]
         if len(closed) == 1:
             return closed[0]
         responses, derivatives = map(list, zip(*closed, strict=True))
         return MacroResponse.concatenate(responses), ResponseChanges.concatenate(derivatives)
 
-    def _closed(
-        self,
-        states: MacroState,
-        cell: CellResponse,
-        grad_p: Array,
-        memory: LawMemory,
-        tangent: bool,
-        cells: UndeformedCells | None,
-        before: UndeformedCells | None,
-    ) -> MacroResponse:
+    def _cells_of(
+        self, states: MacroState, memory: LawMemory
+    ) -> tuple[UndeformedCells | None, UndeformedCells | None]:
+        """Return the undeformed cells of the points, and those of the memory where they are others."""
+        before, cells = (self._cells(at.parameters) for at in (memory.states, states))
+        return cells, None if before is cells else before
+
+    def _predicted(self, states: MacroState, memory: LawMemory, tangent: bool) -> CellResponse:
+        found = self.cell_law.predict_from(memory.states, states, tangent=tangent)
+        return check_prediction(self.cell_law, found, states)
+
+    def _closed(self, at: ClosurePoints, tangent: bool) -> MacroResponse:
         """Return the response that the closure makes of the cell's, so many points at a time."""
-
-        def closed(part: slice) -> MacroResponse:
-            return self.closure.respond(
-                states[part],
-                cell[part],
-                grad_p[part],
-                memory[part],
-                tangent=tangent,
-                cells=None if cells is None else cells[part],
-                before=None if before is None else before[part],
-            )
-
-        parts = _parts(len(states))
-        return closed(parts[0]) if len(parts) == 1 else MacroResponse.concatenate([*map(closed, parts)])
+        found = [self.closure.respond(at[part], tangent=tangent) for part in _parts(len(at.states))]
+        return found[0] if len(found) == 1 else MacroResponse.concatenate(found)
 
     def reasons(self, states: MacroState) -> list[str]:
         """Return the reasons that the cell law knows; see :class:`MacroLaw`."""

@@ -10,12 +10,12 @@ from porocore.cell.cell import Cell
 from porocore.cell.materials.composite import Composite, Solid
 from porocore.core.tensors.cofactors import cofactor_tangent
 from porocore.errors import ConfigurationError
-from porocore.interfaces.law import LawMemory, MacroResponse, MacroTangent, UndeformedCells
+from porocore.interfaces.law import MacroResponse, MacroTangent
 from porocore.interfaces.law_changes import MemoryChanges, ResponseChanges, add_scaled
 from porocore.macro.laws.cell_changes import CellChanges
-from porocore.macro.laws.closure import Closure
+from porocore.macro.laws.closure import Closure, ClosurePoints
 from porocore.macro.laws.pull_back import ConductivityLaw, PulledBack, at_points, deformation_tangent
-from porocore.states import Array, CellResponse, CellTangent, MacroState
+from porocore.states import Array, CellTangent
 
 
 def _unfit(reason: str) -> str:
@@ -90,32 +90,13 @@ class MeanGradientClosure(Closure):
             return _unfit("cell.material.swelling gives the cell a stress at rest")
         return ""
 
-    def respond(
-        self,
-        states: MacroState,
-        cell: CellResponse,
-        grad_p: Array,
-        memory: LawMemory,
-        *,
-        tangent: bool,
-        cells: UndeformedCells | None = None,
-        before: UndeformedCells | None = None,
-    ) -> MacroResponse:
+    def respond(self, at: ClosurePoints, *, tangent: bool) -> MacroResponse:
         """Return the response at n points; NaN where det F̄ ≤ 0 or det(I + H) ≤ 0."""
-        at = self._deformed(states, cell, grad_p, memory, cells, before)
-        return self._response(at, states, cell, self._slopes(at) if tangent else None)
+        now = self._deformed(at)
+        return self._closed(at, now, self._slopes(now) if tangent else None)
 
     def respond_to_changes(
-        self,
-        states: MacroState,
-        cell: CellResponse,
-        grad_p: Array,
-        memory: LawMemory,
-        by: CellChanges,
-        before: MemoryChanges,
-        *,
-        cells: UndeformedCells | None = None,
-        cells_before: UndeformedCells | None = None,
+        self, at: ClosurePoints, by: CellChanges, before: MemoryChanges
     ) -> tuple[MacroResponse, ResponseChanges]:
         """Return the response and its derivatives; see :class:`Closure`.
 
@@ -124,73 +105,54 @@ class MeanGradientClosure(Closure):
         ConfigurationError
             φ_s depends on an unknown, and changes with time.
         """
-        tangent = cell.tangent
+        tangent = at.cell.tangent
         assert before.mean_grad is not None
         assert tangent is not None
-        if cells_before is not None and by.porosity.any():
+        if at.cells_before is not None and by.porosity.any():
             raise ConfigurationError(
                 "closure 'mean-gradient' gives no derivatives by parameters that change the porosity where these "
                 "change with time; choose closure: potential"
             )
-        at = self._deformed(states, cell, grad_p, memory, cells, cells_before)
-        slopes, (n, k), dF = self._slopes(at), by.modulus.shape, self.deformation_changes(cell, by, cells)
+        now, (n, k) = self._deformed(at), by.modulus.shape
+        slopes, dF = self._slopes(now), self.deformation_changes(at.cell, by, at.cells)
         found: Array = np.matmul(slopes.by_deformation, dF.reshape(n, 9, k))
         stress, storage = found[:, :9], found[:, 9:]
-        add_scaled(stress, (at.share * at.solid_stress).reshape(n, 9), by.modulus)
-        add_scaled(stress, -(at.solid_stress + at.p * at.pore.cof).reshape(n, 9), by.porosity)
-        moved = before.mean_grad.reshape(n, 9, k) - (1 - at.share) * before.grad_u.reshape(n, 9, k)
-        add_scaled(moved, (states.grad_u - memory.states.grad_u).reshape(n, 9), by.porosity)
-        storage += at.pore.cof.reshape(n, 1, 9) @ moved - slopes.by_mean_grad @ by.mean_grad.reshape(n, 9, k)
-        return self._response(at, states, cell, slopes), ResponseChanges(
+        add_scaled(stress, (now.share * now.solid_stress).reshape(n, 9), by.modulus)
+        add_scaled(stress, -(now.solid_stress + now.p * now.pore.cof).reshape(n, 9), by.porosity)
+        moved = before.mean_grad.reshape(n, 9, k) - (1 - now.share) * before.grad_u.reshape(n, 9, k)
+        add_scaled(moved, (at.states.grad_u - at.memory.states.grad_u).reshape(n, 9), by.porosity)
+        storage += now.pore.cof.reshape(n, 1, 9) @ moved - slopes.by_mean_grad @ by.mean_grad.reshape(n, 9, k)
+        return self._closed(at, now, slopes), ResponseChanges(
             stress=stress.reshape(n, 3, 3, k),
             storage=storage[:, 0],
-            flux=at.pore.flux_changes(dF, by.conductivity, self.law),
+            flux=now.pore.flux_changes(dF, by.conductivity, self.law),
             mean_grad=by.mean_grad,
             mean_grad_grad_u=tangent.mean_grad_grad_u,
             mean_grad_p=tangent.mean_grad_p,
         )
 
-    def _deformed(
-        self,
-        states: MacroState,
-        cell: CellResponse,
-        grad_p: Array,
-        memory: LawMemory,
-        cells: UndeformedCells | None,
-        before: UndeformedCells | None,
-    ) -> _Deformed:
+    def _deformed(self, at: ClosurePoints) -> _Deformed:
+        states, cell, cells, memory = at.states, at.cell, at.cells, at.memory
         phi_s = self.solid_fraction_of(cells)
         share = at_points(phi_s, 2)
-        pore = self.pull_back(states, cell, grad_p, cells)
+        pore = self.pull_back(states, cell, at.grad_p, cells)
         step = (1 - share) * (states.grad_u - memory.states.grad_u) - (cell.mean_grad - memory.mean_grad)
         grown = None
-        if before is not None and cells is not None:
-            grown = (before.porosity - cells.porosity, cell.mean_grad / share)
+        if at.cells_before is not None and cells is not None:
+            grown = (at.cells_before.porosity - cells.porosity, cell.mean_grad / share)
         # Ψ is asked only where there is a state.
         solid = np.where(pore.missing, np.eye(3), pore.F)
         stress = np.where(pore.missing, np.nan, self.energy.stress(solid))
         return _Deformed(phi_s, share, states.p[:, None, None], pore, step, grown, solid, stress)
 
-    def _response(
-        self, at: _Deformed, states: MacroState, cell: CellResponse, slopes: _Slopes | None
-    ) -> MacroResponse:
-        pore = at.pore
-        storage = np.einsum("nij,nij->n", pore.cof, at.step)
-        if at.grown is not None:
-            storage = storage - at.grown[0] * (pore.J - np.einsum("nij,nij->n", pore.cof, at.grown[1]))
-        return MacroResponse(
-            stress=at.share * at.solid_stress - (1 - at.share) * at.p * pore.cof,
-            storage=storage,
-            flux=pore.flux,
-            memory=self.memory(states, cell),
-            deformation=pore.F,
-            volume_ratio=pore.J,
-            transformed_conductivity=pore.transformed,
-            outside_training_range=np.zeros(len(states), bool)
-            if cell.outside_training_range is None
-            else cell.outside_training_range,
-            tangent=None if slopes is None else self._tangent(at, cell.tangent, slopes),
-        )
+    def _closed(self, at: ClosurePoints, now: _Deformed, slopes: _Slopes | None) -> MacroResponse:
+        pore = now.pore
+        storage = np.einsum("nij,nij->n", pore.cof, now.step)
+        if now.grown is not None:
+            storage = storage - now.grown[0] * (pore.J - np.einsum("nij,nij->n", pore.cof, now.grown[1]))
+        stress = now.share * now.solid_stress - (1 - now.share) * now.p * pore.cof
+        tangent = None if slopes is None else self._tangent(now, at.cell.tangent, slopes)
+        return self._response(at, pore, stress, storage, tangent)
 
     def _slopes(self, at: _Deformed) -> _Slopes:
         """Return the derivatives by F̄ and by <∇u¹>; second-rank tensors are rows of 9, fourth-rank ones 9 × 9."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from porocore.interfaces.law import LawMemory, MacroResponse, MacroTangent, UndeformedCells
+from porocore.interfaces.law import LawMemory, MacroResponse, MacroTangent
 from porocore.interfaces.law_changes import MemoryChanges, ResponseChanges
 from porocore.macro.laws.cell_changes import CellChanges
-from porocore.macro.laws.closure import Closure
+from porocore.macro.laws.closure import Closure, ClosurePoints
 from porocore.macro.laws.pull_back import PulledBack
 from porocore.states import Array, CellResponse, CellTangent, MacroState
 
@@ -40,81 +40,46 @@ class PotentialClosure(Closure):
         "fluid_volume_p",
     )
 
-    def respond(
-        self,
-        states: MacroState,
-        cell: CellResponse,
-        grad_p: Array,
-        memory: LawMemory,
-        *,
-        tangent: bool,
-        cells: UndeformedCells | None = None,
-        before: UndeformedCells | None = None,
-    ) -> MacroResponse:
+    def respond(self, at: ClosurePoints, *, tangent: bool) -> MacroResponse:
         """Return the response at n points; NaN where det F̄ ≤ 0 or det(I + H) ≤ 0.
 
-        A cell that changes with time takes up fluid by its φ; ``before`` is not needed.
+        A cell that changes with time takes up fluid by its φ; the cells before are not needed.
 
         Raises
         ------
         ValueError
             The memory was made by a closure that keeps no fluid volume.
         """
-        pore = self.pull_back(states, cell, grad_p, cells)
-        return self._response(states, cell, pore, memory, cells, tangent)
-
-    def _response(
-        self,
-        states: MacroState,
-        cell: CellResponse,
-        pore: PulledBack,
-        memory: LawMemory,
-        cells: UndeformedCells | None,
-        tangent: bool,
-    ) -> MacroResponse:
-        if memory.fluid_volume is None:
-            raise ValueError("expected a memory with the fluid volume; make it by ClosedLaw.initial")
-        assert cell.stress is not None
-        assert cell.fluid_volume is not None
-        taken_up = cell.fluid_volume - memory.fluid_volume
-        return MacroResponse(
-            stress=np.where(pore.missing, np.nan, cell.stress),
-            storage=np.where(np.isnan(pore.J), np.nan, taken_up),
-            flux=pore.flux,
-            memory=self.memory(states, cell),
-            deformation=pore.F,
-            volume_ratio=pore.J,
-            transformed_conductivity=pore.transformed,
-            outside_training_range=np.zeros(len(states), bool)
-            if cell.outside_training_range is None
-            else cell.outside_training_range,
-            tangent=self._tangent(pore, cell.tangent, self.solid_fraction_of(cells)) if tangent else None,
-        )
+        return self._closed(at, self.pull_back(at.states, at.cell, at.grad_p, at.cells), tangent)
 
     def respond_to_changes(
-        self,
-        states: MacroState,
-        cell: CellResponse,
-        grad_p: Array,
-        memory: LawMemory,
-        by: CellChanges,
-        before: MemoryChanges,
-        *,
-        cells: UndeformedCells | None = None,
-        cells_before: UndeformedCells | None = None,
+        self, at: ClosurePoints, by: CellChanges, before: MemoryChanges
     ) -> tuple[MacroResponse, ResponseChanges]:
         """Return the response and its derivatives; see :class:`Closure`."""
         assert by.stress is not None
         assert by.fluid_volume is not None
         assert before.fluid_volume is not None
-        pore = self.pull_back(states, cell, grad_p, cells)
+        pore = self.pull_back(at.states, at.cell, at.grad_p, at.cells)
         found = ResponseChanges(
             stress=by.stress,
             storage=by.fluid_volume - before.fluid_volume,
-            flux=pore.flux_changes(self.deformation_changes(cell, by, cells), by.conductivity, self.law),
+            flux=pore.flux_changes(
+                self.deformation_changes(at.cell, by, at.cells), by.conductivity, self.law
+            ),
             fluid_volume=by.fluid_volume,
         )
-        return self._response(states, cell, pore, memory, cells, True), found
+        return self._closed(at, pore, True), found
+
+    def _closed(self, at: ClosurePoints, pore: PulledBack, tangent: bool) -> MacroResponse:
+        cell, before = at.cell, at.memory.fluid_volume
+        if before is None:
+            raise ValueError("expected a memory with the fluid volume; make it by ClosedLaw.initial")
+        assert cell.stress is not None
+        assert cell.fluid_volume is not None
+        stress = np.where(pore.missing, np.nan, cell.stress)
+        storage = np.where(np.isnan(pore.J), np.nan, cell.fluid_volume - before)
+        slopes = self._tangent(pore, cell.tangent, self.solid_fraction_of(at.cells)) if tangent else None
+        return self._response(at, pore, stress, storage, slopes)
 
     def memory(self, states: MacroState, cell: CellResponse) -> LawMemory:
         """Return the memory with the fluid volume, from which the next storage is counted."""
