@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from porocore.calibration.config.numbers import StudyNumber
+from porocore.calibration.config.numbers import AXES, StudyNumber
 from porocore.calibration.config.settings import FitSettings
 from porocore.calibration.observations.curve import ObservedCurve
 from porocore.calibration.problem import Unknown
@@ -61,6 +61,29 @@ class PlannedUnknown:
         return float(size / QUANTITIES[number.quantity].factor(scales.exact))
 
 
+@dataclass(frozen=True)
+class FittedField:
+    """Field of a parameter whose control values are unknowns.
+
+    Attributes
+    ----------
+    name
+        Of the unknown in the configuration.
+    along
+        ``x``, ``y`` or ``z``.
+    places, unit
+        Coordinates of the control values, and their unit; empty for dimensionless ones.
+    members
+        Positions of the control values among the unknowns.
+    """
+
+    name: str
+    along: str
+    places: tuple[float, ...]
+    unit: str
+    members: tuple[int, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class CalibrationPlan:
     """Experiments and unknowns of a calibration.
@@ -82,6 +105,24 @@ class CalibrationPlan:
     unknowns: tuple[PlannedUnknown, ...]
     fit: FitSettings
     notes: tuple[str, ...] = field(default=())
+
+    @property
+    def fields(self) -> tuple[FittedField, ...]:
+        """Fields among the unknowns, with coordinates of the first experiment that each belongs to."""
+        members: dict[str, list[int]] = {}
+        for i, each in enumerate(self.unknowns):
+            if next(iter(each.numbers.values())).hat is not None:
+                members.setdefault(each.unknown.name.rpartition("[")[0], []).append(i)
+        return tuple(self._field(name, found) for name, found in members.items())
+
+    def _field(self, name: str, members: list[int]) -> FittedField:
+        experiment, number = next(iter(self.unknowns[members[0]].numbers.items()))
+        assert number.hat is not None
+        units = next(each.config.result_units for each in self.experiments if each.name == experiment)
+        factor = units.factor("displacement")
+        places = tuple(factor * place for place in number.hat.places)
+        unit = units.name("displacement") if units.given else ""
+        return FittedField(name, AXES[number.hat.axis], places, unit, tuple(members))
 
     @property
     def curves(self) -> list[ObservedCurve]:

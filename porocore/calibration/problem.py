@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import exp, log
 from typing import Literal
 
@@ -39,6 +40,9 @@ class Unknown:
         Knowledge from elsewhere; None: the data alone decide.
     unit
         Unit of the numbers here, empty for a dimensionless one.
+    smoothing
+        Standard deviation, before any data, of the difference of its coordinate from that of the unknown before it;
+        None: the two have nothing to do with each other.
     """
 
     name: str
@@ -48,6 +52,12 @@ class Unknown:
     scale: Scale = "linear"
     prior: NormalPrior | None = None
     unit: str = ""
+    smoothing: float | None = None
+
+    @property
+    def has_prior(self) -> bool:
+        """True where something beside the data tells of it: a prior of its own, or of its difference."""
+        return self.prior is not None or self.smoothing is not None
 
     def coordinate(self, value: float) -> float:
         """Return the coordinate of a value: ln x, or x itself."""
@@ -132,7 +142,8 @@ class Fitted:
     prediction
         The curves.
     residuals : (m + priors,)
-        (predicted − measured)/deviation, then (coordinate − mean)/deviation of each prior.
+        (predicted − measured)/deviation, then (coordinate − mean)/deviation of each prior, then (coordinate −
+        coordinate before)/deviation of each that is smoothed.
     jacobian : (m + priors, k)
         Their derivatives by the coordinates.
     """
@@ -200,12 +211,23 @@ class Misfit:
         scale = np.array([one.value_slope(c) for one, c in zip(self.unknowns, x, strict=True)])
         residuals = (prediction.values - self.data.values) / self.data.deviations
         jacobian = prediction.slopes * scale / self.data.deviations[:, None]
-        known = [(i, one.prior) for i, one in enumerate(self.unknowns) if one.prior is not None]
-        prior_residuals = [(x[i] - prior.mean) / prior.deviation for i, prior in known]
-        prior_rows = [np.eye(len(x))[i] / prior.deviation for i, prior in known]
+        offsets, rows = self._priors
         return Fitted(
             x,
             prediction,
-            np.concatenate([residuals, prior_residuals]),
-            np.concatenate([jacobian, np.reshape(prior_rows, (-1, len(x)))]),
+            np.concatenate([residuals, rows @ x - offsets]),
+            np.concatenate([jacobian, rows]),
         )
+
+    @cached_property
+    def _priors(self) -> tuple[Array, Array]:
+        """Offsets (priors,) and rows (priors, k) of the residuals of all priors, linear in the coordinates."""
+        unit = np.eye(len(self.unknowns))
+        known = [(unit[i], one.prior) for i, one in enumerate(self.unknowns) if one.prior is not None]
+        offsets = [prior.mean / prior.deviation for _, prior in known]
+        rows = [row / prior.deviation for row, prior in known]
+        for i, one in enumerate(self.unknowns):
+            if one.smoothing is not None:
+                rows.append((unit[i] - unit[i - 1]) / one.smoothing)
+                offsets.append(0.0)
+        return np.array(offsets), np.reshape(rows, (-1, len(unit)))

@@ -107,6 +107,15 @@ def results_of(done: Calibration) -> dict[str, Any]:
     """Return what ``calibration.json`` holds."""
     return {
         "unknowns": unknown_entries(done.inference),
+        "fields": {
+            each.name: {
+                "along": each.along,
+                "at": list(each.places),
+                "unit": each.unit,
+                "unknowns": [done.inference.unknowns[i].name for i in each.members],
+            }
+            for each in done.plan.fields
+        },
         "directions": direction_entries(done.inference),
         "misfit": done.quality.chi_square,
         "reduced_misfit": done.quality.reduced,
@@ -160,6 +169,13 @@ def _write_report(
     )
     axes = tuple(CurveAxes("", curve.unit, curve.time_unit) for curve in done.plan.curves)
     contents = CalibrationContents(
-        done.plan.title or "Calibration", misfit.data, done.inference, axes, truth, facts, done.warnings
+        done.plan.title or "Calibration",
+        misfit.data,
+        done.inference,
+        axes,
+        truth,
+        facts,
+        done.warnings,
+        fields=done.plan.fields,
     )
     write_report(folder.path, contents)

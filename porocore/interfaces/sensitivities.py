@@ -6,10 +6,36 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+import numpy as np
+
 from porocore.states import Array
 
 #: What a surface may prescribe, as ``macro.boundary.SURFACE`` has it.
 BoundaryQuantity = Literal["displacement", "normal", "traction", "follower", "plate", "pressure", "flux"]
+
+
+@dataclass(frozen=True)
+class HatFunction:
+    """Piecewise linear function of one coordinate: 1 at one of some places, 0 at the others, constant beyond them.
+
+    Attributes
+    ----------
+    axis
+        Of the coordinate: 0, 1 or 2.
+    places
+        Coordinates, ascending.
+    index
+        Place at which it is 1.
+    """
+
+    axis: int
+    places: tuple[float, ...]
+    index: int
+
+    def values(self, points: Array) -> Array:
+        """Return the values (n,) at points (n, 3)."""
+        at_places = np.eye(len(self.places))[self.index]
+        return np.asarray(np.interp(points[:, self.axis], self.places, at_places))
 
 
 @dataclass(frozen=True)
@@ -25,11 +51,15 @@ class CellParameterChange:
         its own of that name.
     factor
         The derivative is by the factor of the field, 1 at present, in place of the number that is added to it.
+    weight
+        Share of the change that each point takes; None: all of it. With the hat functions of its places the changes are
+        those of the values of a table along an axis.
     """
 
     name: str
     region: str | None = None
     factor: bool = False
+    weight: HatFunction | None = None
 
 
 @dataclass(frozen=True)

@@ -104,6 +104,28 @@ ROWS = [
         lower="x" * 100,
     ),
     unknown("nan", "calibration.unknowns.radius.lower: expected a finite number", lower=float("nan")),
+    unknown(
+        "field backwards",
+        "calibration.unknowns.radius.field.at: expected ascending coordinates, got 1 before 0",
+        field={"along": "y", "at": [1, 0]},
+    ),
+    unknown(
+        "field outside",
+        "calibration.unknowns.radius.field.at: no point of the body has the value at 99",
+        field={"along": "y", "at": [0, 98, 99]},
+    ),
+    unknown(
+        "field axis",
+        "calibration.unknowns.radius.field.along: expected 'x', 'y' or 'z'",
+        field={"along": "r", "at": [0, 1]},
+    ),
+    unknown(
+        "field of nothing",
+        "calibration.unknowns.radius.of: expected a parameter of the cell, which alone may be a field over the body, "
+        "got 'viscosity'",
+        of="viscosity",
+        field={"along": "y", "at": [0, 1]},
+    ),
     row("nothing unknown", "calibration.unknowns: expected at least 1 entry", {"unknowns": {}}),
     row("no observations", "calibration: expected either 'observations:'", {"observations": {}}),
     row(

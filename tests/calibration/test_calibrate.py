@@ -142,6 +142,30 @@ def test_it_may_be_killed_at_any_evaluation(
 
 
 @pytest.mark.slow
+def test_a_graded_radius_lies_in_the_intervals(base: Path) -> None:
+    """Two control values, seen by the displacement of a point in the middle."""
+    study: dict[str, Any] = json.loads(json.dumps(STUDY))
+    study["macro"]["probes"] = {"middle": [0.05, 0.5, 0.05]}
+    move = {"quantity": "displacement", "probe": "middle", "component": 2}
+    curve = {"deviation_share": 0.002, "times": TIMES}
+    field = {"along": "y", "at": [0, 1], "start": [0.22, 0.26]}
+    study["calibration"] |= {
+        "unknowns": {"radius": {"lower": 0.2, "upper": 0.28, "field": field}},
+        "observations": {"settlement": {"quantity": "settlement", **curve}, "move": {**move, **curve}},
+    }
+    done = porocore.calibrate(study, base / "graded", synthetic=True, progress=False, store=base / "store")
+    for name, truth in {"radius[0]": 0.22, "radius[1]": 0.26}.items():
+        low, high = done.intervals[name]
+        assert low is not None
+        assert high is not None
+        assert low < truth < high, name
+        assert done.identifiable[name]
+    found = results(done.path)["fields"]["radius"]
+    assert found == {"along": "y", "at": [0.0, 1.0], "unit": "", "unknowns": ["radius[0]", "radius[1]"]}
+    assert "Field of radius" in (done.path / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
 def test_it_may_be_killed_among_the_cells(done: porocore.Calibration, base: Path, tmp_path: Path) -> None:
     folder = tmp_path / "killed"
     (folder / "cells").mkdir(parents=True)

@@ -55,6 +55,7 @@ SECTION: dict[str, Any] = {
     },
     "observations": {"settlement": {"quantity": "settlement", "file": "creep.csv", "deviation": "1 um"}},
 }
+DEPTH = {"along": "y", "at": [0, 0.5, "1 mm"]}
 SHIFT = {"of": "time_shift", "lower": "-5 s", "upper": "5 s"}
 CREEP = "time [s], settlement [um]\n10, 5\n60, 10\n300, 20\n600, 25\n1200, 28\n"
 
@@ -144,6 +145,22 @@ def test_a_file_of_its_own_names_studies_with_other_scales(two: dict[str, Any], 
     np.testing.assert_allclose(plan.curves[0].times, 4 * plan.curves[1].times)
 
 
+def test_a_field_has_an_unknown_for_each_control_value(tmp_path: Path) -> None:
+    """With a prior of the differences: three values, two of which the data need not determine alone."""
+    plan = read_plan(write(tmp_path, radius(field={**DEPTH, "smoothing": 0.01})))
+    names = ["radius[0]", "radius[1]", "radius[2]"]
+    found = plan.unknowns[:3]
+    assert [each.unknown.name for each in found] == names
+    assert [each.unknown.smoothing for each in found] == [None, 0.01, 0.01]
+    hats = [each.numbers[""].hat for each in found]
+    assert [(hat.axis, hat.places, hat.index) for hat in hats if hat] == [
+        (1, (0, 0.5, 1.0), i) for i in range(3)
+    ]
+    assert [(each.name, each.lower, each.upper) for each in plan.experiments[0].config.cell.parameters] == [
+        ("radius", 0.2, 0.3)
+    ]
+
+
 def test_an_experiment_has_one_load(two: dict[str, Any], tmp_path: Path) -> None:
     del two["experiments"]["slow"]["load"]
     with pytest.raises(
@@ -210,6 +227,55 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
         "'radius' is the same number",
     ),
     "experiment": (radius(experiments=["slow"]), "unknowns.radius.experiments", "there is one alone"),
+    "no field": (
+        changed(modulus={"lower": 0.5, "upper": 2, "field": DEPTH}, stiffness=None),
+        "unknowns.modulus",
+        "expected a parameter of the cell, which alone may be a field over the body, got 'modulus'",
+    ),
+    "descends": (
+        radius(field={**DEPTH, "at": [0, "1 mm", 0.5]}),
+        "unknowns.radius.field.at",
+        "expected ascending coordinates, got '1 mm' before 0.5",
+    ),
+    "one place": (radius(field={**DEPTH, "at": [0]}), "unknowns.radius.field.at", "at least 2"),
+    "above the body": (
+        radius(field={**DEPTH, "at": [0, 1, 3, "4 mm"]}),
+        "unknowns.radius.field.at",
+        "no point of the body has the value at 3; the body reaches from 0 to 1 along y",
+    ),
+    "unit of a place": (
+        radius(field={**DEPTH, "at": [0, "1 kPa"]}),
+        "unknowns.radius.field.at",
+        "expected a length",
+    ),
+    "first values": (
+        radius(field={**DEPTH, "start": [0.25]}),
+        "unknowns.radius.field.start",
+        "expected 3 values, one for each coordinate, got 1",
+    ),
+    "first values outside": (
+        radius(field={**DEPTH, "start": [0.25, 0.26, 0.4]}),
+        "unknowns.radius.field.start",
+        "expected a value within the bounds, got 0.4",
+    ),
+    "two starts": (
+        radius(start=0.25, field={**DEPTH, "start": [0.25, 0.26, 0.27]}),
+        "unknowns.radius.start",
+        "stand in field.start too",
+    ),
+    "smoothing": (
+        radius(field={**DEPTH, "smoothing": 0}),
+        "unknowns.radius.field.smoothing",
+        "expected a number above 0, got 0",
+    ),
+    "same name": (
+        changed(
+            radius={"lower": 0.2, "upper": 0.3, "field": DEPTH},
+            **{"radius[1]": {"of": "poisson_ratio", "lower": 0.2, "upper": 0.4}},
+        ),
+        "unknowns.radius[1]",
+        "another unknown has a value that is called 'radius[1]'; rename one",
+    ),
     "prior": (
         radius(prior={"mean": 0.25, "deviation": 0}),
         "unknowns.radius.prior.deviation",

@@ -54,3 +54,25 @@ def test_bounds_are_those_of_the_coordinates(misfit):
     low, high = misfit.bounds
     assert misfit.values(low) == pytest.approx([0.1, 0.0])
     assert misfit.values(high) == pytest.approx([10.0, 5.0])
+
+
+class Line(CurveModel):
+    """Values at three places, which the data see only at the first."""
+
+    unknowns = tuple(
+        Unknown(f"a[{i}]", start=1.0, lower=0.0, upper=2.0, smoothing=0.1 if i else None) for i in range(3)
+    )
+
+    def curves(self, values):
+        return CurvePrediction(values[:1], np.eye(3)[:1])
+
+
+def test_smoothing_is_a_prior_of_differences():
+    misfit = Misfit(
+        Line(), CurveData(np.array([1.5]), np.array([0.01]), np.zeros(1, int), np.ones(1), ("a",))
+    )
+    found = misfit.at(np.array([1.5, 1.7, 1.6]))
+    assert found.residuals == pytest.approx([0.0, 2.0, -1.0])
+    np.testing.assert_allclose(found.jacobian, [[100, 0, 0], [-10, 10, 0], [0, -10, 10]], rtol=1e-14)
+    step = np.linalg.lstsq(found.jacobian, -found.residuals, rcond=None)[0]
+    np.testing.assert_allclose(found.coordinates + step, 1.5, rtol=1e-12)

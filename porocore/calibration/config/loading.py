@@ -151,7 +151,7 @@ def _plan(
         experiments.append(Experiment(name, family, load, tuple(curves)))
     title = settings.title or next(iter(experiments)).config.title
     plan = CalibrationPlan(title, tuple(experiments), tuple(unknowns), settings.fit, tuple(notes))
-    points, free = sum(map(len, plan.curves)), sum(each.unknown.prior is None for each in unknowns)
+    points, free = sum(map(len, plan.curves)), sum(not each.unknown.has_prior for each in unknowns)
     if points < free:
         raise ConfigurationError(
             f"{_key(at, 'unknowns')}: expected at least as many measured values as unknowns without a prior, got "

@@ -13,6 +13,7 @@ from porocore.core.formulas.time_function import TimeFunction
 from porocore.core.models.walk import walk
 from porocore.core.units.texts import dimensions
 from porocore.errors import ConfigurationError
+from porocore.interfaces.sensitivities import HatFunction
 from porocore.study.config.config import RunConfig
 from porocore.study.config.sections import MacroSettings
 from porocore.study.sweep.family import quantities_of
@@ -28,7 +29,8 @@ OWN: dict[NumberKind, str] = {
 }
 #: Those whose search is in ln x unless something else is said.
 LOGARITHMIC: tuple[NumberKind, ...] = ("modulus", "viscosity", "pore")
-_AXES = "xyz"
+#: Names of the coordinates, in order.
+AXES: tuple[Literal["x"], Literal["y"], Literal["z"]] = ("x", "y", "z")
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,8 @@ class StudyNumber:
         That of the study, dimensionless.
     path
         Keys below ``macro`` of a value on the boundary.
+    hat
+        Of a control value of a parameter's field; None: the number holds everywhere.
     """
 
     kind: NumberKind
@@ -54,6 +58,7 @@ class StudyNumber:
     quantity: str
     value: float
     path: Location = ()
+    hat: HatFunction | None = None
 
     @property
     def searched_in_logarithms(self) -> bool:
@@ -99,6 +104,24 @@ def study_number(text: str, config: RunConfig, load: float) -> StudyNumber:
     )
 
 
+def field_number(text: str, config: RunConfig) -> StudyNumber:
+    """Return the parameter of the cell that a text names, which may differ within the body.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such parameter, or a region has its own value.
+    """
+    cell = _cell_numbers(config)
+    if text not in cell:
+        raise ConfigurationError(
+            f"expected a parameter of the cell, which alone may be a field over the body, got {echo(text)}; "
+            f"{suggestion(text, [*cell], 'the parameters are')}"
+        )
+    _require_no_regions(text, config)
+    return cell[text]
+
+
 def _is_range(config: RunConfig, name: str) -> bool:
     return any(parameter.name == name for parameter in config.cell.parameters)
 
@@ -127,8 +150,14 @@ def _require_one_value(name: str, config: RunConfig) -> None:
     given = config.macro.fields.get(name)
     if given is not None and not isinstance(given, float | int):
         raise ConfigurationError(
-            f"{echo(name)} is a field over the body, which is no number; give a number in macro.fields.{name}"
+            f"{echo(name)} is a field over the body, which is no number; give a number in macro.fields.{name}, or "
+            "'field:' with the coordinates of its control values"
         )
+    _require_no_regions(name, config)
+
+
+def _require_no_regions(name: str, config: RunConfig) -> None:
+    """Refuse a parameter of the cell that has values of its own in regions."""
     for region, settings in config.macro.regions.items():
         if name in settings.fields:
             raise ConfigurationError(
@@ -148,7 +177,7 @@ def _boundary_numbers(macro: MacroSettings) -> Mapping[str, StudyNumber]:
         if "table" in path:
             continue
         quantity = "" if dimension is None else dimension.quantity
-        words = [_AXES[int(part)] if part.isdigit() and part in "012" else part for part in path[2:]]
+        words = [AXES[int(part)] if part.isdigit() and part in "012" else part for part in path[2:]]
         name = ".".join((*path[:2], *words))
         found[name] = StudyNumber("boundary", name, quantity, value, path)
     return found

@@ -11,8 +11,8 @@ from porocore.core.echo import echo
 from porocore.core.models.bounds import LARGEST_NUMBER, LARGEST_SEED
 from porocore.core.models.strict import StrictModel
 
-#: Points of one curve at most.
-MOST_POINTS = 100_000
+#: Points of one curve at most, and control values of one field.
+MOST_POINTS, MOST_CONTROLS = 100_000, 100
 
 
 def _no_switch(value: object) -> object:
@@ -37,8 +37,23 @@ class PriorSettings(StrictModel):
     """Its standard deviation, with the unit of the mean; on a log scale that of ln x, a plain number such as 0.2."""
 
 
+class ControlSettings(StrictModel):
+    """Field of a parameter of the cell along an axis of the body, by its values at some coordinates."""
+
+    along: Literal["x", "y", "z"]
+    """Axis of the coordinate, such as that of the depth."""
+    at: Annotated[tuple[Value, ...], Field(min_length=2, max_length=MOST_CONTROLS)]
+    """Ascending coordinates of the control values, as multiples of the study's length or with a unit; the parameter is
+    linear in between, and constant before the first and behind the last."""
+    start: Annotated[tuple[Value, ...], Field(max_length=MOST_CONTROLS)] = ()
+    """First values, one for each coordinate; empty: ``start`` for all, or the field of the study."""
+    smoothing: Value | None = None
+    """Standard deviation of the difference between neighbouring control values before any data, as a prior, with the
+    unit of the values (on a log scale that of ln x); null: the data alone decide."""
+
+
 class UnknownSettings(StrictModel):
-    """One number that is fitted."""
+    """One number that is fitted, or one field."""
 
     of: Name | None = None
     """The number: a parameter or any other number of the cell such as ``radius``, ``modulus`` of the whole solid,
@@ -54,6 +69,9 @@ class UnknownSettings(StrictModel):
     """``log``: search and intervals are in ln x; null: ``log`` for modulus, viscosity and pore, else ``linear``."""
     prior: PriorSettings | None = None
     """What is known from elsewhere; null: the data alone decide."""
+    field: ControlSettings | None = None
+    """Control values along an axis, each of which is an unknown of its own, ``radius[0]``, ``radius[1]`` and so on, all
+    with these bounds; null: one value holds everywhere."""
     experiments: tuple[Name, ...] = ()
     """Experiments that it belongs to; empty: all."""
 

@@ -5,10 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
+from itertools import product
 
-from porocore.calibration.config.numbers import StudyNumber, study_number
+from porocore.calibration.config.controls import control_numbers
+from porocore.calibration.config.numbers import StudyNumber, field_number, study_number
 from porocore.calibration.config.settings import (
     CalibrationSettings,
+    ControlSettings,
     ObservationSettings,
     PriorSettings,
     SyntheticTimes,
@@ -29,6 +33,7 @@ _KEYS = {
     *ObservationSettings.model_fields,
     *(f"prior.{name}" for name in PriorSettings.model_fields),
     *(f"times.{name}" for name in SyntheticTimes.model_fields),
+    *(f"field.{name}" for name in ControlSettings.model_fields),
 }
 #: Factors of one number in two experiments that are the same.
 SAME = 1e-9
@@ -58,19 +63,31 @@ def planned_unknowns(
     planned: list[PlannedUnknown] = []
     for name, given in settings.unknowns.items():
         with keyed(dotted((*at, "unknowns", name))):
-            one = _planned(name, given, experiments)
-            for other in planned:
-                for experiment, number in one.numbers.items():
-                    if experiment in other.numbers and other.numbers[experiment].name == number.name:
-                        raise ConfigurationError(
-                            f"'{other.unknown.name}' is the same number of the study; keep one, or give each "
-                            "'experiments:' of its own"
-                        )
-            planned.append(one)
+            found = _planned(name, given, experiments)
+            for one, other in product(found, planned):
+                _require_apart(one, other)
+            planned += found
     return planned
 
 
-def _planned(name: str, given: UnknownSettings, experiments: Mapping[str, Experiment]) -> PlannedUnknown:
+def _require_apart(one: PlannedUnknown, other: PlannedUnknown) -> None:
+    """Refuse two unknowns that have one name or are one number."""
+    for experiment, number in one.numbers.items():
+        if experiment in other.numbers and other.numbers[experiment].name == number.name:
+            raise ConfigurationError(
+                f"'{other.unknown.name}' is the same number of the study; keep one, or give each 'experiments:' of its "
+                "own"
+            )
+    if one.unknown.name == other.unknown.name:
+        raise ConfigurationError(
+            f"another unknown has a value that is called '{one.unknown.name}'; rename one"
+        )
+
+
+def _planned(
+    name: str, given: UnknownSettings, experiments: Mapping[str, Experiment]
+) -> list[PlannedUnknown]:
+    """Return an unknown, or those of the control values of a field."""
     for one in given.experiments:
         if one not in experiments:
             advice = (
@@ -79,10 +96,32 @@ def _planned(name: str, given: UnknownSettings, experiments: Mapping[str, Experi
                 else "there is one alone"
             )
             raise ConfigurationError(f"experiments: no experiment is called {echo(one)}; {advice}")
-    numbers = {}
-    for one in given.experiments or experiments:
+    numbers: dict[str, StudyNumber] = {}
+    text, chosen = given.of or name, {one: experiments[one] for one in given.experiments or experiments}
+    for one, experiment in chosen.items():
         with keyed("of") if given.of is not None else _as_it_is():
-            numbers[one] = study_number(given.of or name, experiments[one].config, experiments[one].load)
+            numbers[one] = (
+                study_number(text, experiment.config, experiment.load)
+                if given.field is None
+                else field_number(text, experiment.config)
+            )
+    if given.field is None:
+        return [_unknown(name, given, numbers, experiments)]
+    controls = [control_numbers(numbers[one], given.field, chosen[one].config) for one in numbers]
+    return [
+        _unknown(f"{name}[{i}]", given, dict(zip(numbers, each, strict=True)), experiments, control=i)
+        for i, each in enumerate(zip(*controls, strict=True))
+    ]
+
+
+def _unknown(
+    name: str,
+    given: UnknownSettings,
+    numbers: dict[str, StudyNumber],
+    experiments: Mapping[str, Experiment],
+    control: int | None = None,
+) -> PlannedUnknown:
+    """Return an unknown; ``control`` is the place of a control value in its field."""
     first = next(iter(numbers))
     unit = _unit(given, numbers[first])
     _require_one_meaning(given, unit, numbers, experiments)
@@ -97,10 +136,10 @@ def _planned(name: str, given: UnknownSettings, experiments: Mapping[str, Experi
         raise ConfigurationError(
             f"lower: expected a number above 0 for a search in ln x, got {echo(given.lower)}; or scale: linear"
         )
-    start = _start(given, unit, number, lower, upper, scale, experiments[first])
-    return PlannedUnknown(
-        Unknown(name, start, lower, upper, scale, _prior(given, unit, number, scale), unit), numbers
-    )
+    prior, smoothing = _prior(given, unit, number, scale), _smoothing(given, unit, number, scale, control)
+    found = PlannedUnknown(Unknown(name, lower, lower, upper, scale, prior, unit, smoothing), numbers)
+    start = _start(given, found, experiments[first], control)
+    return replace(found, unknown=replace(found.unknown, start=start))
 
 
 @contextmanager
@@ -110,7 +149,8 @@ def _as_it_is() -> Iterator[None]:
 
 def _texts(given: UnknownSettings) -> list[float | str]:
     prior = [] if given.prior is None else [given.prior.mean]
-    return [each for each in (given.lower, given.upper, given.start, *prior) if each is not None]
+    starts = [given.start] if given.field is None else [given.start, *given.field.start]
+    return [each for each in (given.lower, given.upper, *starts, *prior) if each is not None]
 
 
 def _unit(given: UnknownSettings, number: StudyNumber) -> str:
@@ -166,37 +206,57 @@ def _number(key: str, value: float | str, unit: str, number: StudyNumber) -> flo
 
 
 def _start(
-    given: UnknownSettings,
-    unit: str,
-    number: StudyNumber,
-    lower: float,
-    upper: float,
-    scale: Scale,
-    experiment: Experiment,
+    given: UnknownSettings, found: PlannedUnknown, experiment: Experiment, control: int | None
 ) -> float:
-    if given.start is not None:
-        start = _number("start", given.start, unit, number)
-        if not lower <= start <= upper:
-            raise ConfigurationError(f"start: expected a value within the bounds, got {echo(given.start)}")
+    """Return the first value, of the settings or of the study."""
+    one, number = found.unknown, found.numbers[experiment.name]
+    key, told = "start", given.start
+    if control is not None and given.field is not None and given.field.start:
+        if given.start is not None:
+            raise ConfigurationError("start: the first values stand in field.start too; keep one of the two")
+        if len(given.field.start) != len(given.field.at):
+            raise ConfigurationError(
+                f"field.start: expected {len(given.field.at)} values, one for each coordinate, got "
+                f"{len(given.field.start)}"
+            )
+        key, told = "field.start", given.field.start[control]
+    if told is not None:
+        start = _number(key, told, one.unit, number)
+        if not one.lower <= start <= one.upper:
+            raise ConfigurationError(f"{key}: expected a value within the bounds, got {echo(told)}")
         return start
-    probe = PlannedUnknown(Unknown("", 0.0, lower, upper, scale, None, unit), {experiment.name: number})
-    own = number.value / probe.dimensionless(experiment)
-    if lower < own < upper:
+    own = number.value / found.dimensionless(experiment)
+    if one.lower < own < one.upper:
         return own
-    return math.sqrt(lower * upper) if scale == "log" else (lower + upper) / 2
+    return math.sqrt(one.lower * one.upper) if one.scale == "log" else (one.lower + one.upper) / 2
 
 
 def _prior(given: UnknownSettings, unit: str, number: StudyNumber, scale: Scale) -> NormalPrior | None:
     if given.prior is None:
         return None
-    mean, said = _number("prior.mean", given.prior.mean, unit, number), given.prior.deviation
+    mean = _number("prior.mean", given.prior.mean, unit, number)
     if scale == "log" and mean <= 0:
         raise ConfigurationError(f"prior.mean: expected a number above 0, got {echo(given.prior.mean)}")
+    deviation = _deviation("prior.deviation", given.prior.deviation, unit, number, scale)
+    return NormalPrior(math.log(mean) if scale == "log" else mean, deviation)
+
+
+def _smoothing(
+    given: UnknownSettings, unit: str, number: StudyNumber, scale: Scale, control: int | None
+) -> float | None:
+    """Return the deviation of the difference from the control value before; None: there is none, or no smoothing."""
+    if not control or given.field is None or given.field.smoothing is None:
+        return None
+    return _deviation("field.smoothing", given.field.smoothing, unit, number, scale)
+
+
+def _deviation(key: str, said: float | str, unit: str, number: StudyNumber, scale: Scale) -> float:
+    """Return a standard deviation of a coordinate."""
     if scale == "log" and isinstance(said, str):
         raise ConfigurationError(
-            f"prior.deviation: expected a plain number, that of ln x, such as 0.2, got {echo(said)}"
+            f"{key}: expected a plain number, that of ln x, such as 0.2, got {echo(said)}"
         )
-    deviation = float(said) if scale == "log" else _number("prior.deviation", said, unit, number)
+    deviation = float(said) if scale == "log" else _number(key, said, unit, number)
     if deviation <= 0:
-        raise ConfigurationError(f"prior.deviation: expected a number above 0, got {echo(said)}")
-    return NormalPrior(math.log(mean) if scale == "log" else mean, deviation)
+        raise ConfigurationError(f"{key}: expected a number above 0, got {echo(said)}")
+    return deviation

@@ -32,7 +32,7 @@ class UnknownEffect:
 def effect_of(number: StudyNumber, value: float, body: BodyAtValues) -> UnknownEffect | None:
     """Return the effect of a number of a study with this dimensionless value; None for a time shift."""
     if number.kind == "cell":
-        return UnknownEffect(CellParameterChange(number.name), 1.0)
+        return UnknownEffect(CellParameterChange(number.name, weight=number.hat), 1.0)
     if number.kind == "modulus":
         return UnknownEffect(ModulusChange(), 1 / value)
     if number.kind == "viscosity":

@@ -13,11 +13,12 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property, partial
 
-from porocore.calibration.config.numbers import StudyNumber
+from porocore.calibration.config.numbers import AXES, StudyNumber
 from porocore.core.models.walk import with_number
 from porocore.core.units.scales import QUANTITIES, ExactScales
 from porocore.core.units.texts import dimensions
 from porocore.errors import ConfigurationError
+from porocore.macro.composition.field import TableField
 from porocore.macro.problem import MacroProblem
 from porocore.study.config.config import RunConfig
 from porocore.study.config.sections import MacroSettings
@@ -67,8 +68,9 @@ class BodyAtValues:
     def of_values(cls, config: RunConfig, load: float, values: Mapping[StudyNumber, float]) -> BodyAtValues:
         """Return the body with dimensionless values in place of the numbers of a study."""
         macro, fields, relative = config.macro, dict(config.macro.fields), RelativeScales()
+        fields |= table_fields(values)
         for number, value in values.items():
-            if number.kind == "cell":
+            if number.kind == "cell" and number.hat is None:
                 fields[number.name] = value
             elif number.kind == "load":
                 load = value
@@ -83,6 +85,20 @@ class BodyAtValues:
     def problem(self) -> MacroProblem:
         """Problem of the part of a symmetric body that is solved."""
         return self.macro.problem(self.load)
+
+
+def table_fields(values: Mapping[StudyNumber, float]) -> dict[str, TableField]:
+    """Return the fields whose control values are among the values of numbers, by the names of the parameters."""
+    tables: dict[str, list[tuple[float, float]]] = {}
+    axes = {}
+    for number, value in values.items():
+        if number.hat is not None:
+            tables.setdefault(number.name, []).append((number.hat.places[number.hat.index], value))
+            axes[number.name] = AXES[number.hat.axis]
+    return {
+        name: TableField(kind="table", along=axes[name], table=tuple(sorted(table)))
+        for name, table in tables.items()
+    }
 
 
 def _constant(value: float, _: float) -> float:

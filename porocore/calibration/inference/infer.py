@@ -121,7 +121,7 @@ def infer(
     objective.add(best)
     found, intervals = _intervals(objective, best.coordinates, tell)
     alone, data_found, data_intervals = objective.without_priors(), found, intervals
-    if any(one.prior is not None for one in unknowns):
+    if any(one.has_prior for one in unknowns):
         data_found, data_intervals = _intervals(alone, found.fitted.coordinates, tell)
     fitted = found.fitted
     limits = rule.limits(unknowns, fitted.coordinates)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from porocore.calibration.inference.infer import Inference
+from porocore.calibration.plan import FittedField
 from porocore.calibration.problem import CurveData, Unknown
 from porocore.core.units.quantities import pretty
 from porocore.states import Array, IntArray
@@ -51,6 +52,8 @@ class CalibrationContents:
         Sentences at the top.
     configuration
         Text of the configuration; empty: not shown.
+    fields
+        Fields among the unknowns.
     """
 
     title: str
@@ -61,6 +64,7 @@ class CalibrationContents:
     facts: tuple[tuple[str, str], ...] = ()
     warnings: tuple[str, ...] = ()
     configuration: str = ""
+    fields: tuple[FittedField, ...] = ()
 
     def curve_axes(self, curve: int) -> CurveAxes:
         """Return the axes of a curve."""

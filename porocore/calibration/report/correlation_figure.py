@@ -8,6 +8,9 @@ from matplotlib.figure import Figure
 from porocore.calibration.inference.infer import Inference
 from porocore.report.figures.style import new_figure, styled
 
+#: Unknowns at most whose correlations are written into the figure.
+MOST_NUMBERS = 10
+
 
 @styled
 def correlation_figure(inference: Inference) -> Figure:
@@ -15,7 +18,8 @@ def correlation_figure(inference: Inference) -> Figure:
     names = [one.name.replace("_", " ") for one in inference.unknowns]
     correlations = inference.without_priors.correlations
     count = len(names)
-    figure = new_figure(2.4 + 0.75 * count, 1.3 + 0.62 * count)
+    numbers = count <= MOST_NUMBERS
+    figure = new_figure(2.4 + 0.75 * count, 1.3 + 0.62 * count) if numbers else new_figure(9.9, 7.5)
     axes = figure.add_subplot()
     image = axes.imshow(correlations, cmap="RdBu_r", vmin=-1, vmax=1)
     axes.set_xticks(range(count), names, rotation=30, ha="right", rotation_mode="anchor")
@@ -24,7 +28,7 @@ def correlation_figure(inference: Inference) -> Figure:
     axes.tick_params(length=0)
     for spine in axes.spines.values():
         spine.set_visible(False)
-    for (i, j), value in np.ndenumerate(correlations):
+    for (i, j), value in np.ndenumerate(correlations) if numbers else ():
         text = _text(float(value)) if i != j else "1"
         axes.text(
             j, i, text, ha="center", va="center", fontsize=9, color="white" if abs(value) > 0.6 else "black"

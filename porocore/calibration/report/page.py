@@ -7,6 +7,7 @@ from pathlib import Path
 
 from porocore.calibration.report.contents import CalibrationContents
 from porocore.calibration.report.correlation_figure import correlation_figure
+from porocore.calibration.report.field_figure import field_figure
 from porocore.calibration.report.fit_figure import fit_figure
 from porocore.calibration.report.plane_figure import plane_figure
 from porocore.calibration.report.profile_figure import profile_figure
@@ -63,6 +64,7 @@ def render(contents: CalibrationContents, pictures: Pictures | None = None) -> s
             suggestions=[(each.name, gain_text(each)) for each in helpful(inference)],
             separable=any(each.separates for each in inference.suggestions),
             fits=_fits(contents, pictures),
+            fields=_fields(contents, pictures),
             profiles=profiles,
             plane=None
             if inference.plane is None
@@ -72,6 +74,13 @@ def render(contents: CalibrationContents, pictures: Pictures | None = None) -> s
             else None,
         )
     )
+
+
+def _fields(contents: CalibrationContents, pictures: Pictures) -> list[Picture]:
+    return [
+        pictures.svg(f"field_{each.name}", field_figure(contents, each), f"Field of {each.name}")
+        for each in contents.fields
+    ]
 
 
 def _fits(contents: CalibrationContents, pictures: Pictures) -> list[tuple[str, Picture]]:

@@ -79,7 +79,8 @@ class Directions:
         assert states.parameters is not None
         theta = found.parameters.copy()
         for column, j in self._factors:
-            theta[:, column, j] = np.where(theta[:, column, j] != 0, states.parameters[:, column], 0.0)
+            share = theta[:, column, j]
+            theta[:, column, j] = np.where(share != 0, share * states.parameters[:, column], 0.0)
         return PointChanges(found.modulus, found.viscosity, theta)
 
     def loads(self, time: float) -> list[Loads]:
@@ -103,7 +104,7 @@ def _loads(d: Discretisation, change: MacroChange) -> LoadsAt:
 
 
 def _having(d: Discretisation, body: BodyFields, change: CellParameterChange) -> Array:
-    """Return 1 at the points (n,) whose parameter changes, else 0."""
+    """Return the share of the change that the points (n,) take: 0 where their parameter does not change."""
     having = body.with_field(change.name, change.region)
     if not d.communicator.sum(float(having.sum())):
         where = (
@@ -112,7 +113,16 @@ def _having(d: Discretisation, body: BodyFields, change: CellParameterChange) ->
             else f"the cell of the region {echo(change.region)} has no such parameter"
         )
         raise ConfigurationError(f"sensitivities: the parameter {echo(change.name)} changes nothing: {where}")
-    return having.astype(float)
+    if change.weight is None:
+        return having.astype(float)
+    shares = np.where(having, change.weight.values(body.points.places), 0.0)
+    if not d.communicator.sum(float(shares.sum())):
+        place = change.weight.places[change.weight.index]
+        raise ConfigurationError(
+            f"sensitivities: the parameter {echo(change.name)} changes nothing: no point of the body lies about "
+            f"{'xyz'[change.weight.axis]} = {place:g}; take fewer places, or others"
+        )
+    return shares
 
 
 def _column(law: MacroLaw, change: CellParameterChange) -> int:

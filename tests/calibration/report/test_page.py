@@ -9,9 +9,11 @@ from report_page import ODD, Page
 
 from porocore.calibration.inference.infer import infer
 from porocore.calibration.inference.suggestions import experiment
+from porocore.calibration.plan import FittedField
 from porocore.calibration.problem import CurveData, Misfit, NormalPrior, Unknown
 from porocore.calibration.report.contents import CalibrationContents, CurveAxes
 from porocore.calibration.report.correlation_figure import correlation_figure
+from porocore.calibration.report.field_figure import field_figure
 from porocore.calibration.report.fit_figure import fit_figure
 from porocore.calibration.report.page import render, write_report
 from porocore.calibration.report.plane_figure import plane_figure, smooth_rim
@@ -188,3 +190,18 @@ def plain():
     model = Formula((Unknown("level", 1.0, -9.0, 9.0),), lambda v: v[0] * np.ones(5))
     misfit = Misfit(model, data_of([1, 2, 1, 2, 1], 0.5))
     return CalibrationContents("C", misfit.data, infer(misfit, misfit.at(misfit.start)))
+
+
+def test_a_fitted_field_is_drawn_over_its_coordinate(seen, unseen):
+    field = FittedField("modulus", "y", (0.0, 2.0), "mm", (0, 1))
+    (axes,) = field_figure(seen, field).axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("y [mm]", "modulus [kPa]")
+    line, *_ = axes.containers[0].lines
+    np.testing.assert_allclose(line.get_xdata(), field.places)
+    np.testing.assert_allclose(line.get_ydata(), seen.inference.values)
+    (bars,) = axes.containers[0].lines[2]
+    for bar, interval in zip(bars.get_segments(), seen.inference.intervals, strict=True):
+        np.testing.assert_allclose(bar[:, 1], interval.values)
+    with_field = replace(unseen, fields=(FittedField("a", "x", (0.0, 1.0, 2.0), "", (0, 1, 2)),))
+    assert "Field of a" in render(with_field)
+    assert "Field of" not in render(unseen)
