@@ -1,4 +1,4 @@
-"""Control values of a field along an axis of the body (control_numbers): places, hat functions, values of the study."""
+"""Control values of a field along an axis of the body (control_numbers): places, hats, values of the study."""
 
 from __future__ import annotations
 
