@@ -155,6 +155,10 @@ class MacroState(Batch):
         """Number m of parameters, 0 without."""
         return 0 if self.parameters is None else self.parameters.shape[-1]
 
+    def at_rest(self) -> MacroState:
+        """Return the undeformed states, with the parameters and places of these."""
+        return replace(self, grad_u=np.zeros_like(self.grad_u), p=np.zeros_like(self.p))
+
     def with_parameters(self, values: npt.ArrayLike | None) -> MacroState:
         """Return the states at the parameters (m,), the same for all, or (n, m); None takes them away."""
         if values is None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.interfaces.law import CellLaw
+from porocore.interfaces.law import CellLaw, MacroLaw
+from porocore.interfaces.law_wrapper import LawWrapper
 from porocore.macro.analytic.xie_leo import XieLeo
 from porocore.macro.composition.bound_law import BoundLaw
 from porocore.macro.laws import ClosedLaw, PotentialClosure
@@ -61,3 +62,22 @@ class TestBound(MacroLawSuite):
     @classmethod
     def make_law(cls):
         return BoundLaw(parametric_law(closure="mean-gradient"), {"radius": 0.22, "stiffness": 1.3})
+
+
+class TestWrapped(MacroLawSuite):
+    kit_version = "3"
+
+    @classmethod
+    def make_law(cls):
+        return LawWrapper(mean_gradient_law())
+
+
+def test_a_wrapper_passes_on_all_that_a_law_can_be_asked():
+    """A method that the interface gains and the wrapper does not would answer for the wrong law."""
+    asked = {name for name, found in vars(MacroLaw).items() if callable(found) and not name.startswith("_")}
+    assert asked >= {"respond", "initial_at", "before_accept", "reasons"}
+    assert asked - set(vars(LawWrapper)) == set()
+    law = mean_gradient_law()
+    wrapped = LawWrapper(law)
+    for name in (*MacroLaw.__annotations__, "identity", "name"):
+        assert getattr(wrapped, name) == getattr(law, name)

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from porocore.cell.family.parameters import number, require_known
-from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse, fingerprint
-from porocore.interfaces.law_changes import MemoryChanges, PointChanges, ResponseChanges
+from porocore.interfaces.law import LawMemory, MacroLaw, fingerprint
+from porocore.interfaces.law_changes import PointChanges
+from porocore.interfaces.law_wrapper import LawWrapper
 from porocore.states import Array, MacroState
 
 
-class BoundLaw(MacroLaw):
+class BoundLaw(LawWrapper):
     """A law with constants in place of some of its parameters; those that stay open are given with each state.
 
     Parameters
@@ -34,8 +35,7 @@ class BoundLaw(MacroLaw):
         require_known(values, law.parameters, before)
         constants = {name: number(name, value) for name, value in values.items()}
         self.bound: dict[str, float] = before | constants
-        self.law, self.name, self.noise = law, law.name, law.noise
-        self.constant_tangent = law.constant_tangent
+        super().__init__(law)
         self.parameters = tuple(name for name in law.parameters if name not in constants)
         self._row = np.array([constants.get(name, np.nan) for name in law.parameters])
         self._open = [law.parameters.index(name) for name in self.parameters]
@@ -56,59 +56,25 @@ class BoundLaw(MacroLaw):
         """Return the memory at rest; see :class:`MacroLaw`."""
         return self.law.initial(n) if self.parameters else self.initial_at(MacroState.zeros(n))
 
-    def initial_at(self, points: MacroState) -> LawMemory:
-        """Return the memory at rest with the constants; its states have the open parameters alone."""
-        rest = replace(points, grad_u=np.zeros_like(points.grad_u), p=np.zeros_like(points.p))
-        return replace(self.law.initial_at(self._whole(points)), states=rest)
-
-    def respond(
-        self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
-    ) -> MacroResponse:
-        """Return the response of the law; see :class:`MacroLaw`."""
-        return self.respond_to_each(states, [grad_p], memory, tangent=tangent)[0]
-
-    def respond_to_each(
-        self, states: MacroState, gradients: Sequence[Array], memory: LawMemory, *, tangent: bool = True
-    ) -> list[MacroResponse]:
-        """Return the responses of the law; see :class:`MacroLaw`."""
-        found = self.law.respond_to_each(self._whole(states), gradients, self._seen(memory), tangent=tangent)
-        return [replace(each, memory=replace(each.memory, states=states)) for each in found]
-
-    def respond_to_changes(
-        self,
-        states: MacroState,
-        grad_p: Array,
-        memory: LawMemory,
-        changes: PointChanges,
-        before: MemoryChanges,
-    ) -> tuple[MacroResponse, ResponseChanges]:
-        """Return the response of the law and its derivatives; constants do not change. See :class:`MacroLaw`."""
-        n, k = changes.modulus.shape
-        theta = np.zeros((n, len(self.law.parameters), k)) if self.law.parameters else None
-        if theta is not None and changes.parameters is not None:
-            theta[:, self._open] = changes.parameters
-        whole = replace(changes, parameters=theta)
-        response, found = self.law.respond_to_changes(
-            self._whole(states), grad_p, self._seen(memory), whole, before
-        )
-        return replace(response, memory=replace(response.memory, states=states)), found
-
-    def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
-        """Ask the law, whose states have all parameters; see :class:`MacroLaw`."""
-        seen = replace(response, memory=self._seen(response.memory))
-        changed = self.law.before_accept(seen, self._seen(memory))
-        return None if changed is None else replace(changed, states=memory.states)
-
-    def reasons(self, states: MacroState) -> list[str]:
-        """Return the reasons that the law knows; see :class:`MacroLaw`."""
-        return self.law.reasons(self._whole(states))
-
-    def _whole(self, states: MacroState) -> MacroState:
+    def states_in(self, states: MacroState) -> MacroState:
         """Return the states with all parameters; those without the open ones as they are, which the law refuses."""
         if not self.law.parameters or (self.parameters and states.parameters is None):
             return states
         given = np.zeros((len(states), 0)) if states.parameters is None else states.parameters
         return replace(states, parameters=self.completed(given))
 
-    def _seen(self, memory: LawMemory) -> LawMemory:
-        return replace(memory, states=self._whole(memory.states))
+    def memory_in(self, memory: LawMemory, states: MacroState) -> LawMemory:
+        """Return the memory with all parameters."""
+        return replace(memory, states=self.states_in(memory.states))
+
+    def changes_in(self, changes: PointChanges) -> PointChanges:
+        """Return the changes of all parameters; constants do not change."""
+        n, k = changes.modulus.shape
+        theta = np.zeros((n, len(self.law.parameters), k)) if self.law.parameters else None
+        if theta is not None and changes.parameters is not None:
+            theta[:, self._open] = changes.parameters
+        return replace(changes, parameters=theta)
+
+    def memory_out(self, memory: LawMemory, states: MacroState) -> LawMemory:
+        """Return the memory, whose states have the open parameters alone."""
+        return replace(memory, states=states)

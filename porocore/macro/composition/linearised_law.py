@@ -90,7 +90,7 @@ class LinearisedLaw(MacroLaw):
 
     def initial_at(self, points: MacroState) -> LawMemory:
         """Return the memory at rest, with the parameters and places of the points."""
-        return replace(self.initial(len(points)), states=_at_rest(points))
+        return replace(self.initial(len(points)), states=points.at_rest())
 
     def respond(
         self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
@@ -165,7 +165,7 @@ class LinearisedLaw(MacroLaw):
         for known in self._known:
             if _same_points(known.points, states):
                 return known
-        rest = _at_rest(states)
+        rest = states.at_rest()
         n = len(rest)
         found = self.law.respond(rest, np.zeros((n, 3)), self.law.initial_at(rest))
         tangent = found.tangent
@@ -208,10 +208,6 @@ def coefficients_of_elements(law: MacroLaw, cells: ElementCells, profile: int = 
     zero = MacroState.zeros(n)
     points = replace(zero, parameters=values, place=BodyPlace(cells.region, axes))
     return LinearisedLaw(law if axes is None else TurnedLaw(law)).coefficients(points)
-
-
-def _at_rest(states: MacroState) -> MacroState:
-    return replace(states, grad_u=np.zeros_like(states.grad_u), p=np.zeros_like(states.p))
 
 
 def _same_points(one: MacroState, other: MacroState) -> bool:

@@ -89,8 +89,7 @@ class RegionLaw(MacroLaw):
         parts = [
             (rows, law.initial_at(self._seen(points[rows], k))) for k, law, rows in self._regions(points)
         ]
-        rest = replace(points, grad_u=np.zeros_like(points.grad_u), p=np.zeros_like(points.p))
-        return _with_states(_joined(LawMemory, parts, len(points)), rest)
+        return _with_states(_joined(LawMemory, parts, len(points)), points.at_rest())
 
     def respond(
         self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import overload
 
 import numpy as np
 
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse, MacroTangent, fingerprint
-from porocore.interfaces.law_changes import MemoryChanges, PointChanges, ResponseChanges
+from porocore.interfaces.law_changes import MemoryChanges, ResponseChanges
+from porocore.interfaces.law_wrapper import LawWrapper
 from porocore.states import Array, MacroState
 
 
-class TurnedLaw(MacroLaw):
+class TurnedLaw(LawWrapper):
     """A law in the axes of its material: states are turned into them, and responses back into those of the body.
 
     With the rotation R of a point, whose columns are the material axes, the law is asked for Rᵀ H R, p and Rᵀ ∇p; it
@@ -22,84 +22,57 @@ class TurnedLaw(MacroLaw):
     """
 
     def __init__(self, law: MacroLaw) -> None:
-        self.law = law
-        self.name, self.noise, self.parameters = law.name, law.noise, law.parameters
+        super().__init__(law)
         self.identity = fingerprint("turned", law.identity)
-        self.constant_tangent = law.constant_tangent
 
-    def parameters_of(self, region: int) -> tuple[str, ...]:
-        """Return those of the law; see :class:`MacroLaw`."""
-        return self.law.parameters_of(region)
+    def states_in(self, states: MacroState) -> MacroState:
+        """Return the states in the axes of the material, at places that have no others."""
+        R = _axes(states)
+        return states if R is None else _in_material(states, R)
 
-    def initial(self, n: int) -> LawMemory:
-        """Return the memory of the law, whose axes are those of the body."""
-        return self.law.initial(n)
+    def gradient_in(self, grad_p: Array, states: MacroState) -> Array:
+        """Return Rᵀ ∇_X p."""
+        R = _axes(states)
+        return grad_p if R is None else (grad_p[:, None, :] @ R)[:, 0]
 
-    def initial_at(self, points: MacroState) -> LawMemory:
-        """Return the memory at rest in the axes of the body."""
-        R = _axes(points)
+    def memory_in(self, memory: LawMemory, states: MacroState) -> LawMemory:
+        """Return the memory in the axes that the material has in ``states``."""
+        R = _axes(states)
         if R is None:
-            return self.law.initial_at(points)
-        memory = self.law.initial_at(_in_material(points, R))
-        rest = replace(points, grad_u=np.zeros_like(points.grad_u), p=np.zeros_like(points.p))
-        return replace(memory, states=rest, mean_grad=_back(memory.mean_grad, R))
+            return memory
+        return replace(memory, states=_in_material(memory.states, R), mean_grad=_in(memory.mean_grad, R))
 
-    def respond(
-        self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
-    ) -> MacroResponse:
+    def memory_changes_in(self, before: MemoryChanges, states: MacroState) -> MemoryChanges:
+        """Return the derivatives of the memory in the axes of the material."""
+        R = _axes(states)
+        if R is None:
+            return before
+        return replace(before, grad_u=_each_in(before.grad_u, R), mean_grad=_each_in(before.mean_grad, R))
+
+    def memory_out(self, memory: LawMemory, states: MacroState) -> LawMemory:
+        """Return the memory in the axes of the body."""
+        R = _axes(states)
+        return memory if R is None else replace(memory, states=states, mean_grad=_back(memory.mean_grad, R))
+
+    def response_out(self, response: MacroResponse, states: MacroState) -> MacroResponse:
         """Return the response in the axes of the body."""
-        return self.respond_to_each(states, [grad_p], memory, tangent=tangent)[0]
-
-    def respond_to_each(
-        self, states: MacroState, gradients: Sequence[Array], memory: LawMemory, *, tangent: bool = True
-    ) -> list[MacroResponse]:
-        """Return the responses in the axes of the body; see :class:`MacroLaw`."""
         R = _axes(states)
         if R is None:
-            return self.law.respond_to_each(states, gradients, memory, tangent=tangent)
-        turned = [(grad_p[:, None, :] @ R)[:, 0] for grad_p in gradients]
-        found = self.law.respond_to_each(
-            _in_material(states, R), turned, _memory_in_material(memory, R), tangent=tangent
+            return response
+        return replace(
+            response,
+            stress=_back(response.stress, R),
+            flux=(R @ response.flux[:, :, None])[..., 0],
+            memory=self.memory_out(response.memory, states),
+            deformation=_back(response.deformation, R),
+            transformed_conductivity=_back(response.transformed_conductivity, R),
+            tangent=None if response.tangent is None else _tangent_in_body(response.tangent, R),
         )
-        return [_in_body(response, states, R) for response in found]
 
-    def respond_to_changes(
-        self,
-        states: MacroState,
-        grad_p: Array,
-        memory: LawMemory,
-        changes: PointChanges,
-        before: MemoryChanges,
-    ) -> tuple[MacroResponse, ResponseChanges]:
-        """Return response and derivatives in the axes of the body; see :class:`MacroLaw`."""
+    def changes_out(self, changes: ResponseChanges, states: MacroState) -> ResponseChanges:
+        """Return the derivatives of a response in the axes of the body."""
         R = _axes(states)
-        if R is None:
-            return self.law.respond_to_changes(states, grad_p, memory, changes, before)
-        turned = replace(before, grad_u=_each_in(before.grad_u, R), mean_grad=_each_in(before.mean_grad, R))
-        response, found = self.law.respond_to_changes(
-            _in_material(states, R),
-            (grad_p[:, None, :] @ R)[:, 0],
-            _memory_in_material(memory, R),
-            changes,
-            turned,
-        )
-        return _in_body(response, states, R), _changes_in_body(found, R)
-
-    def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
-        """Ask the law, which sees the memories in its own axes; see :class:`MacroLaw`."""
-        R, before = _axes(response.memory.states), _axes(memory.states)
-        if R is None or before is None:
-            return self.law.before_accept(response, memory)
-        seen = replace(response, memory=_memory_in_material(response.memory, R))
-        changed = self.law.before_accept(seen, _memory_in_material(memory, before))
-        if changed is None:
-            return None
-        return replace(changed, states=memory.states, mean_grad=_back(changed.mean_grad, before))
-
-    def reasons(self, states: MacroState) -> list[str]:
-        """Return the reasons that the law knows for the turned states; see :class:`MacroLaw`."""
-        R = _axes(states)
-        return self.law.reasons(states if R is None else _in_material(states, R))
+        return changes if R is None else _changes_in_body(changes, R)
 
 
 def _axes(states: MacroState) -> Array | None:
@@ -147,26 +120,8 @@ def _fourth_rank_back(tensor: Array, R: Array) -> Array:
 
 
 def _in_material(states: MacroState, R: Array) -> MacroState:
-    """Return the states in the axes of the material, at places that have no others."""
     place = None if states.place is None else replace(states.place, axes=None)
     return replace(states, grad_u=_in(states.grad_u, R), place=place)
-
-
-def _memory_in_material(memory: LawMemory, R: Array) -> LawMemory:
-    return replace(memory, states=_in_material(memory.states, R), mean_grad=_in(memory.mean_grad, R))
-
-
-def _in_body(response: MacroResponse, states: MacroState, R: Array) -> MacroResponse:
-    memory = replace(response.memory, states=states, mean_grad=_back(response.memory.mean_grad, R))
-    return replace(
-        response,
-        stress=_back(response.stress, R),
-        flux=(R @ response.flux[:, :, None])[..., 0],
-        memory=memory,
-        deformation=_back(response.deformation, R),
-        transformed_conductivity=_back(response.transformed_conductivity, R),
-        tangent=None if response.tangent is None else _tangent_in_body(response.tangent, R),
-    )
 
 
 def _tangent_in_body(tangent: MacroTangent, R: Array) -> MacroTangent:

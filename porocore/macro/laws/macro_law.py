@@ -91,7 +91,7 @@ class ClosedLaw(MacroLaw):
         """
         if not self.parameters:
             return self.initial(len(points))
-        rest = replace(points, grad_u=np.zeros_like(points.grad_u), p=np.zeros_like(points.p))
+        rest = points.at_rest()
         if len(rest):
             self.closure.check(prediction_of(self.cell_law, rest[:1]), type(self.cell_law).__name__)
         found = prediction_of(self.cell_law, rest, tangent=False)

@@ -9,6 +9,7 @@ import numpy as np
 
 from porocore.errors import ConfigurationError, SolveError
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
+from porocore.interfaces.law_wrapper import LawWrapper
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.rest_data import RestData
 from porocore.interfaces.sampler import (
@@ -27,7 +28,7 @@ from porocore.macro.laws import CLOSURES, ClosedLaw
 from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.macro.reference import CellReference
 from porocore.plugins.border import body_solution_of
-from porocore.states import Array, MacroState
+from porocore.states import MacroState
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
 from porocore.study.config.sections import MacroSettings
@@ -133,36 +134,24 @@ class MacroExplorer:
         return Exploration(MacroState.concatenate(visited), tuple(results))
 
 
-class VisitedStates(MacroLaw):
+class VisitedStates(LawWrapper):
     """Wrapper of a law that records the states at the quadrature points whenever a time step is accepted."""
 
     def __init__(self, law: MacroLaw) -> None:
-        self.law = law
-        self.name, self.identity, self.noise = law.name, law.identity, law.noise
-        self.parameters = law.parameters
+        super().__init__(law)
         #: One batch for each accepted time; first the state at rest, of a cell with parameters for each point.
         self.visited = [] if law.parameters else [MacroState.zeros(1)]
 
-    def initial(self, n: int) -> LawMemory:
-        """Return the memory at rest."""
-        return self.law.initial(n)
-
     def initial_at(self, points: MacroState) -> LawMemory:
         """Return the memory at rest, and record it for cells with parameters."""
-        memory = self.law.initial_at(points)
+        memory = super().initial_at(points)
         if self.parameters:
             self.visited.append(replace(memory.states, place=None))
         return memory
 
-    def respond(
-        self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
-    ) -> MacroResponse:
-        """Return the response of the law."""
-        return self.law.respond(states, grad_p, memory, tangent=tangent)
-
     def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
         """Record the states of a converged step that is accepted."""
-        changed = self.law.before_accept(response, memory)
+        changed = super().before_accept(response, memory)
         if changed is None:
             self.visited.append(replace(response.memory.states, place=None))
         return changed
