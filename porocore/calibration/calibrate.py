@@ -118,7 +118,9 @@ def _identity(plan: CalibrationPlan, synthetic: bool) -> str:
 
 def _with_made_up_data(plan: CalibrationPlan, model: CurveModel) -> CalibrationPlan:
     """Return the plan with curves at the first values of the unknowns, and noise."""
-    exact = model.curves(np.array([each.unknown.start for each in plan.unknowns])).values
+    # At the coordinates where the search begins, to the last bit, so that this run is not made twice.
+    starts = [one.value(one.coordinate(one.start)) for one in model.unknowns]
+    exact = model.curves(np.array(starts)).values
     experiments: list[Experiment] = []
     first = number = 0
     for experiment in plan.experiments:

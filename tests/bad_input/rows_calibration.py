@@ -52,7 +52,26 @@ ROWS = [
     ),
     curve("hole", "creep.csv:3: settlement: expected a finite number, got ''", CREEP.replace("0.2", "")),
     curve(
-        "comma", "creep.csv:3: expected 2 entries, one for each heading, got 3", CREEP.replace("0.2", "0,2")
+        "comma",
+        "creep.csv:3: expected 2 entries, one for each heading in line 1, got 3; begin lines outside the table with "
+        "'#', and write decimal points",
+        CREEP.replace("0.2", "0,2"),
+    ),
+    curve(
+        "line above the headings",
+        "creep.csv:2: expected 1 entries, one for each heading in line 1, got 2; begin lines outside",
+        "Specimen 7\n" + CREEP,
+    ),
+    curve(
+        "comma and points",
+        "creep.csv:3: settlement: expected a finite number, got '0,2'; remove the row, or write all numbers of the "
+        "column with a decimal point",
+        CREEP.replace(",", ";").replace("0.2", "0,2"),
+    ),
+    curve(
+        "comma and point in a number",
+        "creep.csv:3: settlement: expected a finite number, got '1.000,2'",
+        CREEP.replace(",", ";").replace("0.2", "1.000,2"),
     ),
     curve(
         "time back", "creep.csv:4: time: expected increasing times, got 2 after 3", "time,s\n1,1\n3,2\n2,3\n"
@@ -64,7 +83,11 @@ ROWS = [
     curve("no column", "no column is called 'time'; the headings are t, s", "t,s\n1,2\n"),
     curve("other column", "no column is called 'depth'; the headings are time, settlement", values="depth"),
     curve("empty", "creep.csv: expected a line of headings and rows of numbers, got an empty file", ""),
-    curve("bytes", "creep.csv: expected a CSV file in UTF-8, got other bytes", b"time,s\n\xff,1\n"),
+    curve(
+        "bytes",
+        "creep.csv: expected a CSV file in UTF-8, got other bytes; save it as UTF-8",
+        b"time,s\n\xff,1\n",
+    ),
     curve("folder", "creep.csv: expected a CSV file, got a folder", folder),
     curve("pipe", "creep.csv: cannot be read: expected a file, got a named pipe", fifo),
     curve("no file", f"{KEY}: ", file="none.csv"),

@@ -110,6 +110,13 @@ def test_the_files_hold_what_was_found(done: porocore.Calibration) -> None:
     assert "A twin" in (done.path / "report.html").read_text(encoding="utf-8")
 
 
+def test_the_data_are_made_up_by_the_first_evaluation(done: porocore.Calibration) -> None:
+    with (done.path / "samples.csv").open(encoding="utf-8") as file:
+        tried = [[float(text) for text in row[:3]] for row in list(csv.reader(file))[1:]]
+    assert len(tried) == len({*map(tuple, tried)})
+    np.testing.assert_allclose(tried[0], [0.24, 1.0, 1.0])
+
+
 def killed(done: porocore.Calibration, folder: Path, evaluations: int) -> Path:
     """A copy of a folder as a process leaves it that is killed during an evaluation."""
     shutil.copytree(done.path, folder)

@@ -65,6 +65,16 @@ def test_other_tables_and_dimensionless_ones(tmp_path: Path) -> None:
     np.testing.assert_allclose(keyed.factor, 1.0)
 
 
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_decimal_commas_are_read_where_no_comma_separates(tmp_path: Path, separator: str) -> None:
+    table = "time [min],settlement [um]\n0.5,2\n1e1,4.25\n1e2,-6.5\n".replace(",", separator).replace(
+        ".", ","
+    )
+    curve = read(tmp_path, table)
+    np.testing.assert_allclose(curve.displayed_times, [0.5, 10, 100])
+    np.testing.assert_array_equal(curve.measured, [2, 4.25, -6.5])
+
+
 REFUSED = {
     "no file": (None, {"file": "other.csv"}, "other.csv: no such file"),
     "empty": ("", {}, "got an empty file"),
@@ -73,6 +83,22 @@ REFUSED = {
     "text": ("time,s\n1,2\n2,x\n3,4\n", {}, "curve.csv:3: s: expected a finite number, got 'x'"),
     "nan": ("time,s\n1,2\n2,nan\n3,4\n", {}, "curve.csv:3: s: expected a finite number, got 'nan'"),
     "inf": ("time,s\n1,2\n2,-inf\n3,4\n", {}, "got '-inf'"),
+    "comma and points": (
+        "time;s\n1;2.5\n2;2,5\n3;4\n",
+        {},
+        "curve.csv:3: s: expected a finite number, got '2,5'; remove the row, or write all numbers of the column with",
+    ),
+    "thousands": (
+        "time;s\n1;2\n2;1,000,0\n3;4\n",
+        {},
+        "curve.csv:3: s: expected a finite number, got '1,000,0'",
+    ),
+    "no headings, commas": ("0,1;2\n0,2;3\n", {}, "curve.csv:1: expected a line of headings"),
+    "title": (
+        "Specimen 7\ntime,s\n1,2\n",
+        {},
+        "line 1, got 2; begin lines outside the table with '#', and write",
+    ),
     "hole": ("time,s\n1,2\n2,\n3,4\n", {}, "got ''"),
     "time back": (
         "time,s\n1,2\n3,3\n2,4\n",

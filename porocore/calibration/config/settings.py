@@ -64,7 +64,7 @@ class UnknownSettings(StrictModel):
     upper: Value
     """Upper bound of the search; the cells are sampled between the two."""
     start: Value | None = None
-    """First value; null: that of the study, or the middle where that is outside."""
+    """First value; null: that of the study, or the middle where that is not between the bounds."""
     scale: Scale | None = None
     """``log``: search and intervals are in ln x; null: ``log`` for modulus, viscosity and pore, else ``linear``."""
     prior: PriorSettings | None = None

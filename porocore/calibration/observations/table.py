@@ -20,7 +20,8 @@ from porocore.states import Array
 _HEADING = re.compile(r"\s*(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]]*)[\])]\s*")
 #: Units that mean a plain number.
 _NONE = ("", "-", "–", "1")
-_SEPARATORS = ",;\t"
+#: Of two that are there equally often the first counts: a comma may be part of a heading.
+_SEPARATORS = ";\t,"
 
 
 @dataclass(frozen=True)
@@ -54,17 +55,21 @@ class CurveTable:
         What the file holds.
     lines
         Line of each row in the file.
+    separator
+        Sign between the entries of a line.
     """
 
     path: Path
     headings: tuple[Heading, ...]
     rows: Sequence[Sequence[str]]
     lines: tuple[int, ...]
+    separator: str
 
     @classmethod
     def read(cls, path: Path) -> CurveTable:
-        """Read a CSV file with a line of headings; the separator is a comma, a semicolon or a tab.
+        """Read a CSV file with a line of headings.
 
+        The separator is the comma, semicolon or tab that is there most often in the headings.
         Empty lines and those that begin with ``#`` do not count.
 
         Raises
@@ -89,20 +94,23 @@ class CurveTable:
             first, *rows = csv.reader((line for _, line in lines), delimiter=separator, strict=True)
         except csv.Error as error:
             raise ConfigurationError(f"{path}: not a table of comma-separated values: {error}") from None
-        table = cls(path, tuple(map(Heading.read, first)), rows, tuple(number for number, _ in lines[1:]))
+        numbers = tuple(number for number, _ in lines[1:])
+        table = cls(path, tuple(map(Heading.read, first)), rows, numbers, separator)
         table._check(lines[0][0])
         return table
 
     def _check(self, line: int) -> None:
-        if all(_is_number(heading.name) for heading in self.headings):
+        if all(_is_number(self._with_point(heading.name)) for heading in self.headings):
             raise ConfigurationError(
                 f"{self.path}:{line}: expected a line of headings such as 'time [s], settlement [mm]', got numbers; "
                 "add one above them"
             )
         for number, row in zip(self.lines, self.rows, strict=True):
             if len(row) != len(self.headings):
+                points = ", and write decimal points" if self.separator == "," else ""
                 raise ConfigurationError(
-                    f"{self.path}:{number}: expected {len(self.headings)} entries, one for each heading, got {len(row)}"
+                    f"{self.path}:{number}: expected {len(self.headings)} entries, one for each heading in line "
+                    f"{line}, got {len(row)}; begin lines outside the table with '#'{points}"
                 )
 
     @property
@@ -132,21 +140,30 @@ class CurveTable:
     def numbers(self, column: int) -> Array:
         """Return the numbers (n,) of a column.
 
+        They have decimal points, or all of them decimal commas where the separator is another sign.
+
         Raises
         ------
         ConfigurationError
-            An entry is no finite number; the message names its line.
+            An entry is no finite number, or some have a point and others a comma; the message names the line.
         """
+        texts = [row[column].strip() for row in self.rows]
+        has_points = any("." in text for text in texts)
         values = []
-        for line, row in zip(self.lines, self.rows, strict=True):
-            text = row[column].strip()
-            if not _is_number(text) or not np.isfinite(float(text)):
+        for line, text in zip(self.lines, texts, strict=True):
+            number = text if has_points else self._with_point(text)
+            if not _is_number(number) or not np.isfinite(float(number)):
+                advice = "write all numbers of the column with" if "," in text else "write the number with"
                 raise ConfigurationError(
                     f"{self.path}:{line}: {self.names[column]}: expected a finite number, got {echo(text)}; remove the "
-                    "row, or write the number with a decimal point"
+                    f"row, or {advice} a decimal point"
                 )
-            values.append(float(text))
+            values.append(float(number))
         return np.array(values)
+
+    def _with_point(self, text: str) -> str:
+        """Return an entry with a decimal point in place of its only comma, unless commas separate entries."""
+        return text.replace(",", ".") if self.separator != "," and text.count(",") == 1 else text
 
     def require_rising(self, column: int) -> None:
         """Refuse times that do not increase from row to row, or begin before zero.
@@ -188,6 +205,8 @@ def _text(path: Path) -> str:
     except IsADirectoryError as error:
         raise ConfigurationError(f"{echo_path(path)}: expected a CSV file, got a folder") from error
     except UnicodeDecodeError as error:
-        raise ConfigurationError(f"{path}: expected a CSV file in UTF-8, got other bytes") from error
+        raise ConfigurationError(
+            f"{path}: expected a CSV file in UTF-8, got other bytes; save it as UTF-8"
+        ) from error
     except OSError as error:
         raise ConfigurationError(f"{echo_path(path)}: cannot be read: {error.strerror or error}") from error
