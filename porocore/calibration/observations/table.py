@@ -20,7 +20,7 @@ from porocore.states import Array
 _HEADING = re.compile(r"\s*(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]]*)[\])]\s*")
 #: Units that mean a plain number.
 _NONE = ("", "-", "–", "1")
-#: Of two that are there equally often the first counts: a comma may be part of a heading.
+#: The comma is the last, since it may be part of a heading or a number.
 _SEPARATORS = ";\t,"
 
 
@@ -69,8 +69,8 @@ class CurveTable:
     def read(cls, path: Path) -> CurveTable:
         """Read a CSV file with a line of headings.
 
-        The separator is the comma, semicolon or tab that is there most often in the headings.
-        Empty lines and those that begin with ``#`` do not count.
+        The separator is that of comma, semicolon and tab which the headings hold most often; where two are equal, the
+        rows decide. Empty lines and those that begin with ``#`` do not count.
 
         Raises
         ------
@@ -89,7 +89,8 @@ class CurveTable:
             )
         if len(lines) > MOST_POINTS + 1:
             raise ConfigurationError(f"{path}: expected at most {MOST_POINTS} rows, got {len(lines) - 1}")
-        separator = max(_SEPARATORS, key=lines[0][1].count)
+        rows_text = "".join(line for _, line in lines[1:])
+        separator = max(_SEPARATORS, key=lambda sign: (lines[0][1].count(sign), rows_text.count(sign)))
         try:
             first, *rows = csv.reader((line for _, line in lines), delimiter=separator, strict=True)
         except csv.Error as error:
