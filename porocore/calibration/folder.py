@@ -5,16 +5,16 @@ from __future__ import annotations
 import os
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Self
 
 from porocore.core.files.atomic import require_outside_a_run
-from porocore.core.files.lock import Locked, take_lock
+from porocore.core.files.claim import claim_folder, lock_folder
 from porocore.core.files.plain_data import write_json
 from porocore.core.files.reading import read_json
 from porocore.errors import RunFolderError
 
 FORMAT, VERSION = "porocore-calibration", 1
-RECORD, LOCK = "calibrate.json", ".lock"
+RECORD = "calibrate.json"
 
 
 class CalibrationFolder:
@@ -37,52 +37,37 @@ class CalibrationFolder:
 
     def __init__(self, path: Path, identity: str, *, resume: bool = False) -> None:
         self.path = path
-        require_outside_a_run(path.absolute())
-        try:
-            self._claim(identity, resume)
-        except OSError as error:
-            raise RunFolderError(
-                f"{path}: the folder cannot be made: {error.strerror or error}; choose another --out"
-            ) from error
         self._lock: int | None = None
+        self._expected = {"format": FORMAT, "version": VERSION, "identity": identity}
+        require_outside_a_run(path.absolute())
+        claim_folder(
+            path,
+            RECORD,
+            "calibration",
+            resume=resume,
+            lock=self,
+            begin=self._write_record,
+            check=self._check_same,
+        )
 
-    def _claim(self, identity: str, resume: bool) -> None:
-        path, expected = self.path, {"format": FORMAT, "version": VERSION, "identity": identity}
-        if path.exists() and not path.is_dir():
-            raise RunFolderError(f"{path}: expected a folder, got a file; choose another --out")
-        record = path / RECORD
-        if record.exists():
-            if self._record(record) != expected:
-                raise RunFolderError(
-                    f"{path} holds another calibration: its studies, data, unknowns or settings of the fit are not "
-                    "these; choose another --out"
-                )
-            if not resume:
-                raise RunFolderError(
-                    f"{path} already holds this calibration; add --resume to continue it, or choose another --out"
-                )
-            return
-        if path.exists() and any(entry.name != LOCK for entry in path.iterdir()):
-            raise RunFolderError(f"{path} is not empty and holds no calibration; choose another --out")
-        path.mkdir(parents=True, exist_ok=True)
-        write_json(record, expected, indent=2)
+    def _write_record(self) -> None:
+        write_json(self.path / RECORD, self._expected, indent=2)
 
-    @staticmethod
-    def _record(path: Path) -> Any:
+    def _check_same(self) -> None:
+        record = self.path / RECORD
         try:
-            return read_json(path)
+            found = read_json(record)
         except ValueError as error:
-            raise RunFolderError(f"{path} is damaged ({error}); start again in another --out") from error
+            raise RunFolderError(f"{record} is damaged ({error}); start again in another --out") from error
+        if found != self._expected:
+            raise RunFolderError(
+                f"{self.path} holds another calibration: its studies, data, unknowns or settings of the fit are not "
+                "these; choose another --out"
+            )
 
     def __enter__(self) -> Self:
         """Take the lock; the system releases it when the process ends, however it ends."""
-        try:
-            self._lock = take_lock(self.path / LOCK)
-        except Locked as error:
-            raise RunFolderError(
-                f"another porocore (process {error.holder}) is working in {self.path}; "
-                "wait for it, stop it, or choose another --out"
-            ) from error
+        self._lock = lock_folder(self.path)
         return self
 
     def __exit__(

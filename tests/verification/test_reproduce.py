@@ -14,7 +14,7 @@ from porocore.study.config.examples import as_stated_path, benchmark_path
 from porocore.study.config.loading import load_config
 from porocore.verification.reproduce.catalogue import FIGURES, SKETCHES, select_figures
 from porocore.verification.reproduce.claims import CheckedClaim, Finding, compare_number, judge_statement
-from porocore.verification.reproduce.make import CLAIMS, RECORD, claim_folder, draw, write_pages
+from porocore.verification.reproduce.make import CLAIMS, RECORD, claim_results, draw, write_pages
 from porocore.verification.reproduce.page import html, markdown
 from porocore.verification.reproduce.study import Results
 
@@ -101,23 +101,23 @@ def results(tmp_path):
 
 
 def test_a_folder_belongs_to_one_reproduction(results, tmp_path):
-    claim_folder(results, resume=False)
+    claim_results(results, resume=False)
     with pytest.raises(RunFolderError, match="add --resume"):
-        claim_folder(results, resume=False)
-    claim_folder(results, resume=True)
+        claim_results(results, resume=False)
+    claim_results(results, resume=True)
     other = dataclasses.replace(results, config=load_config(benchmark_path()))
     with pytest.raises(RunFolderError, match="holds a reproduction with other backends"):
-        claim_folder(other, resume=True)
+        claim_results(other, resume=True)
     (results.folder / RECORD).write_text("{", encoding="utf-8")
     with pytest.raises(DataError, match="not the record of a reproduction"):
-        claim_folder(results, resume=True)
+        claim_results(results, resume=True)
 
 
 def test_a_folder_with_something_else_is_refused(results):
     results.folder.mkdir()
     (results.folder / "thesis.tex").touch()
-    with pytest.raises(RunFolderError, match="is not empty; choose another --out"):
-        claim_folder(results, resume=False)
+    with pytest.raises(RunFolderError, match="is not empty and holds no reproduction"):
+        claim_results(results, resume=False)
 
 
 @pytest.mark.parametrize(
@@ -136,7 +136,7 @@ def test_bad_use_is_refused(words, message, tmp_path):
 
 @pytest.mark.slow
 def test_all_figures_and_claims_on_a_coarse_cell(results):
-    claim_folder(results, resume=False)
+    claim_results(results, resume=False)
     wanted = [figure for figure in FIGURES if figure.stage != "fields"]
     paths = draw(results, wanted)
     assert [path.name for path in paths] == [figure.file for figure in wanted]
@@ -150,14 +150,14 @@ def test_all_figures_and_claims_on_a_coarse_cell(results):
 
     again = dataclasses.replace(results)
     before = (page.parent / "sensitivity" / "sensitivity.h5").stat().st_mtime_ns
-    claim_folder(again, resume=True)
+    claim_results(again, resume=True)
     draw(again, select_figures(["5a", "13a"]))
     assert (page.parent / "sensitivity" / "sensitivity.h5").stat().st_mtime_ns == before
 
 
 @pytest.mark.slow
 def test_one_figure_computes_no_more_than_it_needs(results):
-    claim_folder(results, resume=False)
+    claim_results(results, resume=False)
     (path,) = draw(results, select_figures(["8a"]))
     assert path.exists()
     assert not (results.folder / "column").exists()

@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import Any, Self
 
 from porocore.core.files.atomic import RUN_RECORD, atomic_path, require_outside_a_run
-from porocore.core.files.lock import Locked, take_lock
+from porocore.core.files.claim import claim_folder, is_half_written, lock_folder, some_of
 from porocore.core.files.plain_data import write_json
 from porocore.core.files.reading import read_json
 from porocore.core.unexpected import note_folder
@@ -31,7 +31,7 @@ FORMAT = "porocore-run"
 #: Raised when the identities of configurations change, so that older runs are recognised.
 #: 1: without surrogate.tolerance, and with a conductivity piola that did not turn with the solid.
 VERSION = 2
-CONFIG, RECORD, LOCK = "config.yaml", RUN_RECORD, ".lock"
+CONFIG, RECORD = "config.yaml", RUN_RECORD
 #: The temporary names of :func:`porocore.core.files.atomic.atomic_path`.
 _HALF_WRITTEN = re.compile(r"\..+\.\d+\.part")
 #: Keys of the configuration that may change when a run continues.
@@ -59,27 +59,16 @@ class RunFolder(RunFiles):
         path = Path(path)
         folder = cls(path, config)
         require_outside_a_run(path.absolute().parent)
-        try:
-            if path.exists() and not path.is_dir():
-                raise RunFolderError(f"{path}: expected a folder, got a file; choose another --out")
-            present = {entry.name for entry in path.iterdir()} if path.exists() else set()
-            foreign = sorted(name for name in present if not folder._left_by_a_start(name))
-            if RECORD not in present and foreign:
-                raise RunFolderError(
-                    f"{path} is not empty and holds no run of porocore (found {_some(foreign)}); "
-                    "choose another --out"
-                )
-            path.mkdir(parents=True, exist_ok=True)
-            with folder:
-                # Under the lock, because another process may have claimed the folder meanwhile.
-                if (path / RECORD).exists():
-                    folder._check_same(cls.open(path), resume)
-                else:
-                    folder._write_record()
-        except OSError as error:
-            raise RunFolderError(
-                f"{path}: the run folder cannot be made: {error.strerror or error}; choose another --out"
-            ) from error
+        claim_folder(
+            path,
+            RECORD,
+            "run",
+            resume=resume,
+            lock=folder,
+            begin=folder._write_record,
+            check=lambda: folder._check_same(cls.open(path)),
+            left_by_a_start=folder._left_by_a_start,
+        )
         return folder
 
     @classmethod
@@ -140,17 +129,7 @@ class RunFolder(RunFiles):
 
     def __enter__(self) -> Self:
         """Take the lock; the system releases it when the process ends, however it ends."""
-        try:
-            self._lock = take_lock(self.path / LOCK)
-        except Locked as error:
-            raise RunFolderError(
-                f"another porocore (process {error.holder}) is working in {self.path}; "
-                "wait for it, stop it, or choose another --out"
-            ) from error
-        except OSError as error:
-            raise RunFolderError(
-                f"{self.path} cannot be written: {error.strerror or error}; choose another --out"
-            ) from error
+        self._lock = lock_folder(self.path)
         self._remove_half_written()
         return self
 
@@ -191,7 +170,7 @@ class RunFolder(RunFiles):
         """Return the decisions of the run's sampler so far."""
         return DecisionRecord(self.decisions, self.written.identity)
 
-    def _check_same(self, held: RunFolder, resume: bool) -> None:
+    def _check_same(self, held: RunFolder) -> None:
         same = with_closure(held.config, self.config.closure)
         if same.identity != self.config.identity:
             found = differences(self.config, same)
@@ -200,11 +179,7 @@ class RunFolder(RunFiles):
             ]  # which changes all other numbers
             changed += [each for each in found if not each.startswith(NOT_PART_OF_A_RUN)]
             raise RunFolderError(
-                f"{self.path} holds another run; this one has {_some(changed)}; choose another --out"
-            )
-        if not resume:
-            raise RunFolderError(
-                f"{self.path} already holds this run; add --resume to continue it, or choose another --out"
+                f"{self.path} holds another run; this one has {some_of(changed)}; choose another --out"
             )
         self.written = held.config
 
@@ -212,8 +187,7 @@ class RunFolder(RunFiles):
         """Return True for a file that a start of this run leaves if it dies before the record is written."""
         if name == CONFIG:
             return (self.path / CONFIG).read_bytes() == self.config.resolved_yaml().encode()
-        part = name.endswith(".part") and name.startswith((f".{CONFIG}.", f".{RECORD}."))
-        return name == LOCK or part
+        return is_half_written(name, CONFIG)
 
     def _write_record(self) -> None:
         with atomic_path(self.path / CONFIG) as part:
@@ -226,8 +200,3 @@ class RunFolder(RunFiles):
             "versions": versions(),
         }
         write_json(self.path / RECORD, record, indent=2)
-
-
-def _some(names: list[str]) -> str:
-    shown = ", ".join(names[:4])
-    return f"{shown} and {len(names) - 4} more" if len(names) > 4 else shown

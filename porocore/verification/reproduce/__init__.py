@@ -65,7 +65,7 @@ def reproduce(
         The folder cannot be written, or holds something else.
     """
     from porocore.verification.local_fields.pictures import require_pyvista
-    from porocore.verification.reproduce.make import claim_folder, draw, write_pages
+    from porocore.verification.reproduce.make import claim_results, draw, write_pages
     from porocore.verification.reproduce.study import Results
 
     if paper not in PAPERS:
@@ -78,7 +78,7 @@ def reproduce(
     place = new_folder(Path(folder or f"runs/reproduce-{paper}"))
     console, processes = console or Console(io.StringIO()), config.sampling.worker_count()
     results = Results(place, config, stated, processes, console, pictures)
-    claim_folder(results, resume=resume)
+    claim_results(results, resume=resume)
     paths = draw(results, wanted)
     return paths if figures else [write_pages(results, wanted, f"porocore reproduce {paper}")]
 

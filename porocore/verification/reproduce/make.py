@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 
 from porocore.core.files.atomic import atomic_path
+from porocore.core.files.claim import claim_folder
 from porocore.core.files.plain_data import write_json
 from porocore.core.files.reading import read_json
 from porocore.errors import DataError, RunFolderError
@@ -34,7 +36,7 @@ CLAIMS = {
 }
 
 
-def claim_folder(results: Results, *, resume: bool) -> None:
+def claim_results(results: Results, *, resume: bool) -> None:
     """Bind the folder to these configurations.
 
     Raises
@@ -46,7 +48,8 @@ def claim_folder(results: Results, *, resume: bool) -> None:
     """
     record = results.folder / RECORD
     identity = {"column": results.config.identity, "as stated": results.as_stated_config.identity}
-    if record.exists():
+
+    def check() -> None:
         try:
             held = read_json(record)["identity"]
         except (OSError, ValueError, KeyError, TypeError) as error:
@@ -57,14 +60,17 @@ def claim_folder(results: Results, *, resume: bool) -> None:
             raise RunFolderError(
                 f"{results.folder} holds a reproduction with other backends or of another version; choose another --out"
             )
-        if not resume:
-            raise RunFolderError(
-                f"{results.folder} already holds a reproduction; add --resume to continue it, or choose another --out"
-            )
-        return
-    if results.folder.exists() and any(results.folder.iterdir()):
-        raise RunFolderError(f"{results.folder} is not empty; choose another --out")
-    write_json(record, {"identity": identity}, indent=1)
+
+    claim_folder(
+        results.folder,
+        RECORD,
+        "reproduction",
+        resume=resume,
+        # Each of its runs has a lock of its own.
+        lock=nullcontext(),
+        begin=lambda: write_json(record, {"identity": identity}, indent=1),
+        check=check,
+    )
 
 
 def draw(results: Results, figures: Sequence[PaperFigure]) -> list[Path]:

@@ -1,0 +1,115 @@
+"""Claim of a folder for one piece of work (claim_folder), its lock (lock_folder); refusal of other files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+from porocore.core.files.lock import Locked, take_lock
+from porocore.errors import RunFolderError
+
+#: Name of the lock in a folder.
+LOCK = ".lock"
+
+
+def lock_folder(path: Path) -> int:
+    """Take the lock of a folder; the system releases it when the process ends, however it ends.
+
+    Returns
+    -------
+    int
+        A descriptor; closing it releases the lock.
+
+    Raises
+    ------
+    RunFolderError
+        Another process holds it, or the folder cannot be written.
+    """
+    try:
+        return take_lock(path / LOCK)
+    except Locked as error:
+        raise RunFolderError(
+            f"another porocore (process {error.holder}) is working in {path}; "
+            "wait for it, stop it, or choose another --out"
+        ) from error
+    except OSError as error:
+        raise RunFolderError(
+            f"{path} cannot be written: {error.strerror or error}; choose another --out"
+        ) from error
+
+
+def claim_folder(
+    path: Path,
+    record: str,
+    work: str,
+    *,
+    resume: bool,
+    lock: AbstractContextManager[Any],
+    begin: Callable[[], None],
+    check: Callable[[], None],
+    left_by_a_start: Callable[[str], bool] = lambda name: False,
+) -> None:
+    """Make a folder that belongs to one piece of work from now on, or open that of the same work again.
+
+    Parameters
+    ----------
+    record
+        Name of the file that says what the folder belongs to.
+    work
+        What a user calls it, such as ``calibration``.
+    resume
+        Whether the folder may hold this work already.
+    lock
+        Held while the record is looked at or written.
+    begin
+        Writes the record into a folder that has none.
+    check
+        Raises where the record is of other work.
+    left_by_a_start
+        Tells whether a further file is one that a start leaves if it dies before the record is written.
+
+    Raises
+    ------
+    RunFolderError
+        The folder holds other files, or this work while ``resume`` is not set, or it cannot be made. Nothing in it was
+        changed.
+    """
+    try:
+        if path.exists() and not path.is_dir():
+            raise RunFolderError(f"{path}: expected a folder, got a file; choose another --out")
+        present = {entry.name for entry in path.iterdir()} if path.exists() else set()
+        foreign = sorted(
+            name for name in present - {LOCK} if not (is_half_written(name, record) or left_by_a_start(name))
+        )
+        if record not in present and foreign:
+            raise RunFolderError(
+                f"{path} is not empty and holds no {work} of porocore (found {some_of(foreign)}); choose another --out"
+            )
+        path.mkdir(parents=True, exist_ok=True)
+        with lock:
+            # Under the lock, because another process may have claimed the folder meanwhile.
+            if not (path / record).exists():
+                begin()
+                return
+            check()
+            if not resume:
+                raise RunFolderError(
+                    f"{path} already holds this {work}; add --resume to continue it, or choose another --out"
+                )
+    except OSError as error:
+        raise RunFolderError(
+            f"{path}: the folder cannot be made: {error.strerror or error}; choose another --out"
+        ) from error
+
+
+def is_half_written(name: str, of: str) -> bool:
+    """Return True for the name of a temporary file of :func:`~porocore.core.files.atomic.atomic_path`."""
+    return name.startswith(f".{of}.") and name.endswith(".part")
+
+
+def some_of(names: list[str]) -> str:
+    """Return the first names of a list, and how many more there are."""
+    shown = ", ".join(names[:4])
+    return f"{shown} and {len(names) - 4} more" if len(names) > 4 else shown
