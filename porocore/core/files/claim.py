@@ -77,16 +77,7 @@ def claim_folder(
         changed.
     """
     try:
-        if path.exists() and not path.is_dir():
-            raise RunFolderError(f"{path}: expected a folder, got a file; choose another --out")
-        present = {entry.name for entry in path.iterdir()} if path.exists() else set()
-        foreign = sorted(
-            name for name in present - {LOCK} if not (is_half_written(name, record) or left_by_a_start(name))
-        )
-        if record not in present and foreign:
-            raise RunFolderError(
-                f"{path} is not empty and holds no {work} of porocore (found {some_of(foreign)}); choose another --out"
-            )
+        _require_own_files(path, record, work, left_by_a_start)
         path.mkdir(parents=True, exist_ok=True)
         with lock:
             # Under the lock, because another process may have claimed the folder meanwhile.
@@ -102,6 +93,22 @@ def claim_folder(
         raise RunFolderError(
             f"{path}: the folder cannot be made: {error.strerror or error}; choose another --out"
         ) from error
+
+
+def _require_own_files(path: Path, record: str, work: str, left_by_a_start: Callable[[str], bool]) -> None:
+    if path.exists() and not path.is_dir():
+        raise RunFolderError(f"{path}: expected a folder, got a file; choose another --out")
+    present = {entry.name for entry in path.iterdir()} if path.exists() else set()
+    if record in present:
+        return
+    foreign = [
+        name for name in present - {LOCK} if not (is_half_written(name, record) or left_by_a_start(name))
+    ]
+    if foreign:
+        raise RunFolderError(
+            f"{path} is not empty and holds no {work} of porocore (found {some_of(sorted(foreign))}); "
+            "choose another --out"
+        )
 
 
 def is_half_written(name: str, of: str) -> bool:
