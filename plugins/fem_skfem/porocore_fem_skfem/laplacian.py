@@ -54,4 +54,4 @@ class CycleInverse(LaplacianInverse):
         self._multigrid.set_up(self._pattern.matrix(data))
 
     def apply(self, rhs: Array) -> Array:
-        return self._multigrid.cycle(self._pattern.padded(rhs))[self._pattern.places]
+        return self._pattern.unpadded(self._multigrid.cycle(self._pattern.padded(rhs)))

@@ -71,6 +71,8 @@ class PaddedPattern:
         self.used: IntArray = used
         self.places: IntArray = node.reshape(-1) * b + grid.places % b
         self.size = b * len(used)
+        #: True where nothing is held at the nodes and the unknowns go node by node, so that nothing is to be padded.
+        self._alike = np.array_equal(self.places, np.arange(self.size))
         self.free = np.zeros(self.size, dtype=bool)
         self.free[self.places] = True
         places, held = self.places.astype(np.int32), np.flatnonzero(~self.free).astype(np.int32)
@@ -93,6 +95,12 @@ class PaddedPattern:
 
     def padded(self, values: Array) -> Array:
         """Return values (size, ...) with zeros for what is held from those of the unknowns (n, ...)."""
+        if self._alike:
+            return values
         out = np.zeros((self.size, *values.shape[1:]))
         out[self.places] = values
         return out
+
+    def unpadded(self, values: Array) -> Array:
+        """Return the values of the unknowns (n, ...) from those with what is held (size, ...)."""
+        return values if self._alike else np.asarray(values[self.places])

@@ -52,14 +52,20 @@ class _Class:
     indices: Indices
     kept: IntArray  #: entries of the whole Laplacian
 
-    def columns(self, values: Array) -> Array:
-        """Return the members of (components, nodes, flows) at the free nodes, one in each column."""
-        return np.stack([values[i, self.free, j] for i, j in self.members], axis=1)
+    @property
+    def _places(self) -> tuple[IntArray, ...]:
+        """Places of the members in (nodes, 3 · component + flow); whole rows are taken three times as fast."""
+        if len(self.members) == 9:
+            return (self.free,)
+        return np.ix_(self.free, np.array([3 * i + j for i, j in self.members]))
 
-    def spread(self, columns: Array, out: Array) -> None:
+    def columns(self, values: Array) -> Array:
+        """Return the members of (nodes, 3 · component + flow) at the free nodes, one in each column."""
+        return np.asarray(values[self._places])
+
+    def spread(self, columns: Array | float, out: Array) -> None:
         """Put columns back where :meth:`columns` takes them from."""
-        for (i, j), column in zip(self.members, columns.T, strict=True):
-            out[i, self.free, j] = column
+        out[self._places] = columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,24 +181,18 @@ class SkfemStokes(DiscreteFluid):
 
     def _by_iteration(self, system: _System, tolerance: float) -> tuple[Array, Array, Array]:
         whole = SymmetricPattern(*self._scatter.pattern.restricted(np.arange(self.n))[:2])
-        moving, force = np.zeros((3, self.n, 3), dtype=bool), np.zeros((self.n, 3, 3))
+        moving, force = np.zeros((self.n, 9)), np.zeros((self.n, 9))
         for one in self._classes:
-            one.spread(np.ones((len(one.free), len(one.members)), dtype=bool), moving)
-        for i in range(3):
-            force[:, i, i] = system.load
-        force = (force * moving.swapaxes(0, 1)).reshape(self.n, 9)
-
-        def precondition(w: Array) -> Array:
-            return self._solve(w.reshape(self.n, 3, 3).swapaxes(0, 1)).swapaxes(0, 1).reshape(self.n, 9)
-
+            one.spread(1.0, moving)
+        force[:, ::4] = system.load[:, None]  # component i of flow i
         w, p, left_w, left_p = solve(
             StokesSystem(
                 whole.full(system.laplacian),
                 [one.T.tocsr() for one in system.divergence],
                 system.mass,
-                moving.swapaxes(0, 1).reshape(self.n, 9),
-                self._even,
-                precondition,
+                moving,
+                self._even.astype(float),
+                self._solve_columns,
             ),
             force,
             tolerance,
@@ -204,6 +204,11 @@ class SkfemStokes(DiscreteFluid):
 
     def _solve(self, rhs: Array) -> Array:
         """Return the inverse of the Laplacian applied to (components, nodes, flows)."""
+        columns = self._solve_columns(rhs.swapaxes(0, 1).reshape(self.n, 9))
+        return columns.reshape(self.n, 3, 3).swapaxes(0, 1)
+
+    def _solve_columns(self, rhs: Array) -> Array:
+        """Return the inverse of the Laplacian applied to (nodes, 3 · component + flow); 0 where velocities are held."""
         out = np.zeros_like(rhs)
         for one, inverse in zip(self._classes, self._inverses, strict=True):
             one.spread(inverse.apply(one.columns(rhs)), out)

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy import sparse
 
 from porocore.cell.equilibrium.discrete import FactorError
@@ -18,6 +17,8 @@ from porocore.states import Array
 from porocore_fem_skfem.products import Product
 
 LIMIT = 1_000
+#: Least entry of :func:`schur_scale`, a share of the largest: 0 where all velocities of a pressure's elements are held.
+LEAST = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,18 +32,18 @@ class StokesSystem:
     gradient
         ∫ ψ ∂v/∂x_i, (n, m) for each i.
     mass : (m,)
-        ∫ ψ, which preconditions as well as the whole mass matrix does.
+        ∫ ψ.
     moving : (n, 3 f), even : (m, f)
         1 for unknowns, 0 for what vanishes; the columns of the first go through the flows of each component.
     precondition
-        Approximate inverse of the Laplacian, for the columns of ``moving``.
+        Approximate inverse of the Laplacian, for the columns of ``moving``; 0 where these are.
     """
 
     laplacian: sparse.csr_matrix
     gradient: list[sparse.csr_matrix]
     mass: Array
-    moving: npt.NDArray[np.bool_]
-    even: npt.NDArray[np.bool_]
+    moving: Array
+    even: Array
     precondition: Callable[[Array], Array]
 
 
@@ -65,24 +66,45 @@ def solve(system: StokesSystem, force: Array, tolerance: float) -> tuple[Array, 
         """Return velocities and pressures of columns (3 n + m, f)."""
         return x[: 3 * n].reshape(n, 3 * flows), x[3 * n :]
 
-    def joined(w: Any, p: Any) -> Array:
-        return np.concatenate([(w * system.moving).reshape(3 * n, flows), p * system.even])
+    scale = system.even / schur_scale(system)
 
     def apply(x: Array) -> Array:
         w, p = split(x)
-        pushed = np.concatenate([one @ p for one in gradient], axis=1)
-        spread = sum(one @ w[:, i * flows : (i + 1) * flows] for i, one in enumerate(divergence))
-        return joined(laplacian @ w - pushed, -np.asarray(spread))
+        y = np.empty_like(x)
+        stressed, spread = split(y)
+        stressed[:] = laplacian @ w
+        spread[:] = 0.0
+        for i, (grad, div) in enumerate(zip(gradient, divergence, strict=True)):
+            some = slice(i * flows, (i + 1) * flows)
+            stressed[:, some] -= grad @ p
+            spread -= div @ w[:, some]
+        stressed *= system.moving
+        spread *= system.even
+        return y
 
     def precondition(x: Array) -> Array:
         w, p = split(x)
-        return joined(system.precondition(w), p / system.mass[:, None])
+        return np.concatenate([system.precondition(w).reshape(3 * n, flows), p * scale])
 
-    right = joined(force, np.zeros((m, flows)))
+    right = np.concatenate([(force * system.moving).reshape(3 * n, flows), np.zeros((m, flows))])
     x, converged = minres(apply, right, precondition, tolerance=tolerance, limit=LIMIT)
     if not converged:
         raise FactorError(f"MINRES did not converge in {LIMIT} iterations")
     return *split(x), *split(right - apply(x))
+
+
+def schur_scale(system: StokesSystem) -> Array:
+    """Return the diagonal of the pressure's Schur complement with the Laplacian's in its place, as large as the mass.
+
+    Like the mass where velocities are free, (m, f); much less where the wall holds most of an element's velocities, for
+    which the mass costs up to a quarter more iterations.
+    """
+    flows = system.even.shape[1]
+    free = system.moving / system.laplacian.diagonal()[:, None]
+    squares = [one.multiply(one).T.tocsr() for one in system.gradient]
+    found = sum(square @ free[:, i * flows : (i + 1) * flows] for i, square in enumerate(squares))
+    found = np.maximum(found, LEAST * found.max(axis=0))
+    return np.asarray(found * (system.mass.sum() / found.sum(axis=0)))
 
 
 def minres(
@@ -99,8 +121,8 @@ def minres(
     Elements and Fast Iterative Solvers, algorithm 4.1].
     """
     x, before, direction_before, direction = (np.zeros_like(right) for _ in range(4))
-    v, z = right, precondition(right)
-    gamma = np.sqrt(np.maximum((v * z).sum(axis=0), 0.0))
+    v, z = right.copy(), precondition(right)
+    gamma = np.sqrt(np.maximum(_products(v, z), 0.0))
     eta, goal, gamma_before = gamma, tolerance * gamma, np.ones_like(gamma)
     sine_before, sine, cosine_before, cosine = (np.full_like(gamma, value) for value in (0.0, 0.0, 1.0, 1.0))
     for _ in range(limit):
@@ -108,22 +130,31 @@ def minres(
         if not active.any():
             return x, True
         known = np.where(gamma > 0, gamma, 1.0)
-        q = z / known
-        product = apply(q)
-        delta = (product * q).sum(axis=0)
-        before, v = v, product - (delta / known) * v - (gamma / gamma_before) * before
+        z /= known
+        product = apply(z)
+        delta = _products(product, z)
+        before *= -gamma / gamma_before
+        before += product
+        before -= v * (delta / known)
+        before, v, q = v, before, z
         z = precondition(v)
-        gamma_before, gamma = known, np.sqrt(np.maximum((v * z).sum(axis=0), 0.0))
+        gamma_before, gamma = known, np.sqrt(np.maximum(_products(v, z), 0.0))
         first = cosine * delta - cosine_before * sine * known
         second = sine * delta + cosine_before * cosine * known
         third = sine_before * known
         length = np.hypot(first, gamma)
         length = np.where(length > 0, length, 1.0)
-        direction_before, direction = (
-            direction,
-            (q - third * direction_before - second * direction) / length,
-        )
+        direction_before *= -third
+        direction_before += q
+        direction_before -= direction * second
+        direction_before /= length
+        direction_before, direction = direction, direction_before
         cosine_before, cosine, sine_before, sine = cosine, first / length, sine, gamma / length
-        x = x + np.where(active, cosine * eta, 0.0) * direction
+        x += direction * np.where(active, cosine * eta, 0.0)
         eta = np.where(active, -sine * eta, eta)
     return x, bool((np.abs(eta) <= goal).all())
+
+
+def _products(x: Array, y: Array) -> Array:
+    """Return the product of each column of x with that of y; sums along the first axis take four times as long."""
+    return np.asarray(np.einsum("nk,nk->k", x, y))

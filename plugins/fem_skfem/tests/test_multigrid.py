@@ -175,12 +175,12 @@ def test_stokes_flow_by_iteration_is_that_by_factors(levels, geometry, domain):
 
 
 def test_the_conductivity_is_more_exact_than_velocity_and_pressure(monkeypatch):
-    """Its error is about the square of theirs."""
+    """Its error is about the square of theirs, on the diagonal, which alone has a meaning on the eighth."""
     mesh = Cell(mesh=COARSE).make_mesh("fluid", "eighth")
-    exact = SkfemStokes(mesh, "pardiso").flow()
+    exact = np.diag(SkfemStokes(mesh, "pardiso").flow())
     monkeypatch.setattr(stokes, "TOLERANCE", 1e-4)
-    error = np.abs(SkfemStokes(mesh, "amg").flow() / exact[0, 0] - exact / exact[0, 0]).max()
-    assert 1e-13 < error < 1e-5
+    error = np.abs(np.diag(SkfemStokes(mesh, "amg").flow()) / exact - 1).max()
+    assert 1e-13 < error < 1e-6
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
