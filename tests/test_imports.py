@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+import textwrap
 
 import pytest
 
@@ -60,3 +61,33 @@ def test_it_is_light(code, too_much):
 
 def test_a_heavy_import_would_be_seen():
     assert {"pint", "porocore"} <= loaded("import porocore, pint")
+
+
+def printed(code: str) -> str:
+    """Standard output of a process with this code."""
+    words = [sys.executable, "-c", textwrap.dedent(code)]
+    return subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip()
+
+
+def test_importing_porocore_is_fast_and_light():
+    code = """
+        import sys, time
+        begun = time.process_time()
+        import porocore
+        print(time.process_time() - begun)
+        print([m for m in ("torch", "gmsh", "matplotlib", "skfem", "numpy", "pydantic", "pint") if m in sys.modules])
+    """
+    seconds, heavy = printed(code).splitlines()
+    assert float(seconds) < 0.1
+    assert heavy == "[]"
+
+
+def test_everything_public_resolves_without_a_heavy_import():
+    code = """
+        import sys
+        import porocore
+        missing = [name for name in porocore.__all__ if getattr(porocore, name, None) is None]
+        heavy = ("torch", "gmsh", "matplotlib", "skfem", "pyamg", "pint", "xarray", "pyvista")
+        print(missing, [m for m in heavy if m in sys.modules])
+    """
+    assert printed(code) == "[] []"

@@ -29,6 +29,7 @@ TABLE = Path(__file__).parents[2] / "docs" / "reference" / "caught.md"
 SUITES: dict[str, type[Suite]] = {
     "samplers": porocore.testing.SamplerSuite,
     "cells": porocore.testing.CellSolverSuite,
+    "cell_slopes": porocore.testing.CellSolverSuite,
     "meshed": porocore.testing.MeshedCellSuite,
     "contact": porocore.testing.CellContactSuite,
     "surrogates": porocore.testing.PotentialSuite,
