@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
@@ -13,12 +13,14 @@ from typing import Any
 import numpy as np
 
 from porocore.calibration.config.loading import read_plan
+from porocore.calibration.config.settings import PosteriorSettings
 from porocore.calibration.fit.quality import FitQuality
 from porocore.calibration.fit.search import CalibrationFit
 from porocore.calibration.folder import CalibrationFolder
-from porocore.calibration.forward.cells import FamilyCells, families
+from porocore.calibration.forward.cells import families
 from porocore.calibration.forward.further import further_data
 from porocore.calibration.inference.infer import Inference, infer
+from porocore.calibration.inference.posterior.posterior import Posterior, sample_posterior
 from porocore.calibration.inference.rule import POISSON_RATIO, IdentifiabilityRule
 from porocore.calibration.observations.curve import ObservedCurve, curve_data
 from porocore.calibration.plan import CalibrationPlan, Experiment
@@ -98,7 +100,8 @@ def _calibrated(rounds: FitRounds, synthetic: bool, began: float) -> Calibration
         plan = rounds.plan = _with_made_up_data(plan, rounds.model)
     misfit, found = rounds.fitted(curve_data(plan.curves))
     inference = _inferred(plan, misfit, found, rounds, console)
-    done = _finished(folder, plan, misfit, found, inference, rounds.cells, time.monotonic() - began)
+    posterior = _posterior(plan.posterior, misfit, inference, console)
+    done = _finished(rounds, misfit, found, inference, posterior, time.monotonic() - began)
     truth = np.array([each.unknown.start for each in plan.unknowns]) if synthetic else None
     write_results(folder, done, misfit, rounds.record, truth)
     for warning in done.warnings:
@@ -157,15 +160,29 @@ def _inferred(
         return infer(misfit, found.best, rule=rule, further=further, rays=plan.fit.rays, tell=tell)
 
 
+def _posterior(
+    settings: PosteriorSettings | None, misfit: Misfit, inference: Inference, console: Console
+) -> Posterior | None:
+    """Return draws from the posterior distribution where the plan wants them, with progress."""
+    if settings is None:
+        return None
+    with console.task("posterior", "draws") as task:
+
+        def tell(words: str, share: float) -> None:
+            task.update(int(100 * share), 100, detail=words)
+
+        return sample_posterior(misfit, inference.points, inference.best, settings, tell)
+
+
 def _finished(
-    folder: CalibrationFolder,
-    plan: CalibrationPlan,
+    rounds: FitRounds,
     misfit: Misfit,
     found: CalibrationFit,
     inference: Inference,
-    cells: Sequence[FamilyCells],
+    posterior: Posterior | None,
     seconds: float,
 ) -> Calibration:
+    plan = rounds.plan
     quality = FitQuality.of_fit(misfit, inference.best)
     warnings = [quality.complaint] if quality.complaint else []
     if not found.converged:
@@ -178,8 +195,11 @@ def _finished(
             "fit.rounds"
         )
     warnings += _at_bounds(misfit, inference.best.coordinates)
-    solves = sum(family.solves for family in cells)
-    return Calibration(folder.path, plan, inference, quality, solves, seconds, tuple(warnings))
+    warnings += () if posterior is None else posterior.complaints
+    solves = sum(family.solves for family in rounds.cells)
+    return Calibration(
+        rounds.folder.path, plan, inference, quality, posterior, solves, seconds, tuple(warnings)
+    )
 
 
 def _at_bounds(misfit: Misfit, coordinates: Array) -> list[str]:

@@ -97,6 +97,11 @@ class CalibrationFolder:
         return self.path / "curves.csv"
 
     @property
+    def posterior(self) -> Path:
+        """Draws from the posterior distribution."""
+        return self.path / "posterior.csv"
+
+    @property
     def samples(self) -> Path:
         """Evaluations of the fit."""
         return self.path / "samples.csv"

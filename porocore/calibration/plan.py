@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from porocore.calibration.config.numbers import AXES, StudyNumber
-from porocore.calibration.config.settings import FitSettings
+from porocore.calibration.config.settings import FitSettings, PosteriorSettings
 from porocore.calibration.observations.curve import ObservedCurve
 from porocore.calibration.problem import Unknown
 from porocore.core.units.quantities import unit_in_si
@@ -98,6 +98,8 @@ class CalibrationPlan:
         Settings of the search.
     notes
         Settings of the studies that a family of cells cannot have, and what stands in their place.
+    posterior
+        Settings of the draws from the posterior distribution; None: there are none.
     """
 
     title: str
@@ -105,6 +107,7 @@ class CalibrationPlan:
     unknowns: tuple[PlannedUnknown, ...]
     fit: FitSettings
     notes: tuple[str, ...] = field(default=())
+    posterior: PosteriorSettings | None = None
 
     @property
     def fields(self) -> tuple[FittedField, ...]:

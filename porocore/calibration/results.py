@@ -19,6 +19,7 @@ from porocore.calibration.inference.entries import (
     unknown_entries,
 )
 from porocore.calibration.inference.infer import Inference
+from porocore.calibration.inference.posterior.posterior import Posterior
 from porocore.calibration.plan import CalibrationPlan
 from porocore.calibration.problem import Misfit
 from porocore.core.console import duration
@@ -40,6 +41,8 @@ class Calibration:
         Values, intervals and directions.
     quality
         How well the data are explained.
+    posterior
+        Draws from the posterior distribution; None: not asked for.
     cell_solves
         Cells that the families were learned from, held-out ones included.
     seconds
@@ -52,6 +55,7 @@ class Calibration:
     plan: CalibrationPlan
     inference: Inference
     quality: FitQuality
+    posterior: Posterior | None
     cell_solves: int
     seconds: float
     warnings: tuple[str, ...]
@@ -94,18 +98,22 @@ def write_results(
     write_csv(folder.curves, CURVES, _curve_rows(done))
     names = [f"{one.name} [{one.unit or '-'}]" for one in misfit.unknowns]
     write_csv(folder.samples, [*names, "chi_square", "flagged"], _sample_rows(misfit, record))
+    if done.posterior is not None:
+        write_csv(folder.posterior, names, _thinned(done.posterior).tolist())
     _write_report(folder, done, misfit, len(record), truth)
     # Last, so that a folder with results has all of them.
     write_json(folder.results, json_ready(results_of(done)), indent=2, ensure_ascii=False)
 
 
+#: Rows of ``posterior.csv`` at most.
+MOST_DRAWS = 2000
 #: Columns of ``curves.csv``.
 CURVES = ("curve", "time", "time unit", "measured", "deviation", "fitted", "unit")
 
 
 def results_of(done: Calibration) -> dict[str, Any]:
     """Return what ``calibration.json`` holds."""
-    return {
+    entries = {
         "unknowns": unknown_entries(done.inference),
         "fields": {
             each.name: {
@@ -126,6 +134,14 @@ def results_of(done: Calibration) -> dict[str, Any]:
         "cell_solves": done.cell_solves,
         "seconds": round(done.seconds, 2),
     }
+    return entries if done.posterior is None else entries | {"posterior": done.posterior.entries()}
+
+
+def _thinned(posterior: Posterior) -> Array:
+    """Return some of the draws (n, k), picked at random, the same ones each time."""
+    values = posterior.values
+    count = min(len(values), MOST_DRAWS)
+    return np.asarray(values[np.random.default_rng(0).choice(len(values), count, replace=False)])
 
 
 def _curve_rows(done: Calibration) -> Iterator[list[Any]]:
@@ -177,5 +193,6 @@ def _write_report(
         facts,
         done.warnings,
         fields=done.plan.fields,
+        posterior=done.posterior,
     )
     write_report(folder.path, contents)

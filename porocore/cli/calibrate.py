@@ -12,6 +12,7 @@ from porocore.cli.options import JsonOption, NoStoreOption, ResumeOption, StoreO
 from porocore.cli.tables import page, plain_table
 
 if TYPE_CHECKING:
+    from porocore.calibration.inference.posterior.posterior import Posterior
     from porocore.calibration.results import Calibration
 
 
@@ -71,7 +72,8 @@ def calibrate(
         typer.echo((done.path / "calibration.json").read_text(encoding="utf-8"), nl=False)
         return
     print_unknowns(done)
-    for name in ("calibration.json", "report.html", "curves.csv", "samples.csv"):
+    names = ["calibration.json", "report.html", "curves.csv", "samples.csv"]
+    for name in names if done.posterior is None else [*names, "posterior.csv"]:
         typer.echo(done.path / name)
 
 
@@ -81,11 +83,23 @@ def print_unknowns(done: Calibration) -> None:
 
     table = plain_table(("unknown", "value", "95 % interval", "unit", "identifiable"), (1,))
     for one in done.inference.unknowns:
-        low, high = ("open" if end is None else f"{end:.4g}" for end in done.intervals[one.name])
+        interval = _interval(done.intervals[one.name])
         told = "yes" if done.identifiable[one.name] else "no"
-        table.add_row(
-            one.name, f"{done.values[one.name]:.4g}", f"{low} to {high}", pretty(one.unit) or "–", told
-        )
+        table.add_row(one.name, f"{done.values[one.name]:.4g}", interval, pretty(one.unit) or "–", told)
     page().print(table)
+    if done.posterior is not None:
+        print_posterior(done.posterior)
     for words in done.inference.words:
         typer.echo(f"not told by the data: {words}")
+
+
+def print_posterior(posterior: Posterior) -> None:
+    """Print median and 95 % credible interval of each unknown."""
+    table = plain_table(("posterior", "median", "95 % credible interval"), (1,))
+    for one, median, ends in zip(posterior.unknowns, posterior.medians, posterior.intervals, strict=True):
+        table.add_row(one.name, f"{median:.4g}", _interval(ends))
+    page().print(table)
+
+
+def _interval(ends: tuple[float | None, float | None]) -> str:
+    return " to ".join("open" if end is None else f"{end:.4g}" for end in ends)

@@ -157,6 +157,23 @@ ROWS = [
         {"fit": {"starts": 0}},
     ),
     row(
+        "walkers",
+        "calibration.posterior.walkers: expected a number with 4 <= walkers <= 10000, got 2",
+        {"posterior": {"walkers": 2}},
+    ),
+    row(
+        "walkers of many unknowns",
+        "calibration.posterior.walkers: expected at least 6, twice the number of unknowns, got 4",
+        {
+            "posterior": {"walkers": 4},
+            "unknowns": {
+                "radius": RADIUS,
+                "modulus": {"lower": 0.5, "upper": 2},
+                "viscosity": {"lower": 0.1, "upper": 5},
+            },
+        },
+    ),
+    row(
         "full folder",
         "out is not empty and holds no calibration",
         files={"out/notes.txt": "mine"},

@@ -181,6 +181,39 @@ def test_it_may_be_killed_among_the_cells(done: porocore.Calibration, base: Path
     assert results(folder) == results(done.path)
 
 
+@pytest.mark.slow
+def test_a_posterior_is_added_later_and_a_killed_one_ends_at_the_same_draws(
+    done: porocore.Calibration, tmp_path: Path
+) -> None:
+    pytest.importorskip("emcee", reason="pip install 'porocore[posterior]'")
+    wanted = {**STUDY, "calibration": {**STUDY["calibration"], "posterior": {"steps": 1000}}}
+    folder = tmp_path / "later"
+    shutil.copytree(done.path, folder)
+    first = porocore.calibrate(
+        wanted, folder, synthetic=True, resume=True, progress=False, store=False
+    ).posterior
+    assert first is not None
+    assert first.log_density_error <= 0.1
+    found = results(folder)
+    for one, (low, high) in zip(first.unknowns, first.intervals, strict=True):
+        entry = found["posterior"]["unknowns"][one.name]
+        assert entry["interval95"] == [low, high]
+        # Nearly linear within the noise, so that both kinds of intervals are about the same.
+        np.testing.assert_allclose(entry["interval95"], done.intervals[one.name], rtol=0.02)
+    assert {name: found[name] for name in results(done.path)} == results(done.path) | {
+        "warnings": found["warnings"]
+    }
+    record, draws = folder / "evaluations-0.jsonl", (folder / "posterior.csv").read_text(encoding="utf-8")
+    lines = record.read_text(encoding="utf-8").splitlines(keepends=True)
+    known = len((done.path / "evaluations-0.jsonl").read_text(encoding="utf-8").splitlines())
+    assert len(lines) == known + first.runs
+    record.write_text("".join(lines[: known + 3]), encoding="utf-8")
+    porocore.calibrate(wanted, folder, synthetic=True, resume=True, progress=False, store=False)
+    assert results(folder) == found
+    assert (folder / "posterior.csv").read_text(encoding="utf-8") == draws
+    assert record.read_text(encoding="utf-8") == "".join(lines)
+
+
 def test_a_folder_of_another_calibration_is_refused(done: porocore.Calibration) -> None:
     other = {**STUDY, "calibration": {**STUDY["calibration"], "fit": {"starts": 1, "rays": 0, "seed": 1}}}
     with pytest.raises(RunFolderError, match="holds another calibration"):

@@ -41,6 +41,7 @@ COMMANDS = [
     ("reproduce dehghani2022 --figure 13 --out new", BOTH),
     ("sweep study.yaml --over radius=0.2:0.3:3 --out new", BOTH),
     ("calibrate test.yaml --synthetic --out new", BOTH),
+    ("calibrate draws.yaml --synthetic --out new", "pip install 'porocore[posterior]'"),
     ("sample study.yaml --out new", SKFEM),
     ("train run", TORCH),
     ("solve run", "macro solver 'skfem' is not installed; install it: pip install porocore-fem-skfem"),
@@ -91,6 +92,7 @@ def place(finished, write_coarse, tmp_path_factory):
     folder = tmp_path_factory.mktemp("place")
     write_coarse(folder / "study.yaml")
     (folder / "test.yaml").write_text(TEST)
+    (folder / "draws.yaml").write_text(f"{TEST}posterior: {{}}\n")
     shutil.copytree(finished, folder / "run")
     return folder
 

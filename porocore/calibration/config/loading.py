@@ -11,6 +11,7 @@ from pydantic import ValidationError
 
 from porocore.calibration.config.settings import CalibrationSettings, ExperimentSettings
 from porocore.calibration.config.unknowns import keyed, planned_unknowns
+from porocore.calibration.inference.posterior.ensemble import require_emcee
 from porocore.calibration.observations.reading import read_curve
 from porocore.calibration.plan import CalibrationPlan, Experiment, PlannedUnknown
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted
@@ -150,7 +151,10 @@ def _plan(
                 )  # fmt: skip
         experiments.append(Experiment(name, family, load, tuple(curves)))
     title = settings.title or next(iter(experiments)).config.title
-    plan = CalibrationPlan(title, tuple(experiments), tuple(unknowns), settings.fit, tuple(notes))
+    _check_posterior(settings, len(unknowns), at)
+    plan = CalibrationPlan(
+        title, tuple(experiments), tuple(unknowns), settings.fit, tuple(notes), settings.posterior
+    )
     points, free = sum(map(len, plan.curves)), sum(not each.unknown.has_prior for each in unknowns)
     if points < free:
         raise ConfigurationError(
@@ -158,6 +162,19 @@ def _plan(
             f"{points} for {free}; measure more, or give priors"
         )
     return plan
+
+
+def _check_posterior(settings: CalibrationSettings, unknowns: int, at: Location) -> None:
+    """Refuse too few walkers, and a posterior without the package that draws from it."""
+    if settings.posterior is None:
+        return
+    if (walkers := settings.posterior.walkers_of(unknowns)) < 2 * unknowns:
+        raise ConfigurationError(
+            f"{_key(at, 'posterior', 'walkers')}: expected at least {2 * unknowns}, twice the number of unknowns, got "
+            f"{walkers}"
+        )
+    with keyed(_key(at, "posterior")):
+        require_emcee()
 
 
 def _family(

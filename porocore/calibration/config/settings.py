@@ -188,6 +188,23 @@ class FitSettings(StrictModel):
     """Seed of the noise of made-up data."""
 
 
+class PosteriorSettings(StrictModel):
+    """Draws from the posterior distribution of the unknowns, by emcee."""
+
+    steps: Annotated[int, Field(ge=100, le=1_000_000)] = 4000
+    """Steps of each walker; the first quarter does not count."""
+    walkers: Annotated[int, Field(ge=4, le=10_000)] | None = None
+    """Walkers, at least twice as many as unknowns; null: four times as many, and 32 at least."""
+    checks: Annotated[int, Field(ge=2, le=1000)] = 8
+    """Draws that are computed exactly, again and again until the density is right there."""
+    seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 0
+    """Seed of the random numbers."""
+
+    def walkers_of(self, unknowns: int) -> int:
+        """Return the number of walkers for a number of unknowns."""
+        return self.walkers or max(32, 4 * unknowns)
+
+
 class CalibrationSettings(StrictModel):
     """Unknowns of one or more experiments, and the curves that were measured in them."""
 
@@ -201,6 +218,8 @@ class CalibrationSettings(StrictModel):
     """Tests by name, where there are several, or in a file of its own."""
     fit: FitSettings = FitSettings()
     """How the unknowns are searched."""
+    posterior: PosteriorSettings | None = None
+    """Draws from the posterior distribution; null: none."""
 
     @model_validator(mode="after")
     def _one_or_the_other(self) -> Self:

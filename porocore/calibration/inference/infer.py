@@ -58,7 +58,9 @@ class Inference:
     plane
         Plane of the two unknowns that the data determine least, without priors; None: not asked for, or one unknown.
     evaluations
-        Points at which the model was computed.
+        Number of points that were asked for.
+    points
+        Those that could be computed, priors included.
     """
 
     unknowns: tuple[Unknown, ...]
@@ -76,6 +78,7 @@ class Inference:
     suggestions: tuple[Suggestion, ...]
     plane: ParameterPlane | None
     evaluations: int
+    points: tuple[Fitted, ...]
 
     @property
     def values(self) -> Array:
@@ -143,6 +146,7 @@ def infer(
         suggestions=ranked(jacobian, limits, [*further, *repeated_parts(misfit, fitted)]),
         plane=_plane(alone, data_found, data_intervals, rays, tell),
         evaluations=objective.evaluations,
+        points=objective.points,
     )
 
 

@@ -55,6 +55,11 @@ class Objective:
         """Points that are known."""
         return len(self._known)
 
+    @property
+    def points(self) -> tuple[Fitted, ...]:
+        """Evaluations that could be computed, in the order they were made, priors included."""
+        return tuple(each for each in self._known.values() if isinstance(each, Fitted))
+
     def at(self, coordinates: Array) -> Fitted:
         """Return residuals and Jacobian at coordinates (k,).
 

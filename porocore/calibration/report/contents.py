@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from porocore.calibration.inference.infer import Inference
+from porocore.calibration.inference.posterior.posterior import Posterior
 from porocore.calibration.plan import FittedField
 from porocore.calibration.problem import CurveData, Unknown
 from porocore.core.units.quantities import pretty
@@ -54,6 +55,8 @@ class CalibrationContents:
         Text of the configuration; empty: not shown.
     fields
         Fields among the unknowns.
+    posterior
+        Draws from the posterior distribution; None: not shown.
     """
 
     title: str
@@ -65,6 +68,7 @@ class CalibrationContents:
     warnings: tuple[str, ...] = ()
     configuration: str = ""
     fields: tuple[FittedField, ...] = ()
+    posterior: Posterior | None = None
 
     def curve_axes(self, curve: int) -> CurveAxes:
         """Return the axes of a curve."""

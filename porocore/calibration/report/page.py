@@ -10,8 +10,15 @@ from porocore.calibration.report.correlation_figure import correlation_figure
 from porocore.calibration.report.field_figure import field_figure
 from porocore.calibration.report.fit_figure import fit_figure
 from porocore.calibration.report.plane_figure import plane_figure
+from porocore.calibration.report.posterior_figure import posterior_figure
 from porocore.calibration.report.profile_figure import profile_figure
-from porocore.calibration.report.words import gain_text, helpful, seen_sentence, unknown_rows
+from porocore.calibration.report.words import (
+    gain_text,
+    helpful,
+    posterior_rows,
+    seen_sentence,
+    unknown_rows,
+)
 from porocore.core.files.atomic import atomic_path
 from porocore.report.page import Picture, Pictures, environment
 
@@ -65,6 +72,8 @@ def render(contents: CalibrationContents, pictures: Pictures | None = None) -> s
             separable=any(each.separates for each in inference.suggestions),
             fits=_fits(contents, pictures),
             fields=_fields(contents, pictures),
+            posterior_rows=[] if contents.posterior is None else list(posterior_rows(contents.posterior)),
+            posterior_picture=_posterior(contents, pictures),
             profiles=profiles,
             plane=None
             if inference.plane is None
@@ -74,6 +83,13 @@ def render(contents: CalibrationContents, pictures: Pictures | None = None) -> s
             else None,
         )
     )
+
+
+def _posterior(contents: CalibrationContents, pictures: Pictures) -> Picture | None:
+    if contents.posterior is None:
+        return None
+    figure = posterior_figure(contents.posterior, contents.inference.values, contents.truth)
+    return pictures.svg("posterior", figure, "Posterior distribution of the unknowns")
 
 
 def _fields(contents: CalibrationContents, pictures: Pictures) -> list[Picture]:

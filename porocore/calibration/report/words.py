@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from porocore.calibration.inference.infer import Inference
 from porocore.calibration.inference.intervals import ConfidenceInterval
+from porocore.calibration.inference.posterior.posterior import Posterior
 from porocore.calibration.inference.suggestions import Suggestion
 from porocore.core.units.quantities import pretty
 from porocore.report.format import NONE, number
@@ -55,6 +56,13 @@ def unknown_rows(inference: Inference, truth: list[float] | None) -> Iterator[Un
             inference.identifiable[i],
             tuple(_reasons(alone)),
         )
+
+
+def posterior_rows(posterior: Posterior) -> Iterator[tuple[str, str, str, str]]:
+    """Yield name, unit, median and 95 % credible interval of each unknown."""
+    for one, median, ends in zip(posterior.unknowns, posterior.medians, posterior.intervals, strict=True):
+        interval = " … ".join(number(end) for end in ends)
+        yield one.name, pretty(one.unit) or NONE, number(float(median)), interval
 
 
 def interval_text(interval: ConfidenceInterval) -> str:

@@ -7,7 +7,9 @@ import pytest
 from calibration_models import Consolidation, Formula, data_of, misfit_of
 from report_page import ODD, Page
 
+from porocore.calibration.config.settings import PosteriorSettings
 from porocore.calibration.inference.infer import infer
+from porocore.calibration.inference.posterior.posterior import sample_posterior
 from porocore.calibration.inference.suggestions import experiment
 from porocore.calibration.plan import FittedField
 from porocore.calibration.problem import CurveData, Misfit, NormalPrior, Unknown
@@ -101,6 +103,18 @@ def test_one_unknown_has_no_plane_and_no_correlations(undrawn):
     misfit = misfit_of(model, [1.3], 0.02, NOISE, times=T)
     contents = CalibrationContents("One", misfit.data, infer(misfit, misfit.at(misfit.start)))
     assert len(Page(render(contents)).all("img")) == 2
+
+
+def test_a_posterior_has_medians_a_picture_and_its_error(undrawn):
+    pytest.importorskip("emcee", reason="pip install 'porocore[posterior]'")
+    misfit = misfit_of(Consolidation(SEEN, T), [1.2, 0.8], 0.001, NOISE, times=T)
+    found = infer(misfit, misfit.at(misfit.start), rays=0)
+    posterior = sample_posterior(misfit, found.points, found.best, PosteriorSettings(steps=200))
+    page = Page(render(CalibrationContents("D", misfit.data, found, posterior=posterior)))
+    assert "95 % credible interval" in page.words
+    assert f"{posterior.medians[0]:.4g}"[:5] in page.words
+    assert f"ln of the density is off by {posterior.log_density_error:.2g}" in page.words
+    assert "Posterior distribution of the unknowns" in [image["alt"] for image in page.all("img")]
 
 
 def test_priors_have_a_column_and_a_curve(undrawn):
