@@ -15,18 +15,18 @@ import numpy as np
 from porocore.calibration.config.loading import read_plan
 from porocore.calibration.config.settings import PosteriorSettings
 from porocore.calibration.fit.quality import FitQuality
+from porocore.calibration.fit.rounds import FitRounds, experiments_identity
 from porocore.calibration.fit.search import CalibrationFit
 from porocore.calibration.folder import CalibrationFolder
 from porocore.calibration.forward.cells import families
 from porocore.calibration.forward.further import further_data
 from porocore.calibration.inference.infer import Inference, infer
-from porocore.calibration.inference.posterior.posterior import Posterior, sample_posterior
 from porocore.calibration.inference.rule import POISSON_RATIO, IdentifiabilityRule
 from porocore.calibration.observations.curve import ObservedCurve, curve_data
 from porocore.calibration.plan import CalibrationPlan, Experiment
+from porocore.calibration.posterior.posterior import Posterior, sample_posterior
 from porocore.calibration.problem import CurveModel, Misfit
 from porocore.calibration.results import Calibration, write_results
-from porocore.calibration.rounds import FitRounds, experiments_identity
 from porocore.core.console import Console
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.store import ResultStore

@@ -19,8 +19,8 @@ from porocore.calibration.inference.entries import (
     unknown_entries,
 )
 from porocore.calibration.inference.infer import Inference
-from porocore.calibration.inference.posterior.posterior import Posterior
 from porocore.calibration.plan import CalibrationPlan
+from porocore.calibration.posterior.posterior import Posterior
 from porocore.calibration.problem import Misfit
 from porocore.core.console import duration
 from porocore.core.files.plain_data import json_ready, write_csv, write_json

@@ -12,7 +12,7 @@ from porocore.cli.options import JsonOption, NoStoreOption, ResumeOption, StoreO
 from porocore.cli.tables import page, plain_table
 
 if TYPE_CHECKING:
-    from porocore.calibration.inference.posterior.posterior import Posterior
+    from porocore.calibration.posterior.posterior import Posterior
     from porocore.calibration.results import Calibration
 
 

@@ -11,9 +11,9 @@ from pydantic import ValidationError
 
 from porocore.calibration.config.settings import CalibrationSettings, ExperimentSettings
 from porocore.calibration.config.unknowns import keyed, planned_unknowns
-from porocore.calibration.inference.posterior.ensemble import require_emcee
 from porocore.calibration.observations.reading import read_curve
 from porocore.calibration.plan import CalibrationPlan, Experiment, PlannedUnknown
+from porocore.calibration.posterior.ensemble import require_emcee
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted
 from porocore.core.models.strict import StrictModel
 from porocore.core.units.results import speaking

@@ -1,1 +1,1 @@
-"""Bounded least squares from several starts; every evaluation is kept, so that a killed fit goes on."""
+"""Bounded least squares from several starts, in rounds with further cells; every evaluation is kept."""

@@ -126,8 +126,7 @@ def infer(
     alone, data_found, data_intervals = objective.without_priors(), found, intervals
     if any(one.has_prior for one in unknowns):
         data_found, data_intervals = _intervals(alone, found.fitted.coordinates, tell)
-    fitted = found.fitted
-    limits = rule.limits(unknowns, fitted.coordinates)
+    fitted, limits = found.fitted, rule.limits(unknowns, found.fitted.coordinates)
     jacobian = alone.at(fitted.coordinates).jacobian
     directions = unseen_directions(jacobian, limits)
     return Inference(

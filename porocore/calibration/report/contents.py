@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from porocore.calibration.inference.infer import Inference
-from porocore.calibration.inference.posterior.posterior import Posterior
 from porocore.calibration.plan import FittedField
+from porocore.calibration.posterior.posterior import Posterior
 from porocore.calibration.problem import CurveData, Unknown
 from porocore.core.units.quantities import pretty
 from porocore.states import Array, IntArray

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from porocore.calibration.inference.posterior.posterior import Posterior
+from porocore.calibration.posterior.posterior import Posterior
 from porocore.calibration.report.contents import unknown_label
 from porocore.report.figures.style import BLACK, BLUE, DASHED, GREEN, GREY, lighter, new_figure, styled
 from porocore.states import Array

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from porocore.calibration.inference.infer import Inference
 from porocore.calibration.inference.intervals import ConfidenceInterval
-from porocore.calibration.inference.posterior.posterior import Posterior
 from porocore.calibration.inference.suggestions import Suggestion
+from porocore.calibration.posterior.posterior import Posterior
 from porocore.core.units.quantities import pretty
 from porocore.report.format import NONE, number
 

@@ -9,9 +9,9 @@ from report_page import ODD, Page
 
 from porocore.calibration.config.settings import PosteriorSettings
 from porocore.calibration.inference.infer import infer
-from porocore.calibration.inference.posterior.posterior import sample_posterior
 from porocore.calibration.inference.suggestions import experiment
 from porocore.calibration.plan import FittedField
+from porocore.calibration.posterior.posterior import sample_posterior
 from porocore.calibration.problem import CurveData, Misfit, NormalPrior, Unknown
 from porocore.calibration.report.contents import CalibrationContents, CurveAxes
 from porocore.calibration.report.correlation_figure import correlation_figure

@@ -1,4 +1,4 @@
-"""Draws from a density by emcee's ensemble of walkers (EnsembleDraws), and how soon a walker forgets where it was."""
+"""Draws from a density by emcee's ensemble of walkers (EnsembleDraws)."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class EnsembleDraws:
 
 
 def require_emcee() -> Any:
-    """Return emcee.
+    """Return the package emcee.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Residuals between the points of a fit (ResidualInterpolant), from values and Jacobians there, at almost no cost."""
+"""Residuals between the points of a fit (ResidualInterpolant), from values and Jacobians there."""
 
 from __future__ import annotations
 

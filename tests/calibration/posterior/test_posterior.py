@@ -9,9 +9,9 @@ from scipy.integrate import quad
 
 from porocore.calibration.config.settings import PosteriorSettings
 from porocore.calibration.inference.infer import infer
-from porocore.calibration.inference.posterior.ensemble import require_emcee
-from porocore.calibration.inference.posterior.interpolant import ResidualInterpolant
-from porocore.calibration.inference.posterior.posterior import sample_posterior
+from porocore.calibration.posterior.ensemble import require_emcee
+from porocore.calibration.posterior.interpolant import ResidualInterpolant
+from porocore.calibration.posterior.posterior import sample_posterior
 from porocore.calibration.problem import NormalPrior, Unknown
 from porocore.errors import ConfigurationError
 

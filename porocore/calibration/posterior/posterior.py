@@ -1,4 +1,4 @@
-"""Posterior distribution of the unknowns (Posterior): draws, medians, credible intervals, the check by exact runs."""
+"""Posterior distribution of the unknowns (Posterior): draws, credible intervals, check by exact runs."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from porocore.calibration.config.settings import PosteriorSettings
-from porocore.calibration.inference.posterior.ensemble import EnsembleDraws, ensemble_draws
-from porocore.calibration.inference.posterior.interpolant import ResidualInterpolant
+from porocore.calibration.posterior.ensemble import EnsembleDraws, ensemble_draws
+from porocore.calibration.posterior.interpolant import ResidualInterpolant
 from porocore.calibration.problem import Fitted, Misfit, Unknown
 from porocore.errors import SolveError
 from porocore.states import Array

@@ -1,1 +1,0 @@
-"""Posterior distribution of the unknowns: an ensemble sampler on interpolated residuals, which exact runs check."""

@@ -1,0 +1,1 @@
+"""Posterior distribution of the unknowns: draws on interpolated residuals, which exact runs check."""
