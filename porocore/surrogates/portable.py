@@ -11,6 +11,7 @@ import numpy as np
 
 from porocore.core.echo import echo
 from porocore.core.inputs.input_space import InputSpace
+from porocore.core.parallel.threads import exactly_one_blas_thread
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import UndeformedCells
 from porocore.interfaces.surrogate import OnProgress, Surrogate, TrainingSet
@@ -95,6 +96,8 @@ class ModelSurrogate(Surrogate):
     ) -> Self:
         """Train on ``data``, and on K_ref of the deformed pore if the states hold it; return self.
 
+        The same data, options and seed give the same numbers to the last bit, with any number of threads.
+
         Raises
         ------
         ConfigurationError
@@ -104,13 +107,14 @@ class ModelSurrogate(Surrogate):
         RunFolderError
             The checkpoint cannot be written.
         """
-        model, self.accuracy = self.train(data, int(seed), checkpoint, on_progress)
-        self._become(model, data.identity, data.provenance)
-        found = (
-            fit_family_conductivity(data, model.rest)
-            if isinstance(model, FamilyModel)
-            else fit_conductivity(data)
-        )
+        with exactly_one_blas_thread():
+            model, self.accuracy = self.train(data, int(seed), checkpoint, on_progress)
+            self._become(model, data.identity, data.provenance)
+            found = (
+                fit_family_conductivity(data, model.rest)
+                if isinstance(model, FamilyModel)
+                else fit_conductivity(data)
+            )
         if found is not None:
             self.conductivity, error = found
             self.accuracy |= {"cross-validated ln K": error}

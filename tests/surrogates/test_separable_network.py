@@ -12,7 +12,7 @@ from porocore.states import MacroState
 from porocore.surrogates.family.regression import JointData
 from porocore.surrogates.family.slopes import family_slopes
 from porocore.surrogates.file.file import SurrogateMetadata, read, write
-from porocore.surrogates.network.family_problem import FamilyProblem, Layout
+from porocore.surrogates.network.family_problem import NOISE, FamilyProblem, Layout
 from porocore.surrogates.network.network import Network
 from porocore.surrogates.network.separable import SeparableNetwork
 from porocore.surrogates.polynomial.composition import TermSum
@@ -101,19 +101,27 @@ def test_the_loss_is_that_of_the_network_which_it_makes(name):
     divisors["by_y"][0, 6] = np.inf
     problem = FamilyProblem.from_data(data, divisors, TERMS[name], active)
     layout = Layout.from_widths(len(problem.terms.weights), l, (5, 4), "softplus")
-    theta = layout.first_weights(seed=2)
+    start = layout.first_weights(seed=2)
+    theta = start + random.normal(scale=0.3, size=start.shape)
     part = SeparableNetwork(*problem.networks(theta, layout), problem.terms)
     value, by_y, by_yy = evaluated(part, y, data.x)
     _, _, by_x, by_yx = part.by_coordinates(y, data.x)
     found = {"value": value, "by_y": by_y, "by_x": by_x, "by_yy": by_yy, "by_yx": by_yx}
     rows = list(active)
+    of_y = {"by_y": (rows,), "by_yx": (rows,), "by_yy": np.ix_(rows, rows)}
     expected = 0.0
     for kind, values in found.items():
         squares = ((values - targets[kind][0]) ** 2).mean(axis=-1) / divisors[kind][0] ** 2
-        of_y = {"by_y": (rows,), "by_yx": (rows,), "by_yy": np.ix_(rows, rows)}
         expected += squares[of_y.get(kind, ())].sum()
-    loss = problem.loss(np, layout)(theta, problem.constants())
-    assert loss == pytest.approx(expected, rel=1e-10)
+    left = sum(
+        ((targets[kind][0] / divisors[kind][0][..., None]) ** 2).mean(axis=-1)[of_y.get(kind, ())].sum()
+        for kind in shapes
+    )
+    expected += NOISE * left / n * ((theta - start) ** 2).sum()
+    constants = problem.constants(start)
+    assert problem.loss(np, layout)(theta, constants) == pytest.approx(expected, rel=1e-10)
+    # At the first weights the network is zero.
+    assert problem.loss(np, layout)(start, constants) == pytest.approx(left, rel=1e-10)
 
 
 @pytest.fixture(scope="module")

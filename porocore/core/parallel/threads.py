@@ -41,6 +41,13 @@ def one_blas_thread() -> Iterator[None]:
     if _chosen():
         yield
         return
+    with exactly_one_blas_thread():
+        yield
+
+
+@contextmanager
+def exactly_one_blas_thread() -> Iterator[None]:
+    """Keep it on one thread whatever the user has set: the order of sums, so their last bits, follows the number."""
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(1, user_api="blas"):
