@@ -14,7 +14,10 @@ from porocore.errors import SolveError
 from porocore.states import Array, IntArray
 
 #: The root of the rise is met to this; a last Newton step, which costs nothing, then makes the end far better.
-ROOT_TOLERANCE = 0.06
+ROOT_TOLERANCE = 0.15
+#: A point of a walk is accepted where the next step would lower its sum of squares by less than this. The rise is told
+#: with that step, so that an end (a rise of 3.84) moves by a small part of it, and most walks need one evaluation.
+LEFT = 0.01
 #: Points of one walk, and halvings of a step whose point cannot be computed or trusted.
 MOST_POINTS, MOST_HALVINGS = 40, 4
 #: A step reaches at most so much of the way to the bound, and so many times as far as the walk has come.
@@ -141,7 +144,7 @@ class ProfileWalk:
                     return self
                 continue
             self.points.append(found)
-            if abs(found.root - self.target) < ROOT_TOLERANCE:
+            if abs(found.root - self.target) < ROOT_TOLERANCE and self._end(found) <= min(lost, room):
                 return self._crossed(found)
             if found.root > self.target:
                 beyond = found
@@ -151,6 +154,11 @@ class ProfileWalk:
                 self.end = End.bound
                 return self
         return self
+
+    @property
+    def linear_distance(self) -> float:
+        """Distance of the rise to first order; very large where the data see nothing."""
+        return self.target / max(self._first().slope, 1e-300)
 
     @property
     def honest(self) -> list[ProfilePoint]:
@@ -233,7 +241,7 @@ class ProfileWalk:
         start = inside.fitted.coordinates + step
         start[self.fixed] = (self.best.fitted.coordinates + self._full(distance))[self.fixed]
         try:
-            minimum = minimise(self.objective, start, free)
+            minimum = minimise(self.objective, start, free, LEFT)
         except SolveError:
             return None
         rise = minimum.squares - self.best.squares
@@ -253,10 +261,17 @@ class ProfileWalk:
         if len(bounds):
             self.end, self.held_by = End.held, bounds
             return self
-        close = abs(found.root - self.target) < ROOT_TOLERANCE
-        correction = (self.target - found.root) / found.slope if close and found.slope > 0 else 0.0
-        self.end, self.distance = End.crossed, found.distance + correction
+        self.end, self.distance = End.crossed, self._end(found)
         return self
+
+    def _end(self, found: ProfilePoint) -> float:
+        """Return the distance of the end by a last Newton step from a point near it; that of the point from afar."""
+        if abs(found.root - self.target) >= ROOT_TOLERANCE or found.slope <= 0:
+            return found.distance
+        newton = (self.target - found.root) / found.slope
+        # The root of the rise is taken as a parabola through the best point.
+        bend = (found.slope - found.root / found.distance) / found.distance
+        return found.distance + newton * (1 - float(np.clip(bend * newton / found.slope, -0.5, 0.5)))
 
     def _holding(self, fitted: Fitted) -> IntArray:
         """Return the free unknowns at bounds without which the rise would not be there."""

@@ -68,3 +68,20 @@ def test_one_unknown_has_no_plane():
         Formula((Unknown("a", 2.0, 0.1, 50.0, "log"),), lambda v: v[0] * T), [2.0], 0.02, NOISE
     )
     assert infer(misfit, misfit.at(misfit.start)).plane is None
+
+
+def test_rays_between_alike_ones_are_spared_and_still_lie_on_the_rim():
+    unknowns = (Unknown("fast", 2.0, 0.1, 50.0, "log"), Unknown("slow", 0.5, 0.01, 50.0, "log"))
+    misfit = misfit_of(Formula(unknowns, lambda v: v[0] * np.exp(-v[1] * T)), [2.0, 0.5], 0.02, NOISE)
+    told = []
+    found = infer(misfit, misfit.at(misfit.start), rays=16, tell=told.append)
+    assert len([words for words in told if "ray" in words]) < 16
+    rises = [2 * (misfit.at(x).cost - found.best.cost) for x in found.plane.rim]
+    # A radius within 0.5 %.
+    assert rises == pytest.approx([5.991464547107979] * 16, rel=1e-2)
+
+
+def test_few_rays_are_all_walked():
+    misfit, told = bent(50.0), []
+    infer(misfit, misfit.at(misfit.start), rays=4, tell=told.append)
+    assert len([words for words in told if "ray" in words]) == 4

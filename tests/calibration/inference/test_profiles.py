@@ -6,6 +6,7 @@ from calibration_models import Formula, data_of, misfit_of
 from scipy.optimize import brentq, minimize_scalar
 
 from porocore.calibration.inference.infer import infer
+from porocore.calibration.inference.intervals import confidence_interval
 from porocore.calibration.inference.minimise import Objective, minimise
 from porocore.calibration.problem import Misfit, NormalPrior, Unknown
 
@@ -214,3 +215,33 @@ def test_the_minimum_keeps_bounds():
     # The slope is the best one beside it.
     expected = ((1.0 + 2.0 * T - 0.5) @ T) / (T @ T)
     assert found.fitted.coordinates[1] == pytest.approx(expected, rel=1e-10)
+
+
+def test_an_end_of_a_model_that_is_nearly_linear_takes_one_evaluation_and_is_exact():
+    unknowns = (Unknown("level", 2.0, 0.1, 50.0, "log"), Unknown("rate", 0.5, 0.01, 50.0, "log"))
+    misfit = misfit_of(Formula(unknowns, lambda v: v[0] * np.exp(-v[1] * T)), [2.0, 0.5], 0.1, NOISE)
+    objective = Objective(misfit, np.ones(2))
+    best = minimise(objective, misfit.start, np.arange(2))
+    before = objective.evaluations
+    found = confidence_interval(objective, best, 1)
+    assert objective.evaluations == before + 2
+
+    def squares(rate):
+        # The best level at a rate is linear least squares.
+        shape, data = np.exp(-rate * T) / 0.1, misfit.data.values / 0.1
+        return data @ data - (shape @ data) ** 2 / (shape @ shape)
+
+    rate = minimize_scalar(squares, bounds=(0.3, 0.8), method="bounded", options={"xatol": 1e-10}).x
+    rise = squares(rate) + 1.959963984540054**2
+    ends = brentq(lambda r: squares(r) - rise, 0.2, rate), brentq(lambda r: squares(r) - rise, rate, 1.0)
+    assert found.values == pytest.approx(ends, abs=1e-3 * (ends[1] - ends[0]))
+
+
+def test_an_end_beyond_a_bound_is_none_however_near_it_is():
+    # At the bound the root of the rise is 1.90 of the 1.96, from where a Newton step would reach it.
+    half = 1.9 / np.linalg.norm(T / 0.1)
+    best = float(T @ (2.0 * T + 0.1 * NOISE)) / float(T @ T)
+    model = Formula((Unknown("slope", 1.9, 0.1, best + half),), lambda v: v[0] * T)
+    (interval,) = started(misfit_of(model, [2.0], 0.1, NOISE)).intervals
+    assert interval.high.value is None
+    assert interval.low.value is not None
