@@ -127,18 +127,18 @@ class Minimum:
     Attributes
     ----------
     fitted
-        Residuals and Jacobian at it.
-    expected
-        Decrease of the sum of squares that the last linear step still expected.
+        Residuals and Jacobian at it, but for a last linear step.
+    residuals
+        Residuals after that step, to first order.
     """
 
     fitted: Fitted
-    expected: float
+    residuals: Array
 
     @property
     def squares(self) -> float:
         """Sum of squares at the minimum, twice the cost; what the last step would gain is taken off."""
-        return 2 * self.fitted.cost - self.expected
+        return float(self.residuals @ self.residuals)
 
 
 def minimise(
@@ -169,7 +169,8 @@ def minimise(
             break
         damping = max(damping * DAMPING_FACTOR, FIRST_DAMPING)
     # A large damping expects little because it moves little; what is left is then not known.
-    return Minimum(here, max(expected, 0.0) if damping == 0.0 and expected < tolerance else 0.0)
+    is_last = damping == 0.0 and 0.0 <= expected < tolerance
+    return Minimum(here, linear if is_last else here.residuals)
 
 
 def _finite(fitted: Fitted) -> Fitted:

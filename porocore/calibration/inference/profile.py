@@ -249,7 +249,7 @@ class ProfileWalk:
             raise LowerPoint(minimum.fitted)
         root, fitted = float(np.sqrt(max(rise, 0.0))), minimum.fitted
         # By the envelope theorem the others do not count.
-        slope = float(fitted.residuals @ (fitted.jacobian @ self._full(1.0)))
+        slope = float(minimum.residuals @ (fitted.jacobian @ self._full(1.0)))
         return ProfilePoint(distance, root, slope / root if root > 0 else 0.0, fitted)
 
     def _is_untrusted(self, found: ProfilePoint) -> bool:
@@ -268,10 +268,7 @@ class ProfileWalk:
         """Return the distance of the end by a last Newton step from a point near it; that of the point from afar."""
         if abs(found.root - self.target) >= ROOT_TOLERANCE or found.slope <= 0:
             return found.distance
-        newton = (self.target - found.root) / found.slope
-        # The root of the rise is taken as a parabola through the best point.
-        bend = (found.slope - found.root / found.distance) / found.distance
-        return found.distance + newton * (1 - float(np.clip(bend * newton / found.slope, -0.5, 0.5)))
+        return found.distance + (self.target - found.root) / found.slope
 
     def _holding(self, fitted: Fitted) -> IntArray:
         """Return the free unknowns at bounds without which the rise would not be there."""
