@@ -183,7 +183,7 @@ class FitSettings(StrictModel):
     rounds: Annotated[int, Field(ge=0, le=20)] = 3
     """So often are further cells solved where the fitted body leaves the states that the surrogate is trusted in."""
     rays: Annotated[int, Field(ge=0, le=360)] = 16
-    """Rays of the 95 % region of the two unknowns that are determined least, fewer where neighbours are alike; 0: none."""
+    """Rays of the 95 % region of the two least determined unknowns, fewer where neighbours are alike; 0: no region."""
     seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 0
     """Seed of the noise of made-up data."""
 
