@@ -47,6 +47,8 @@ if TYPE_CHECKING:
     from porocore.interfaces.sampler import StudySampler as StudySampler
     from porocore.interfaces.sensitivities import BoundaryChange as BoundaryChange
     from porocore.interfaces.sensitivities import CellParameterChange as CellParameterChange
+    from porocore.interfaces.sensitivities import HatFunction as HatFunction
+    from porocore.interfaces.sensitivities import HistoryWeights as HistoryWeights
     from porocore.interfaces.sensitivities import InitialPressureChange as InitialPressureChange
     from porocore.interfaces.sensitivities import LoadChange as LoadChange
     from porocore.interfaces.sensitivities import MacroSensitivities as MacroSensitivities
@@ -123,6 +125,8 @@ _HOMES = {
     "porocore.interfaces.sensitivities": [
         "BoundaryChange",
         "CellParameterChange",
+        "HatFunction",
+        "HistoryWeights",
         "InitialPressureChange",
         "LoadChange",
         "MacroSensitivities",

@@ -11,8 +11,9 @@ from porocore.core.parallel import Communicator
 from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import Prepared
 from porocore.interfaces.law import MacroLaw
-from porocore.interfaces.sensitivities import MacroChange, MacroSensitivities
+from porocore.interfaces.sensitivities import HistoryWeights, MacroChange, MacroSensitivities
 from porocore.interfaces.solution import MacroSolution, StepReport
+from porocore.states import Array
 
 if TYPE_CHECKING:
     from porocore.macro.problem import MacroProblem
@@ -61,6 +62,8 @@ class MacroSolver(ABC, Generic[Prepared]):
     distributed: ClassVar[bool] = False
     #: Whether :meth:`solve_with_sensitivities` returns derivatives of the histories.
     sensitivities: ClassVar[bool] = False
+    #: Whether :meth:`solve_with_gradients` returns gradients of sums over the histories.
+    gradients: ClassVar[bool] = False
     #: The processes that solve together, all of which call :meth:`prepare` and :meth:`solve`.
     communicator: Communicator = Communicator()
 
@@ -121,4 +124,42 @@ class MacroSolver(ABC, Generic[Prepared]):
         raise ConfigurationError(
             f"macro.backend: the macro solver {type(self).__name__} gives no sensitivities (sensitivities = False); "
             "choose another, such as skfem"
+        )
+
+    def solve_with_gradients(
+        self,
+        prepared: Prepared,
+        law: MacroLaw,
+        changes: Sequence[MacroChange],
+        weights: Callable[[MacroSolution], HistoryWeights],
+        *,
+        on_step: Callable[[StepReport], None] | None = None,
+    ) -> tuple[MacroSolution, Array]:
+        """Integrate as :meth:`solve` does, and return the gradients of sums over the histories by unknowns, too.
+
+        They are the same derivatives as those of :meth:`solve_with_sensitivities`, by one pass backwards over the
+        steps: it costs as much for any number of unknowns, but in proportion to the number of sums. A solver that
+        declares :attr:`gradients` overrides this.
+
+        Parameters
+        ----------
+        weights
+            Returns the weights of f sums, which may depend on the solution, such as residuals over variances for the
+            gradient of half a sum of squares.
+
+        Returns
+        -------
+        solution, gradients : (f, k)
+            Derivatives of each sum by each of the k unknowns.
+
+        Raises
+        ------
+        ConfigurationError
+            As :meth:`solve_with_sensitivities`.
+        SolveError
+            Newton's iteration fails at the smallest step, or a linear system has no solution.
+        """
+        raise ConfigurationError(
+            f"macro.backend: the macro solver {type(self).__name__} gives no gradients (gradients = False); choose "
+            "another, such as skfem"
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -123,6 +123,36 @@ MacroChange: TypeAlias = (
     | BoundaryChange
     | InitialPressureChange
 )
+
+
+@dataclass(frozen=True, eq=False)
+class HistoryWeights:
+    """Weights of f sums over all values of the histories of a run, whose gradients by the unknowns are wanted.
+
+    The shapes are those of :class:`MacroSensitivities` with f in the place of k. A series that is left out weighs
+    nothing.
+
+    Attributes
+    ----------
+    count
+        Number f of the sums.
+    settlement, pressure_max, drained : (steps, f)
+        Of the history; None: nothing.
+    probes : name → (steps, 4, f)
+        Of u_1, u_2, u_3 and p of each probe.
+    reactions : name → (steps, 3, f)
+        Of the force on each surface that is held or moved.
+    inflow : name → (steps, f)
+        Of the inflow through each surface with a prescribed pressure.
+    """
+
+    count: int
+    settlement: Array | None = None
+    pressure_max: Array | None = None
+    drained: Array | None = None
+    probes: Mapping[str, Array] = field(default_factory=dict)
+    reactions: Mapping[str, Array] = field(default_factory=dict)
+    inflow: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

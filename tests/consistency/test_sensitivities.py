@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pytest
+from sensitivity_bodies import LAYERS, TIME, UNKNOWNS, column, law, layers, pressed
 
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.core.inputs.input_space import InputSpace
@@ -26,7 +26,6 @@ from porocore.macro.composition.linearised_law import LinearisedLaw
 from porocore.macro.composition.member_law import NearestMemberLaw
 from porocore.macro.composition.region_law import RegionLaw
 from porocore.macro.laws import AdaptiveLaw, ClosedLaw, make_closure
-from porocore.macro.problem import MacroProblem
 from porocore.plugins.registry import registry
 from porocore.testing.synthetic.porous_family import porous_training_set
 from porocore.testing.synthetic.porous_law import PorousFamilyLaw
@@ -36,22 +35,13 @@ from porocore.testing.synthetic.response import linear_law, mean_gradient_law
 ACCURACY = 1e-6
 #: Relative step of the differences.
 STEP = 1e-4
-TIME = {"end": 3.0, "step": 1.0, "ramp_increments": 2, "ramp_step": 0.2, "profiles": ()}
-SIDES = {face: {"displacement": (0, None, 0)} for face in ("x-", "x+", "z-", "z+")}
 SERIES = ("probes", "reactions", "inflow")
-NEWTON = {"tolerance": 1e-13}
 
 
 @pytest.fixture(params=["skfem", pytest.param("dolfinx", marks=pytest.mark.slow)])
 def make_solver(request):
     pytest.importorskip(request.param)
     return registry().get("macro solver", request.param)
-
-
-def law(*parameters, closure="potential", conductivity="piola"):
-    cell = PorousFamilyLaw(*parameters, deformed=conductivity == "deformed")
-    K = 0.02 * np.diag([1.0, 1.5, 2.0])
-    return ClosedLaw(cell, make_closure(closure, 0.6, NeoHookean(), K, law=conductivity))
 
 
 def solve(make_solver, problem, law):
@@ -111,46 +101,6 @@ def check(make_solver, problem, law, unknowns, *, together=False, modulus=None):
 
 
 # ---- a column ------------------------------------------------------------------------------------
-
-UNKNOWNS = {
-    "radius": (CellParameterChange("radius"), 0.0),
-    "poisson_ratio": (CellParameterChange("poisson_ratio", factor=True), 1.0),
-    "modulus": (ModulusChange(), 1.0, True),
-    "viscosity": (ViscosityChange(), 0.01, True),
-    "load": (LoadChange(), 1.0),
-    "traction": (BoundaryChange("y+", "traction", 1), -0.05),
-    "pressure": (BoundaryChange("y+", "pressure"), 0.002),
-    "initial": (InitialPressureChange(), 0.001),
-}
-
-
-def column(
-    *,
-    modulus: float = 1.0,
-    load: float = 1.0,
-    traction: float = -0.05,
-    pressure: float = 0.002,
-    initial: float = 0.001,
-    **fields: Any,
-) -> MacroProblem:
-    """A column of three elements in units of the modulus: loads over it, and times as the viscosity over it."""
-    found = {}
-    if fields:
-        found["radius"] = f"{0.2 + fields['radius']!r} + 0.01*y"
-        found["poisson_ratio"] = f"{fields['poisson_ratio']!r}*(0.33 - 0.01*y)"
-        found["viscosity"] = fields["viscosity"] / modulus
-    top = {"traction": (0, traction / modulus, 0), "pressure": pressure / modulus}
-    data = {
-        "body": {"kind": "box", "elements": (1, 3, 1), "size": (0.5, 1.5, 0.5)},
-        "boundary": {**SIDES, "y-": {"displacement": (0, 0, 0)}, "y+": top},
-        "time": TIME,
-        "newton": NEWTON,
-        "probes": {"inside": (0.2, 0.6, 0.3)},
-        "fields": found,
-        "initial": {"pressure": initial / modulus},
-        "load": load,
-    }
-    return MacroProblem.model_validate(data)
 
 
 @pytest.mark.parametrize("closure", ["potential", "mean-gradient"])
@@ -214,37 +164,6 @@ def test_the_linear_limit_has_derivatives_by_modulus_and_viscosity(make_solver):
 # ---- other bodies ----------------------------------------------------------------------------------
 
 
-def layers(*, radius=0.21, body_radius=1.0, modulus=1.0, moved=-0.05, **settings: Any) -> MacroProblem:
-    """A block with a hard layer, turned axes and a lid that is moved down; it drains to one side."""
-    axes = {"about": (0.3, 0.2, 1.0), "angle": "30 + 20*x"}
-    top = {"displacement": (None, {"ramp": moved, "until": 0.4}, None)}
-    data = {
-        "body": {"kind": "box", "elements": (1, 2, 1), "size": (0.8, 1.0, 0.5)},
-        "boundary": {
-            "x-": {"displacement": (0, None, None)},
-            "y-": {"displacement": (None, 0, None)},
-            "z-": {"displacement": (None, None, 0)},
-            "x+": {"pressure": 0},
-            "y+": top,
-        },
-        "regions": {
-            "hard": {"kind": "layer", "above": 0.5, "fields": {"radius": radius, "modulus": modulus}}
-        },
-        "fields": {"radius": f"{body_radius!r}*(0.24 - 0.02*x)", "axes": axes, "modulus": 1.0},
-        "time": TIME | {"end": 1.4, "step": 0.5},
-        "newton": NEWTON,
-    }
-    return MacroProblem.model_validate(data | settings)
-
-
-LAYERS = {
-    "radius": (CellParameterChange("radius", "hard"), 0.21),
-    "body_radius": (CellParameterChange("radius", factor=True), 1.0),
-    "modulus": (ModulusChange("hard"), 1.0, True),
-    "moved": (BoundaryChange("y+", "displacement", 1), -0.05),
-}
-
-
 @pytest.mark.parametrize("bound", [False, True], ids=["one law", "a law of each region"])
 def test_regions_fields_and_turned_axes_have_derivatives(make_solver, bound):
     given = law("radius", "modulus", "viscosity")
@@ -273,25 +192,6 @@ def test_a_body_of_both_closures_has_derivatives(make_solver):
         return layers(regions=regions, fields=fields)
 
     check(make_solver, problem, given, {name: LAYERS[name] for name in ("radius", "modulus")}, together=True)
-
-
-def pressed(*, follower, plate, flux, normal, load, initial) -> MacroProblem:
-    """A quarter of a cylinder under a plate, a pressure around it, and an inflow at its base."""
-    data = {
-        "body": {"kind": "quarter-cylinder", "radius": 0.5, "height": 0.6, "elements": (1, 1, 1)},
-        "boundary": {
-            "x-": {"normal": 0},
-            "z-": {"normal": 0},
-            "y-": {"normal": normal, "flux": flux},
-            "y+": {"plate": {"ramp": -plate, "until": 0.4}},
-            "side": {"follower": follower, "pressure": 0},
-        },
-        "load": load,
-        "time": TIME | {"end": 1.4, "step": 0.5},
-        "newton": NEWTON,
-        "initial": {"pressure": initial},
-    }
-    return MacroProblem.model_validate(data)
 
 
 @pytest.mark.parametrize("closure", ["potential", "mean-gradient"])

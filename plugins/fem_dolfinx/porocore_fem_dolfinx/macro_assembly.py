@@ -66,6 +66,7 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
         self._forms = MacroForms(space)
         self._matrix = self._forms.matrix
         self._comm, self._in_frames = comm, None
+        self._transpose: PETSc.Mat | None = None
         self._to_frames = self._rotation(comm)
         #: Last tangent until it is solved with, and the last mass matrix of the Schur complement at the points.
         self._tangent: MacroTangent | None = None
@@ -188,6 +189,15 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
             return self._matrix
         self._in_frames = self._matrix.ptap(self._to_frames, result=self._in_frames)
         return self._in_frames
+
+    def transposed(self, system: PETSc.Mat) -> PETSc.Mat:
+        """Return the transpose, in a matrix of its own that the next call overwrites; the solver takes it next."""
+        if self._transpose is None:
+            self._transpose = system.transpose(PETSc.Mat())
+        else:
+            self._transpose = system.transpose(self._transpose)
+        self._solver.renew()
+        return self._transpose
 
     def _add(self, follower: sparse.csr_matrix) -> None:
         """Add a follower's entries, which couple nodes of one element and so lie within the pattern."""

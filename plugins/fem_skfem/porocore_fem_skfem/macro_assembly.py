@@ -166,6 +166,19 @@ class SkfemDiscretisation(Discretisation[System | SmallSystem]):
         found = self._patterns[0].find(entries.row // 3, entries.col // 3)
         np.add.at(uu, (found, entries.row % 3, entries.col % 3), entries.data)
 
+    def transposed(self, system: System | SmallSystem) -> System | SmallSystem:
+        """Return the transpose, of blocks in the same patterns."""
+        if isinstance(system, SmallSystem):
+            return system.transposed()
+        uu, up, pu, pp = self._patterns
+        return System(
+            uu.transposed(system.uu, uu),
+            up.transposed(system.pu, pu),
+            pu.transposed(system.up, up),
+            pp.transposed(system.pp, pp),
+            system.tangent,
+        )
+
     def _knowing(self, system: System | SmallSystem, x: Array) -> System | SmallSystem:
         """Return the system, or one that knows the held unknowns too where ``x`` has them."""
         if isinstance(system, SmallSystem) and self._small is not None and x[self._small.held].any():

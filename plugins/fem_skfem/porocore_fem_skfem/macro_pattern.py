@@ -63,6 +63,11 @@ class BlockPattern:
         shape = (r * self.shape[0], c * self.shape[1])
         return sparse.bsr_matrix((blocks, self.indices, self.indptr), shape=shape)
 
+    def transposed(self, blocks: Array, of: BlockPattern) -> Array:
+        """Return the blocks of this pattern that are the transpose of the ``blocks`` of another one, ``of``."""
+        rows = np.repeat(np.arange(self.shape[0]), np.diff(self.indptr))
+        return np.ascontiguousarray(blocks[of.find(self.indices, rows)].swapaxes(1, 2))
+
     def find(self, rows: IntArray, columns: IntArray) -> IntArray:
         """Return the numbers of the blocks at pairs of nodes, all of which must be there."""
         width = max(self.shape[1], 1)

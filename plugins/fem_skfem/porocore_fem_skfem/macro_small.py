@@ -50,6 +50,12 @@ class SmallSystem:
     moved: sparse.csr_matrix
     order: Band | None
 
+    def transposed(self) -> SmallSystem:
+        """Return the transpose of the equations, in the same pattern; nothing that is prescribed moves in it."""
+        free = self.free.T.tocsr()
+        free.sort_indices()
+        return SmallSystem(self.tangent, self.dt, free, sparse.csr_matrix(self.moved.shape), self.order)
+
     @cached_property
     def sizes(self) -> tuple[sparse.csr_matrix, sparse.csr_matrix]:
         """Magnitudes of the entries of :attr:`free` and :attr:`moved`."""

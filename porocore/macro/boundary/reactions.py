@@ -63,6 +63,14 @@ class Share:
             total = total + self.by_field @ field.ravel()
         return np.asarray(self.projection @ total)
 
+    def weights(self, of_total: Array) -> tuple[Array, Array]:
+        """Return the weights of the reactions (unknowns, f) and of the field (elements · c · 3, f) in sums of totals.
+
+        ``of_total`` (c, f) are those of the total in each of f sums: this is the transpose of :meth:`total`.
+        """
+        projected = self.projection.T @ of_total
+        return np.asarray(self.by_reaction.T @ projected), np.asarray(self.by_field.T @ projected)
+
     @property
     def needs_field(self) -> bool:
         """True if surfaces share a node, so that the stress or the flux beside it is needed."""

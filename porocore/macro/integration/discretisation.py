@@ -172,6 +172,10 @@ class Discretisation(ABC, Generic[System]):
         """
 
     @abstractmethod
+    def transposed(self, system: System) -> System:
+        """Return the transpose, which :meth:`solve` takes with no jumps; ``system`` is not solved with any more."""
+
+    @abstractmethod
     def magnitudes(self, system: System, x: Array) -> Array:
         """Return |A| |x| in the rows of the free unknowns; those of a plate may stand in the first of its rows."""
 
@@ -218,10 +222,7 @@ class Discretisation(ABC, Generic[System]):
         return Residual(values, force_scale, volume_scale)
 
     def follower_tangent(self, x: Array, loads: Loads) -> sparse.csr_matrix | None:
-        """Return the derivative of the forces of follower pressures, sparse in the mesh's numbers, Cartesian.
-
-        None where there are none.
-        """
+        """Return the derivative of the forces of follower pressures, (displacements,) Cartesian; None: no forces."""
         if not any(loads.pressures):
             return None
         u = self.to_mesh(x)[: self.mesh.n_u].reshape(-1, 3)

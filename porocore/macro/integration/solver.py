@@ -15,7 +15,7 @@ from porocore.core.parallel.memory import freed_memory_kept
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import LawMemory, MacroLaw
 from porocore.interfaces.macro import MacroSolver
-from porocore.interfaces.sensitivities import MacroChange, MacroSensitivities
+from porocore.interfaces.sensitivities import HistoryWeights, MacroChange, MacroSensitivities
 from porocore.interfaces.solution import MacroSolution, StepReport, StepWork
 from porocore.macro.composition.body_fields import BodyFields, CellsAtPoints
 from porocore.macro.composition.turned_law import TurnedLaw
@@ -27,6 +27,8 @@ from porocore.macro.integration.newton import Step, newton_step
 from porocore.macro.integration.predictor import Predictor
 from porocore.macro.integration.recorder import HistoryRecorder
 from porocore.macro.integration.stepping import Stepper
+from porocore.macro.sensitivities.gradients import GradientPass
+from porocore.macro.sensitivities.tape import RunTape
 from porocore.macro.sensitivities.tracker import SensitivityTracker
 from porocore.states import Array, BodyPlace, MacroState
 
@@ -46,6 +48,7 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
     """
 
     sensitivities = True
+    gradients = True
 
     def __init__(self, *, checkpoint_seconds: float = 5.0) -> None:
         if (
@@ -101,6 +104,23 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
             solution = self._integrated(prepared, body, law, None, on_step, tracker)
         return solution, tracker.result()
 
+    def solve_with_gradients(
+        self,
+        prepared: Discretisation,
+        law: MacroLaw,
+        changes: Sequence[MacroChange],
+        weights: Callable[[MacroSolution], HistoryWeights],
+        *,
+        on_step: Callable[[StepReport], None] | None = None,
+    ) -> tuple[MacroSolution, Array]:
+        """Run through the time plan, and back; see :meth:`porocore.MacroSolver.solve_with_gradients`."""
+        body, law = _composed(prepared, law)
+        with prepared.communicator.united():
+            back, tape = GradientPass(prepared, body, law, changes), RunTape()
+        with freed_memory_kept(prepared.mesh.size):
+            solution = self._integrated(prepared, body, law, None, on_step, tape)
+            return solution, back.gradients(tape, weights(solution))
+
     def _integrated(
         self,
         d: Discretisation,
@@ -108,9 +128,9 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
         law: MacroLaw,
         checkpoint: Path | None,
         on_step: Callable[[StepReport], None] | None,
-        tracker: SensitivityTracker | None = None,
+        tracker: SensitivityTracker | RunTape | None = None,
     ) -> MacroSolution:
-        """Return the solution of a law in the axes of its material; a ``tracker`` follows its derivatives."""
+        """Return the solution of a law in the axes of its material; a ``tracker`` follows its steps."""
         problem = d.problem
         saved = CheckpointFile(checkpoint, d, law, self.checkpoint_seconds, body)
         stepper, control, predictor = Stepper(problem.time, problem.corners), ErrorControl(), Predictor()

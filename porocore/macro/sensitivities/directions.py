@@ -83,6 +83,15 @@ class Directions:
             theta[:, column, j] = np.where(share != 0, share * states.parameters[:, column], 0.0)
         return PointChanges(found.modulus, found.viscosity, theta)
 
+    @property
+    def at_first(self) -> PointChanges:
+        """Changes of the points as shares, where an unknown is a factor of a field."""
+        return self._points
+
+    def loads_of(self, unknown: int, time: float) -> Loads:
+        """Return the change of loads and prescribed values at ``time`` under one unknown."""
+        return self._loads[unknown](time)
+
     def loads(self, time: float) -> list[Loads]:
         """Return the changes of loads and prescribed values at ``time``, one for each unknown."""
         return [at(time) for at in self._loads]

@@ -10,6 +10,7 @@ from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.interfaces.sensitivities import (
     BoundaryChange,
     CellParameterChange,
+    HistoryWeights,
     InitialPressureChange,
     LoadChange,
     MacroChange,
@@ -88,6 +89,24 @@ class RunDerivatives(Solving):
             scale = max(float(np.abs(wanted).max()), 1e-5 * float(np.abs(ends[0][name]).max()))
             near(name, values @ np.array(steps), wanted, STATE, within=self.within(1e-6) * scale)
 
+    def test_gradients_are_sums_of_sensitivities(self) -> None:
+        """The gradient of a sum over all values of some histories, which a pass backwards gives."""
+        problem = self.pressed()
+        solver = self.offered(problem)
+        self.needs(type(solver).gradients, "gradients = False: it gives none")
+        changes = [change for change, *_ in UNKNOWNS.values()]
+        _, gradients = solver.solve_with_gradients(solver.prepare(problem), self.law, changes, _weights)
+        run, found = self.with_derivatives()
+        weights = _weights(run)
+        assert weights.settlement is not None
+        assert weights.drained is not None
+        wanted = weights.settlement[:, 0] @ found.settlement + weights.drained[:, 0] @ found.drained
+        wanted = wanted + np.einsum("sc,sck->k", weights.probes["inside"][..., 0], found.probes["inside"])
+        shape = np.shape(gradients)
+        holds(shape == (1, len(UNKNOWNS)), STATE, f"gradients (1, {len(UNKNOWNS)})", f"shape {shape}")
+        within = self.within(1e-7) * float(np.abs(wanted).max())
+        near("the gradient of a sum", gradients[0], wanted, STATE, within=within)
+
     def test_a_run_with_sensitivities_is_the_run_without(self) -> None:
         solution, found = self.with_derivatives()
         plain = self.solve(self.pressed(), self.law)
@@ -97,6 +116,13 @@ class RunDerivatives(Solving):
             near(name, getattr(solution.history, name), wanted, "solved with sensitivities", within=within)
         shape, expected = found.settlement.shape, (len(plain.history.time), len(UNKNOWNS))
         holds(shape == expected, STATE, f"derivatives (steps, unknowns) = {expected}", f"shape {shape}")
+
+
+def _weights(solution: MacroSolution) -> HistoryWeights:
+    """Return growing weights of the settlement, falling ones of the drained volume, and those of a probe."""
+    growing = np.linspace(0.5, 2.0, len(solution.history.time))[:, None]
+    probe = growing[:, :, None] * np.array([0.0, 1.0, 0.0, 20.0])[:, None]
+    return HistoryWeights(1, settlement=growing, drained=growing[::-1], probes={"inside": probe})
 
 
 def _series(of: Any, histories: Any, modulus: float) -> dict[str, Any]:

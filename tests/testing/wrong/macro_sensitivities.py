@@ -11,6 +11,8 @@ import numpy as np
 
 from porocore.interfaces.law_changes import ResponseChanges
 from porocore.macro.sensitivities.directions import Directions
+from porocore.macro.sensitivities.point_weights import MemoryWeights
+from porocore.macro.sensitivities.unit_changes import UnitDerivatives
 
 sys.path.insert(0, str(Path(__file__).parent))
 from skfem_macro import Altered, Law, with_history
@@ -63,3 +65,18 @@ class TestDrainsMoreWithSensitivities(Law):
         def solve_with_sensitivities(self, prepared, *given, **how):
             solution, found = super().solve_with_sensitivities(prepared, *given, **how)
             return with_history(solution, drained=lambda values: 1.001 * values), found
+
+
+class TestGradientsOfTheLastStepAlone(Law):
+    """A pass backwards forgets what a step has taken over from the one before."""
+
+    caught_by = "test_gradients_are_sums_of_sensitivities"
+    slow = True
+
+    class solver(Altered):
+        def solve_with_gradients(self, *given, **how):
+            def nothing(self, weights):
+                return MemoryWeights.zeros(len(weights.storage))
+
+            with patch.object(UnitDerivatives, "of_memory", nothing):
+                return super().solve_with_gradients(*given, **how)
