@@ -5,6 +5,7 @@ Elements, which differ too, have a module of their own.
 
 from __future__ import annotations
 
+import atexit
 import inspect
 import logging
 import warnings
@@ -162,6 +163,28 @@ def freed_with(owner: object, item: PETSc.Object) -> PETSc.Object:
     """
     weakref.finalize(owner, item.destroy)
     return item
+
+
+#: Solvers that call Python, as long as they are there.
+_calling_python: list[weakref.ref[PETSc.KSP]] = []
+
+
+def freed_before_python(solver: PETSc.KSP) -> PETSc.KSP:
+    """Return a solver that calls Python, to be destroyed before Python ends.
+
+    PETSc ends later than Python does. What several processes share it destroys only then, if it is there until the end,
+    and a call of Python would be a segmentation violation.
+    """
+    _calling_python[:] = [one for one in _calling_python if one() is not None] + [weakref.ref(solver)]
+    return solver
+
+
+@atexit.register
+def _free_before_python() -> None:
+    for one in _calling_python:
+        solver = one()
+        if solver is not None:
+            solver.destroy()
 
 
 def collect_garbage(comm: MPI.Intracomm) -> None:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from mpi4py import MPI
 from petsc4py import PETSc
 
+from porocore_fem_dolfinx import compat
 from porocore_fem_dolfinx.macro_coarse import CoarseLevel
 from porocore_fem_dolfinx.petsc_options import OptionValue, SolverOptions
 
@@ -118,7 +119,7 @@ class MultigridSolver:
         self._inverse = BlockTriangular(comm)
         self._inverse.of_u.setOptionsPrefix(f"{self.options.prefix}fieldsplit_u_")
         self._inverse.of_p.setOptionsPrefix(f"{self.options.prefix}fieldsplit_p_")
-        self._ksp = PETSc.KSP().create(comm)
+        self._ksp = compat.freed_before_python(PETSc.KSP().create(comm))
         self._ksp.setPCSide(PETSc.PC.Side.RIGHT)
         self._ksp.setNormType(PETSc.KSP.NormType.UNPRECONDITIONED)
         pc = self._ksp.getPC()
@@ -194,6 +195,7 @@ class MultigridSolver:
         """Free the hierarchies; all processes must do so together."""
         self._ksp.destroy()
         self._inverse.free()
-        if self._stiffness is not None:
-            self._stiffness.destroy()
+        for part in (self._stiffness, *(self._fields or ())):
+            if part is not None:
+                part.destroy()
         self._level.destroy()

@@ -32,13 +32,15 @@ BEGIN = """
     import sys
     from pathlib import Path
     from porocore.plugins.registry import registry
-    from porocore.testing.macro_laws.runs import STORM, TIMID
 
     folder, backend = Path(sys.argv[1]), sys.argv[2]
     solver = registry().get("macro solver", backend)(checkpoint_seconds=0)
+"""
+PREPARED = """
+    from porocore.testing.macro_laws.runs import STORM, TIMID
     prepared = solver.prepare(STORM)
 """
-INTERRUPTED = """
+INTERRUPTED = f"""{PREPARED}
     class Killed(Exception):
         pass
 
@@ -53,12 +55,12 @@ INTERRUPTED = """
     else:
         raise AssertionError("ran to its end")
 """
-CONTINUED = """
+CONTINUED = f"""{PREPARED}
     solution = solver.solve(prepared, TIMID, checkpoint=folder / "macro.h5")
     if solver.communicator.rank == 0:
         solution.save(folder / "solution.h5")
 """
-KILLED = """
+KILLED = f"""{PREPARED}
     import os, signal, time
 
     def stop(report):
@@ -67,7 +69,7 @@ KILLED = """
 
     solver.solve(prepared, TIMID, checkpoint=folder / "macro.h5", on_step=stop)
 """
-ALONE = """
+ALONE = f"""{PREPARED}
     import porocore_fem_dolfinx.macro_communicator as macro_communicator
     macro_communicator.PATIENCE = 0.5
 
@@ -109,8 +111,26 @@ DERIVATIVES = """
     total = total + 0.3 * found.inflow["side"].sum(axis=0)
     assert np.abs(gradients[0] - total).max() <= 1e-9 * np.abs(total).max(), (gradients[0], total)
 """
+#: A problem, a law and options of the solver from a file; the solution goes into another.
+SOLVED = """
+    import json
+    from porocore.macro.problem import MacroProblem
+    from porocore.testing.macro_laws.solving import NONLINEAR
+    from porocore.testing.synthetic.parametric_cell import parametric_law
+
+    problem, law, options = json.loads((folder / "problem.json").read_text())
+    solver = registry().get("macro solver", backend)(**options)
+    prepared = solver.prepare(MacroProblem.model_validate(problem))
+    assert all(map(len, prepared.plates)), "a plate lies on one process alone"
+    solution = solver.solve(prepared, {"one cell": NONLINEAR, "family": parametric_law()}[law])
+    if solver.communicator.rank == 0:
+        assert "iterative" not in options.values() or solution.work["iterations"][1:].all()
+        solution.save(folder / "solution.h5")
+"""
 
 SMALL_STEPS = {"end": 0.1, "step": 0.05, "ramp_increments": 1, "ramp_step": 0.05, "profiles": ()}
+#: At every step processes wait for one another, which takes long where they share a core with others.
+FEW_STEPS = SMALL_STEPS | {"end": 0.2, "ramp_increments": 2}
 LARGE = {
     "block": {
         "body": {"kind": "box", "elements": (4, 4, 4), "size": (1, 1, 1)},
@@ -152,9 +172,21 @@ def run(processes, part, folder, backend="dolfinx"):
         env=environment,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,  # for processes that wait for one another for ever; the longest test takes 10 s alone
         check=False,
     )
+
+
+def solved_by_two(folder, problem, law="one cell", **options):
+    (folder / "problem.json").write_text(json.dumps([problem, law, options]))
+    done = run(2, SOLVED, folder)
+    assert done.returncode == 0, done.stderr
+    return MacroSolution.load_file(folder / "solution.h5")
+
+
+def solved_by_one(problem, law=NONLINEAR, **options):
+    solver = registry().get("macro solver", "dolfinx")(**options)
+    return solver.solve(solver.prepare(MacroProblem.model_validate(problem)), law)
 
 
 @pytest.fixture(scope="module")
@@ -225,20 +257,8 @@ def test_a_process_that_is_killed_ends_all_and_leaves_the_checkpoint(tmp_path, w
 @pytest.mark.parametrize("body", ["block", "frames, a plate and a follower"])
 def test_two_processes_iterate_to_the_solution_of_one(tmp_path, body):
     """The smoother and the coarse levels differ, the solution only by the solver's tolerance."""
-    part = f"""
-        from porocore.macro.problem import MacroProblem
-        from porocore.testing.macro_laws.solving import NONLINEAR
-        solver = registry().get("macro solver", "dolfinx")(solver="iterative")
-        solution = solver.solve(solver.prepare(MacroProblem.model_validate({LARGE[body]!r})), NONLINEAR)
-        if solver.communicator.rank == 0:
-            assert solution.work["iterations"][1:].all()
-            solution.save(folder / "solution.h5")
-    """
-    solver = registry().get("macro solver", "dolfinx")(solver="direct")
-    one = solver.solve(solver.prepare(MacroProblem.model_validate(LARGE[body])), NONLINEAR)
-    done = run(2, part, tmp_path)
-    assert done.returncode == 0, done.stderr
-    two = MacroSolution.load_file(tmp_path / "solution.h5")
+    one = solved_by_one(LARGE[body], solver="direct")
+    two = solved_by_two(tmp_path, LARGE[body], solver="iterative")
     np.testing.assert_allclose(two.profiles[-1].u, one.profiles[-1].u, rtol=0, atol=1e-9)
     np.testing.assert_allclose(two.profiles[-1].p, one.profiles[-1].p, rtol=0, atol=1e-9)
     assert abs(one.profiles[-1].u).max() > 1e-3
@@ -274,20 +294,8 @@ def test_more_processes_than_elements_can_be_shared_among_are_refused(tmp_path):
 @pytest.mark.slow
 def test_two_processes_share_a_plate(tmp_path):
     """Its unknowns lie on both, and its equation is the sum over both."""
-    part = """
-        from porocore.testing.macro_laws.plates import squeezed
-        from porocore.testing.macro_laws.solving import NONLINEAR
-        prepared = solver.prepare(squeezed({"plate": 1}))
-        assert len(prepared.plates[0])
-        solution = solver.solve(prepared, NONLINEAR)
-        if solver.communicator.rank == 0:
-            solution.save(folder / "solution.h5")
-    """
-    solver = registry().get("macro solver", "dolfinx")()
-    one = solver.solve(solver.prepare(squeezed({"plate": 1})), NONLINEAR)
-    done = run(2, part, tmp_path)
-    assert done.returncode == 0, done.stderr
-    two = MacroSolution.load_file(tmp_path / "solution.h5")
+    problem = squeezed({"plate": 1}, time=FEW_STEPS).model_dump(mode="json", exclude_unset=True)
+    one, two = solved_by_one(problem), solved_by_two(tmp_path, problem)
     np.testing.assert_allclose(two.history.settlement, one.history.settlement, rtol=1e-9)
     np.testing.assert_allclose(two.profiles[-1].u, one.profiles[-1].u, rtol=0, atol=1e-10)
     assert np.ptp(two.profiles[-1].u[two.points[:, 1] == 1, 1]) == 0
@@ -296,34 +304,19 @@ def test_two_processes_share_a_plate(tmp_path):
 @pytest.mark.slow
 def test_two_processes_share_an_oblique_plane_and_a_pressure_that_follows(tmp_path):
     """Frames of nodes, reactions and entries of the follower lie on both; curved elements."""
-    make = """
-        from porocore.macro.problem import MacroProblem
-        from porocore.testing.macro_laws.solving import SHORT
-        problem = MacroProblem.model_validate({
-            "body": {"kind": "wedge", "radius": 1, "height": 0.7, "elements": (2, 2, 1), "angle": 60},
-            "boundary": {
-                "oblique": {"normal": 0}, "z-": {"normal": 0}, "y-": {"normal": 0},
-                "y+": {"pressure": 0}, "side": {"follower": 0.02},
-            },
-            "probes": {"rim": (1, 0.35, 0)}, "time": SHORT,
-        })
-    """
-    part = (
-        textwrap.dedent(make)
-        + """
-from porocore.testing.macro_laws.solving import NONLINEAR
-solution = solver.solve(solver.prepare(problem), NONLINEAR)
-if solver.communicator.rank == 0:
-    solution.save(folder / "solution.h5")
-"""
-    )
-    names: dict = {}
-    exec(textwrap.dedent(make), names)
-    solver = registry().get("macro solver", "dolfinx")()
-    one = solver.solve(solver.prepare(names["problem"]), NONLINEAR)
-    done = run(2, part, tmp_path)
-    assert done.returncode == 0, done.stderr
-    two = MacroSolution.load_file(tmp_path / "solution.h5")
+    problem = {
+        "body": {"kind": "wedge", "radius": 1, "height": 0.7, "elements": (2, 2, 1), "angle": 60},
+        "boundary": {
+            "oblique": {"normal": 0},
+            "z-": {"normal": 0},
+            "y-": {"normal": 0},
+            "y+": {"pressure": 0},
+            "side": {"follower": 0.02},
+        },
+        "probes": {"rim": (1, 0.35, 0)},
+        "time": FEW_STEPS,
+    }
+    one, two = solved_by_one(problem), solved_by_two(tmp_path, problem)
     np.testing.assert_allclose(two.probes["rim"], one.probes["rim"], atol=1e-10)
     np.testing.assert_allclose(two.profiles[-1].u, one.profiles[-1].u, atol=1e-10)
     for name, force in one.reactions.items():
@@ -350,21 +343,10 @@ def test_two_processes_share_a_plate_beside_an_oblique_plane(tmp_path, elements)
             "y+": {"plate": -0.03},
             "side": {"pressure": 0, "follower": 0.01},
         },
-        "time": {"end": 0.2, "step": 0.05, "ramp_increments": 2, "ramp_step": 0.05, "profiles": ()},
+        "time": FEW_STEPS,
         "newton": {"tolerance": 1e-11},
     }
-    part = f"""
-        from porocore.macro.problem import MacroProblem
-        from porocore.testing.macro_laws.solving import NONLINEAR
-        solution = solver.solve(solver.prepare(MacroProblem.model_validate({problem!r})), NONLINEAR)
-        if solver.communicator.rank == 0:
-            solution.save(folder / "solution.h5")
-    """
-    solver = registry().get("macro solver", "dolfinx")()
-    one = solver.solve(solver.prepare(MacroProblem.model_validate(problem)), NONLINEAR)
-    done = run(2, part, tmp_path)
-    assert done.returncode == 0, done.stderr
-    two = MacroSolution.load_file(tmp_path / "solution.h5")
+    one, two = solved_by_one(problem), solved_by_two(tmp_path, problem)
     np.testing.assert_allclose(two.profiles[-1].u, one.profiles[-1].u, rtol=0, atol=1e-9)
     for name, force in one.reactions.items():
         np.testing.assert_allclose(two.reactions[name], force, rtol=0, atol=1e-9)
@@ -389,19 +371,7 @@ COMPOSED = {
 
 @pytest.mark.slow
 def test_two_processes_see_the_fields_of_their_elements(tmp_path):
-    part = f"""
-        from porocore.macro.problem import MacroProblem
-        from porocore.testing.synthetic.parametric_cell import parametric_law
-        solver = registry().get("macro solver", "dolfinx")()
-        solution = solver.solve(solver.prepare(MacroProblem.model_validate({COMPOSED!r})), parametric_law())
-        if solver.communicator.rank == 0:
-            solution.save(folder / "solution.h5")
-    """
-    solver = registry().get("macro solver", "dolfinx")()
-    one = solver.solve(solver.prepare(MacroProblem.model_validate(COMPOSED)), parametric_law())
-    done = run(2, part, tmp_path)
-    assert done.returncode == 0, done.stderr
-    two = MacroSolution.load_file(tmp_path / "solution.h5")
+    one, two = solved_by_one(COMPOSED, parametric_law()), solved_by_two(tmp_path, COMPOSED, "family")
     for name in ("u", "p", "stress", "flux"):
         mine, theirs = getattr(two.profiles[-1], name), getattr(one.profiles[-1], name)
         np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-9 * max(abs(theirs).max(), 1e-3))
