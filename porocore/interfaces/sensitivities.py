@@ -144,6 +144,8 @@ class HistoryWeights:
         Of the force on each surface that is held or moved.
     inflow : name → (steps, f)
         Of the inflow through each surface with a prescribed pressure.
+    compression : name → (steps, f)
+        Of the compressive force on each plane surface; of a study, a solver takes none.
     """
 
     count: int
@@ -153,6 +155,7 @@ class HistoryWeights:
     probes: Mapping[str, Array] = field(default_factory=dict)
     reactions: Mapping[str, Array] = field(default_factory=dict)
     inflow: Mapping[str, Array] = field(default_factory=dict)
+    compression: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

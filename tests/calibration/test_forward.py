@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import porocore.calibration.forward.experiment as forward
 from porocore.calibration.config.loading import read_plan
 from porocore.calibration.config.settings import FitSettings
 from porocore.calibration.fit.search import fit
@@ -20,7 +21,7 @@ from porocore.calibration.forward.model import StudiesModel
 from porocore.calibration.forward.steps import planned_times, with_fixed_steps
 from porocore.calibration.inference.precision import LinearPrecision
 from porocore.calibration.plan import CalibrationPlan
-from porocore.calibration.problem import CurveData, Misfit
+from porocore.calibration.problem import CurveData, CurvePrediction, Misfit
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.core.console import Console
 from porocore.errors import ConfigurationError
@@ -168,7 +169,7 @@ def test_a_fitted_modulus_and_viscosity_are_those_of_a_study_with_other_scales()
     assert np.abs(mine / before - 1)[:2].min() > 0.05
 
 
-def test_a_symmetric_part_gives_the_slopes_of_the_whole() -> None:
+def test_a_symmetric_part_gives_the_slopes_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     """A quarter of a box under a plate: the force below it is that on the whole plate."""
     few = {"deviation": 0.01, "times": {"first": 0.2, "last": 0.3, "count": 2}}
     curves = {
@@ -195,6 +196,52 @@ def test_a_symmetric_part_gives_the_slopes_of_the_whole() -> None:
     wanted = (ends[0] - ends[1]) / (2e-4 * abs(at[2]))
     np.testing.assert_allclose(found.slopes[:, 2], wanted, rtol=1e-5, atol=1e-9)
     np.testing.assert_allclose(found.slopes[2:, 2], -1, rtol=1e-6)
+    back = backwards(monkeypatch, model, at)
+    np.testing.assert_allclose(back.slopes, found.slopes, rtol=1e-9, atol=1e-9 * np.abs(found.slopes).max())
+
+
+def backwards(monkeypatch: pytest.MonkeyPatch, model: ExperimentModel, at: np.ndarray) -> CurvePrediction:
+    """Curves whose derivatives are found by a pass backwards."""
+    with monkeypatch.context() as patch:
+        patch.setattr(forward, "BACKWARDS", -np.inf)
+        patch.setattr(forward, "body_sensitivities_of", None)
+        return model.curves(at)
+
+
+def test_a_pass_backwards_gives_the_same_slopes(
+    plan: CalibrationPlan, model: ExperimentModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of every quantity by every unknown; modulus, viscosity and pore change the units of the run."""
+    at = starts(plan)
+    wanted, found = model.curves(at), backwards(monkeypatch, model, at)
+    np.testing.assert_allclose(found.values, wanted.values, rtol=1e-12, atol=1e-15)
+    count = TIMES["count"]
+    for k, curve in enumerate(OBSERVATIONS):
+        rows = slice(k * count, (k + 1) * count)
+        sizes = np.abs(wanted.slopes[rows]).max(axis=0)
+        apart = np.abs(found.slopes[rows] - wanted.slopes[rows]).max(axis=0)
+        # A force that bears the load does not depend on the cell: that is round-off both ways.
+        assert (apart <= 1e-9 * np.maximum(sizes, 1e-3 * sizes.max())).all(), curve
+
+
+def test_many_control_values_of_few_data_are_gone_back_for(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Twelve values on six elements, which four data and a prior tell: twelve solves a step would be too many."""
+    field = {"along": "y", "at": np.linspace(0.0, 1.5, 12).tolist()}
+    unknowns = {"radius": {"lower": 0.15, "upper": 0.3, "field": {**field, "smoothing": 0.05}}}
+    curves = {
+        name: {**OBSERVATIONS[name], "times": {**TIMES, "count": 2}} for name in ("settlement", "inflow")
+    }
+    body = {"kind": "box", "elements": [1, 6, 1], "size": [0.5, 1.5, 0.5]}
+    plan = planned(
+        unknowns, macro={**MACRO, "body": body}, calibration={"unknowns": unknowns, "observations": curves}
+    )
+    model = ExperimentModel(plan.experiments[0], plan.unknowns, BoundLaw(law(), {"poisson_ratio": 0.33}))
+    monkeypatch.setattr(forward, "body_sensitivities_of", None)
+    found = model.curves(starts(plan))
+    monkeypatch.undo()
+    monkeypatch.setattr(forward, "BACKWARDS", np.inf)
+    wanted = model.curves(starts(plan))
+    np.testing.assert_allclose(found.slopes, wanted.slopes, rtol=0, atol=1e-9 * np.abs(wanted.slopes).max())
 
 
 def test_steps_meet_the_data_and_do_not_depend_on_the_unknowns(plan: CalibrationPlan) -> None:

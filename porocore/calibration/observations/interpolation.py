@@ -43,6 +43,13 @@ class HistoryInterpolation:
         share = self.share.reshape(-1, *[1] * (series.ndim - 1))
         return np.asarray((1 - share) * series[self.before] + share * series[self.before + 1])
 
+    def weights(self, steps: int) -> Array:
+        """Return the weights (steps, m) of the values of a series in those at the times."""
+        found, column = np.zeros((steps, len(self.share))), np.arange(len(self.share))
+        found[self.before, column] = 1 - self.share
+        found[self.before + 1, column] += self.share
+        return found
+
     def rates(self, series: Array) -> Array:
         """Return the derivative (m,) of the interpolated series (n,) by the time; at a step that behind it."""
         return np.asarray((series[self.before + 1] - series[self.before]) * self.rate)

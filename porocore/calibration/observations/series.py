@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+import numpy as np
 
 from porocore.calibration.config.settings import Kind, ObservationSettings
 from porocore.core.echo import echo, suggestion
 from porocore.errors import ConfigurationError
-from porocore.interfaces.sensitivities import MacroSensitivities
+from porocore.interfaces.sensitivities import HistoryWeights, MacroSensitivities
 from porocore.interfaces.solution import MacroSolution
 from porocore.states import Array
 
@@ -96,6 +98,47 @@ class MeasuredSeries:
             force = found.compression if not self.component else found.reactions
             return force[self.surface] if not self.component else force[self.surface][:, self.component - 1]
         return found.probes[self.probe][:, self.component - 1 if self.component else 3]
+
+
+def weights_of(series: Sequence[MeasuredSeries], weights: Sequence[Array]) -> HistoryWeights:
+    """Return the weights of the histories of a whole specimen in f sums over some series.
+
+    Parameters
+    ----------
+    series
+        The series.
+    weights : (steps, f)
+        Of each of them.
+    """
+    found: dict[str, dict[str, Array]] = {"probes": {}, "reactions": {}, "inflow": {}, "compression": {}}
+    plain: dict[str, Array] = {}
+
+    def add(group: dict[str, Array], name: str, each: Array, width: int = 0, component: int = 0) -> None:
+        if width:
+            each = np.eye(width)[component][:, None] * each[:, None]
+        group[name] = group[name] + each if name in group else each
+
+    for one, each in zip(series, weights, strict=True):
+        if one.kind == "inflow":
+            add(found["inflow"], one.surface, each)
+        elif one.kind == "force" and one.component:
+            add(found["reactions"], one.surface, each, 3, one.component - 1)
+        elif one.kind == "force":
+            add(found["compression"], one.surface, each)
+        elif one.probe:
+            add(found["probes"], one.probe, each, 4, one.component - 1 if one.component else 3)
+        else:
+            add(plain, "pressure_max" if one.kind == "pressure" else one.kind, each)
+    return HistoryWeights(
+        weights[0].shape[1],
+        plain.get("settlement"),
+        plain.get("pressure_max"),
+        plain.get("drained"),
+        found["probes"],
+        found["reactions"],
+        found["inflow"],
+        found["compression"],
+    )
 
 
 def _entry(found: Mapping[str, Array], name: str, key: str, listed: str) -> Array:

@@ -14,7 +14,7 @@ import numpy as np
 
 from porocore.core.formulas.time_function import TimeFunction, Value
 from porocore.errors import ConfigurationError
-from porocore.interfaces.sensitivities import MacroSensitivities
+from porocore.interfaces.sensitivities import HistoryWeights, MacroSensitivities
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.body.surfaces import Facets
@@ -148,6 +148,26 @@ def whole_sensitivities(found: MacroSensitivities, problem: MacroSetup) -> Macro
         reactions=reactions,
         compression=compression,
         inflow={name: symmetry.copies * rate for name, rate in found.inflow.items()},
+    )
+
+
+def part_weights(weights: HistoryWeights, problem: MacroSetup) -> HistoryWeights:
+    """Return weights of the histories of a part from those of the whole; transposes :func:`whole_sensitivities`."""
+    symmetry, forces = Symmetry.of(problem), dict[str, Array]()
+    whole = dict(weights.reactions)
+    for name, each in weights.compression.items():
+        normal = symmetry.surface(name).normal
+        assert normal is not None
+        whole[name] = whole.get(name, 0.0) - each[:, None] * normal[:, None]
+    for name, force in whole.items():
+        surface = symmetry.surface(name)
+        forces[name] = surface.copies * np.einsum("sjf,ij->sif", force, surface.projection)
+    return replace(
+        weights,
+        drained=None if weights.drained is None else symmetry.copies * weights.drained,
+        reactions=forces,
+        compression={},
+        inflow={name: symmetry.copies * each for name, each in weights.inflow.items()},
     )
 
 

@@ -3,7 +3,7 @@
 Behind it the core relies on shapes, numbers, statuses and keys.
 """
 
-from porocore.plugins.border.bodies import body_sensitivities_of, body_solution_of
+from porocore.plugins.border.bodies import body_gradients_of, body_sensitivities_of, body_solution_of
 from porocore.plugins.border.cells import conductivity_of, solution_of
 from porocore.plugins.border.origin import note_origin, origin_of
 from porocore.plugins.border.samplers import CheckedSampler
@@ -11,6 +11,7 @@ from porocore.plugins.border.surrogates import check_prediction, prediction_of
 
 __all__ = [
     "CheckedSampler",
+    "body_gradients_of",
     "body_sensitivities_of",
     "body_solution_of",
     "check_prediction",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
@@ -10,10 +10,11 @@ import numpy as np
 
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.macro import MacroSolver
-from porocore.interfaces.sensitivities import MacroChange, MacroSensitivities
+from porocore.interfaces.sensitivities import HistoryWeights, MacroChange, MacroSensitivities
 from porocore.interfaces.solution import PROFILE_SHAPES, SERIES, History, MacroSolution, Profile
 from porocore.plugins.border.origin import described, refuse
 from porocore.plugins.hookspecs import short_repr
+from porocore.states import Array
 
 if TYPE_CHECKING:
     from porocore.macro.problem import MacroProblem
@@ -60,6 +61,35 @@ def body_sensitivities_of(
             if fault := array_fault(f"sensitivities.{kind}/{name}", values, (steps, *SERIES[kind], k)):
                 raise refuse(solver, fault)
     return solution, found
+
+
+def body_gradients_of(
+    solver: MacroSolver,
+    prepared: Any,
+    law: MacroLaw,
+    problem: MacroProblem,
+    changes: Sequence[MacroChange],
+    weights: Callable[[MacroSolution], HistoryWeights],
+) -> tuple[MacroSolution, Array]:
+    """Return what ``solver.solve_with_gradients(prepared, law, changes, weights)`` returns for ``problem``.
+
+    Raises
+    ------
+    PluginError
+        As :func:`body_solution_of`, also of the gradients.
+    """
+    counts = []
+
+    def counted(solution: MacroSolution) -> HistoryWeights:
+        found = weights(solution)
+        counts.append(found.count)
+        return found
+
+    solution, gradients = solver.solve_with_gradients(prepared, law, changes, counted)
+    _checked(solver, solution, problem)
+    if fault := array_fault("gradients", gradients, (counts[-1] if counts else 0, len(changes))):
+        raise refuse(solver, fault)
+    return solution, gradients
 
 
 def _checked(solver: MacroSolver, solution: Any, problem: MacroProblem) -> MacroSolution:
