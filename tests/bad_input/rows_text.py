@@ -100,6 +100,8 @@ FORMULAS = {
     "t +": "no formula",
     "\0": "no formula",
     "t;t": "no formula",
+    "0.2 kPa*t": "formulas take no units; expected plain numbers: t is a multiple of the time scale",
+    "2t": "no formula",
 }
 #: Energies of a solid, and a part of the message.
 ENERGIES = {

@@ -15,6 +15,8 @@ from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh_file import read_body
 from porocore.macro.body.structured import box
 from porocore.macro.composition.body_fields import BodyFields, CellRanges, require_composition
+from porocore.macro.composition.composed_body import sections
+from porocore.macro.composition.measured import covered_lines
 from porocore.macro.composition.regions import region_numbers
 from porocore.macro.problem import MacroSetup
 from porocore.testing.synthetic.response import confined_column
@@ -49,6 +51,21 @@ def save_image(path, shape=(1, 2, 1)):
     """Voxels of edge 1 with the values 0, 1, … along y."""
     np.save(path, np.broadcast_to(np.arange(shape[1], dtype=float)[None, :, None], shape))
     return {"kind": "image", "path": str(path), "voxel_size": 1.0}
+
+
+@pytest.mark.parametrize("kind", ["image", "mesh"])
+def test_what_a_file_covers_is_told_beside_the_body(kind, tmp_path):
+    """An edge of 3 without a unit, meant in another one, covers a body of (1, 2, 1) all the same."""
+    field = (
+        save_image(tmp_path / "a.npy") | {"voxel_size": 3}
+        if kind == "image"
+        else save_mesh(tmp_path / "a.vtu")
+    )
+    (line,) = covered_lines(sections(setup({"radius": field})), (np.zeros(3), np.array([1.0, 2.0, 1.0])))
+    ends = {"image": "a.npy covers (0, 0, 0) to (3, 6, 3)", "mesh": "a.vtu covers (0, 0, 0) to (1, 2, 1)"}[
+        kind
+    ]
+    assert line == f"macro.fields.radius: {ends}, the body (0, 0, 0) to (1, 2, 1)"
 
 
 def test_numbers_formulas_and_tables_at_the_points():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -94,6 +95,12 @@ class Expression:
         return visit(self.tree)
 
 
+#: A number and a word after it, as in ``0.2 mm``, but no function.
+_UNIT = re.compile(
+    r"(?<![\w.])(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?\s*([A-Za-zµμΩ°]+|%)(?![A-Za-zµμΩ°]|\s*\()"
+)
+
+
 @lru_cache(maxsize=256)
 def _parse(text: str, names: tuple[str, ...], functions: tuple[str, ...]) -> Expression:
     if len(text) > LONGEST:
@@ -104,6 +111,9 @@ def _parse(text: str, names: tuple[str, ...], functions: tuple[str, ...]) -> Exp
         tree = ast.parse(text.strip(), mode="eval").body
         _check(tree, text.strip(), names, functions)
     except SyntaxError as error:
+        known = {*names, *functions, *CONSTANTS}
+        if unit := next((found for found in _UNIT.finditer(text) if found[1] not in known), None):
+            raise ValueError(_takes_no_units(text, unit, names)) from None
         raise ValueError(
             f"{echo(text)} is no formula: {error.msg} at character {error.offset or 1}; write for example "
             "2*x**2 - exp(-x)"
@@ -111,6 +121,17 @@ def _parse(text: str, names: tuple[str, ...], functions: tuple[str, ...]) -> Exp
     except (RecursionError, MemoryError):
         raise ValueError(f"the formula {echo(text)} is nested too deeply") from None
     return Expression(text, tree)
+
+
+def _takes_no_units(text: str, unit: re.Match[str], names: tuple[str, ...]) -> str:
+    """Return the message for a number with a unit in a formula, and what its names count."""
+    of_places = "x, y and z are multiples of the length scale" if {"x", "y", "z"} <= set(names) else ""
+    of_time = "t is a multiple of the time scale" if "t" in names else ""
+    counted = " and ".join(filter(None, (of_places, of_time)))
+    return (
+        f"{echo(text)} has the unit of {echo(unit[0])} at character {unit.start() + 1}, but formulas take no units; "
+        f"expected plain numbers{f': {counted}' if counted else ', in multiples of the scales of the study'}"
+    )
 
 
 def _check(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
 from itertools import pairwise
@@ -59,6 +59,16 @@ class MeasuredField(FromFile, ParameterField):
             The file cannot be read, or does not cover the body; the message begins with ``key``.
         """
 
+    @abstractmethod
+    def extent(self, key: str) -> tuple[Array, Array]:
+        """Return the smallest and largest coordinates (3,) that the file covers.
+
+        Raises
+        ------
+        ConfigurationError
+            The file cannot be read; the message begins with ``key``.
+        """
+
     def reached(self, points: Points, time: float, key: str) -> Array:
         """Return the values of the file at the centre of each point's element."""
         used, inverse = np.unique(points.element, return_inverse=True)
@@ -85,18 +95,29 @@ class ImageField(MeasuredField):
     origin: Annotated[tuple[float, float, float], Dimension("displacement")] = (0.0, 0.0, 0.0)
     """Corner of the image with the smallest coordinates, in the body."""
 
+    def extent(self, key: str) -> tuple[Array, Array]:
+        """Return the corners of the image."""
+        with _told_with(key):
+            image = _image(self.checked(key))
+        low = np.array(self.origin)
+        return low, low + self._edges * image.shape
+
+    @property
+    def _edges(self) -> Array:
+        """Edges of a voxel (3,)."""
+        return np.broadcast_to(np.asarray(self.voxel_size, float), 3)
+
     def read(self, centres: Array, key: str) -> Array:
         """Return the value of the voxel in which each centre lies."""
         with _told_with(key):
             image = _image(self.checked(key))
-        edges = np.broadcast_to(np.asarray(self.voxel_size, float), 3)
-        index = np.floor((centres - np.array(self.origin)) / edges).astype(np.int64)
+        index = np.floor((centres - np.array(self.origin)) / self._edges).astype(np.int64)
         outside = ((index < 0) | (index >= image.shape)).any(axis=1)
         if outside.any():
-            ends = np.array(self.origin) + edges * image.shape
+            low, high = self.extent(key)
             raise ConfigurationError(
-                f"{key}: the image of {' × '.join(map(str, image.shape))} voxels reaches from {_text(self.origin)} to "
-                f"{_text(ends)}, but {int(outside.sum())} of {len(centres)} elements lie outside, one at "
+                f"{key}: the image of {' × '.join(map(str, image.shape))} voxels reaches from {_text(low)} to "
+                f"{_text(high)}, but {int(outside.sum())} of {len(centres)} elements lie outside, one at "
                 f"{_text(centres[outside.argmax()])}; check voxel_size, origin and the order of its axes"
             )
         return np.asarray(image[tuple(index.T)], float)
@@ -112,20 +133,46 @@ class DataField(MeasuredField):
     scale: Length = 1.0
     """Factor of the file's coordinates; with a unit, that of the file, such as ``1 mm``."""
 
+    def extent(self, key: str) -> tuple[Array, Array]:
+        """Return the corners of the box around the elements of the file."""
+        corners, _, _ = _mesh_data(self.checked(key), self.data, key)
+        nodes = (corners * self.scale).reshape(-1, 3)
+        return nodes.min(axis=0), nodes.max(axis=0)
+
     def read(self, centres: Array, key: str) -> Array:
         """Return the data of the element of the file in which each centre lies."""
         path = self.checked(key)
         corners, element, data = _mesh_data(path, self.data, key)
         found = tetrahedron_at(corners * self.scale, centres)
         if (outside := found < 0).any():
-            nodes = (corners * self.scale).reshape(-1, 3)
-            low, high = nodes.min(axis=0), nodes.max(axis=0)
+            low, high = self.extent(key)
             raise ConfigurationError(
                 f"{key}: the mesh of {path.name} reaches from {_text(low)} to {_text(high)}, but "
                 f"{int(outside.sum())} of {len(centres)} elements of the body lie outside its elements, one at "
                 f"{_text(centres[outside.argmax()])}; check scale"
             )
         return np.asarray(data[element[found]])
+
+
+def covered_lines(
+    sections: Iterator[tuple[str, Mapping[str, Any]]], body: tuple[Array, Array]
+) -> Iterator[str]:
+    """Yield what each file of a field covers, beside the smallest and largest coordinates (3,) of the body.
+
+    A length without a unit is a multiple of the length scale; one that was meant in another unit may cover the body
+    all the same.
+
+    Raises
+    ------
+    ConfigurationError
+        A file cannot be read.
+    """
+    of_body = f"the body {_text(body[0])} to {_text(body[1])}"
+    for prefix, entries in sections:
+        for name, entry in entries.items():
+            if isinstance(entry, MeasuredField):
+                low, high = entry.extent(f"{prefix}.{name}")
+                yield f"{prefix}.{name}: {Path(entry.path).name} covers {_text(low)} to {_text(high)}, {of_body}"
 
 
 @contextmanager

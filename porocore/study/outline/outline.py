@@ -17,6 +17,8 @@ from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.sampler import Sampler
 from porocore.macro.boundary.drainage import undrained
 from porocore.macro.boundary.symmetry import Symmetry
+from porocore.macro.composition.composed_body import sections
+from porocore.macro.composition.measured import covered_lines
 from porocore.macro.composition.regions import region_numbers
 from porocore.macro.problem import Boundary
 from porocore.plugins import registry
@@ -172,6 +174,8 @@ def _body(config: RunConfig) -> Iterator[str]:
     for k, (name, region) in enumerate(macro.regions.items(), start=1):
         cell = "" if region.cell is None else f": cell {region.cell}"
         yield f"  region {name}, {int((numbers == k).sum())} elements{cell}"
+    with speaking(units):
+        yield from (f"  {line}" for line in covered_lines(sections(macro), (low, high)))
     symmetry = Symmetry.of(macro)
     if symmetry.normals:
         planes = " and ".join(symmetry.normals)

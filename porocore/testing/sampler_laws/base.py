@@ -18,11 +18,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
+import numpy as np
 import pytest
 
 from porocore.core.inputs.input_space import InputSpace
 from porocore.errors import ConfigurationError
-from porocore.interfaces.sampler import Request, Sampler
+from porocore.interfaces.sampler import Request, Sampler, StudySampler
 from porocore.testing import other_process
 from porocore.testing.compare import global_random_state
 from porocore.testing.expect import holds, options, refused, same
@@ -41,6 +42,11 @@ BOXES = {
     "one input": InputSpace(("H22",), (-0.12,), (0.04,)),
     "three inputs": InputSpace(("H11", "H22", "p"), (-0.05, -0.1, 0.0), (0.05, 0.02, 0.1)),
 }
+#: Values of the parameter of a family of cells that a body uses, far apart.
+USED_RADII = (0.12, 0.28)
+USED = InputSpace.from_ranges(
+    {"H22": (-0.12, 0.04), "p": (0.0, 0.1)}, {"radius": (0.1, 0.3)}, tuple((r,) for r in USED_RADII)
+)
 
 
 class SamplerSuite(Suite):
@@ -189,6 +195,22 @@ class SamplerSuite(Suite):
         holds(asked, f"a box of {box}", "at least one request", "none")
         for request in asked:
             _is_inside(request, inputs)
+
+    def test_states_are_where_the_body_is(self) -> None:
+        """Where the inputs name the values of the parameters that a body uses, no state is solved at others.
+
+        Of samplers that learn the states before the first round are seen, since the made-up study has no parameters.
+        """
+        kind = type(self.ready())
+        self.needs(kind.samples_parameters, "samples_parameters = False: a study of such a cell refuses it")
+        sampler = self.ready(USED)
+        asked = sampler.ask() if isinstance(sampler, StudySampler) else run(sampler, inputs=USED).asked
+        state = f"a box with the parameter 'radius', of which the body uses {USED_RADII[0]:g} and {USED_RADII[1]:g}"
+        holds(asked, state, "at least one request", "none")
+        for request in asked:
+            _is_inside(request, USED)
+            away = bool(USED.not_used(np.array([request.x[-1:]]))[0])
+            holds(not away, state, "requests at these values (InputSpace.used)", f"one at {request.x[-1]:g}")
 
     def test_invalid_options_are_refused(self) -> None:
         for given in self.invalid_options:

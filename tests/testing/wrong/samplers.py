@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import random as global_random
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -23,9 +25,10 @@ class Fine(Sampler):
             raise ConfigurationError(f"unknown option {min(unknown)}")
         draw = np.random.default_rng(seed).random((count, len(inputs)))
         low, high = np.array(inputs.lower), np.array(inputs.upper)
-        self.ready = [
-            Request(f"state-{i}", tuple(map(float, low + (high - low) * x))) for i, x in enumerate(draw)
-        ]
+        points = low + (high - low) * draw
+        for point, used in zip(points, itertools.cycle(inputs.used), strict=False):
+            point[len(inputs) - len(used) :] = used
+        self.ready = [Request(f"state-{i}", tuple(map(float, x))) for i, x in enumerate(points)]
         self.count, self.waiting, self.told = count, set[str](), 0
 
     def ask(self) -> list[Request]:
@@ -244,6 +247,16 @@ class TestTwoInputsOnly(_Law):
     class sampler(Fine):
         def ask(self):
             return [Request(r.key, (r.x[0], 0.0)) for r in super().ask()]
+
+
+class TestWholeRangesOfParameters(_Law):
+    """Solves cells that the body does not have."""
+
+    caught_by = "test_states_are_where_the_body_is"
+
+    class sampler(Fine):
+        def __init__(self, inputs, **options):
+            super().__init__(replace(inputs, used=()), **options)
 
 
 class TestSwallowsOptions(_Law):

@@ -1,5 +1,7 @@
 """Halton sequences."""
 
+from itertools import cycle
+
 from scipy.stats import qmc
 
 from porocore import CellResponse, ConfigurationError, InputSpace, Request, Sampler
@@ -28,6 +30,8 @@ class HaltonSampler(Sampler):
                 )
         unit = qmc.Halton(len(inputs), seed=seed).random(count)
         points = qmc.scale(unit, inputs.lower, inputs.upper)
+        for i, values in zip(range(count), cycle(inputs.used)):
+            points[i, len(inputs) - len(values) :] = values  # the body has no other values of the parameters
         self._ready = [Request(f"halton-{i:04d}", tuple(map(float, x))) for i, x in enumerate(points)]
         self._count = count
         self._waiting: set[str] = set()
