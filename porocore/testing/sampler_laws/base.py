@@ -197,7 +197,7 @@ class SamplerSuite(Suite):
             _is_inside(request, inputs)
 
     def test_states_are_where_the_body_is(self) -> None:
-        """Where the inputs name the values of the parameters that a body uses, no state is solved at others.
+        """No state is solved at other values of the parameters than a body uses, if the inputs name these.
 
         Of samplers that learn the states before the first round are seen, since the made-up study has no parameters.
         """
