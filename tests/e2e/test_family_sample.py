@@ -117,7 +117,7 @@ def test_a_finished_sampling_solves_nothing_and_a_damaged_file_is_refused(run: P
 @pytest.mark.slow
 def test_check_counts_the_members_and_what_learns_none_is_refused_before_it_begins(study: Path) -> None:
     said = called("check", study)
-    assert "10 undeformed members; states of 2 members, held-out states of 1 member" in said
+    assert "10 undeformed members; states of 2 members, held-out states of 2 members" in said
     out, other = study.parent / "refused", study.parent / "one-cell.yaml"
     other.write_text(yaml.safe_dump({**STUDY, "surrogate": LEARNS_ONE_CELL}, sort_keys=False))
     said = called("run", other, "--out", out, status=2)

@@ -211,6 +211,13 @@ def test_rows_and_figures_of_parameters(family):
     thirds = found["rms_error_percent_by_third"]["P_E"]
     expected = [100 * 1e-3 / 0.1 * np.sqrt(np.mean(np.arange(3 * k, 3 * k + 3) ** 2)) for k in range(3)]
     np.testing.assert_allclose(thirds, expected, rtol=1e-12)
+    theta = group_errors([check()])[0].parameters[:, 0]
+    assert found["held_out_members_by_third"] == [
+        len({r for r in theta if low <= r < high}) for low, high in ((0, 1 / 6), (1 / 6, 7 / 30), (7 / 30, 1))
+    ]
+    shared = replace(check(), parameters=np.full((9, 2), 0.12))
+    assert family_figures(family, group_errors([shared]), used)[0]["held_out_members_by_third"] == [1, 0, 0]
+    assert family_figures(family, [], off)[0]["held_out_members_by_third"] == [0, 0, 0]
 
 
 def test_regions_are_told_with_their_share_and_what_they_hold(body):
@@ -296,7 +303,7 @@ def test_the_page_has_the_cell_over_its_parameters_and_the_cells_of_the_body(con
     pictures = [image["alt"] for image in page.all("img")]
     for text in (
         "The undeformed cell over radius",
-        "Errors on held-out states over c10",
+        "Errors on held-out states over c10, of 9 members",
         "Solved states over radius",
         "Regions of the body in a middle section",
         "radius in a middle section",

@@ -148,8 +148,17 @@ def test_states_are_at_values_that_the_body_uses(sampler: Any) -> None:
         assert sampler.members >= len(set(values))
 
 
+@pytest.mark.parametrize(
+    ("count", "given", "members"), [(100, None, 25), (24, None, 12), (8, None, 8), (8, 4, 2)]
+)
+def test_held_out_states_are_of_twelve_members_at_least(count: int, given: int | None, members: int) -> None:
+    test = {"count": count} if given is None else {"count": count, "states_per_member": given}
+    config = study(sampling__parameters="ranges", sampling__test=test)
+    assert members_of(config, SobolDesign(config.input_space(), 24))[1] == members
+
+
 def test_no_more_members_are_counted_than_the_body_uses() -> None:
-    for config, counted in ((study(), (6, 3)), (study(macro__fields__radius=0.24), (1, 1))):
+    for config, counted in ((study(), (6, 12)), (study(macro__fields__radius=0.24), (1, 1))):
         sampler = SobolDesign(config.input_space(), 24)
         assert members_of(config, sampler) == counted
         (line,) = family_lines(config, sampler)

@@ -194,7 +194,8 @@ def over_parameters(
             ),
         ]
         if errors:
-            text = f"Errors on held-out states over {name}"
+            members = len(np.unique(errors[0].parameters, axis=0))
+            text = f"Errors on held-out states over {name}, of {members} {'member' if members == 1 else 'members'}"
             drawn.insert(1, pictures.svg(f"errors_over_{name}", error_figure(parameter, k, errors), text))
         found.append((name, drawn))
     return found

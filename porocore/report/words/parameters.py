@@ -180,9 +180,18 @@ def family_figures(
                 if parameter.name in used
                 else None,
                 "rms_error_percent_by_third": thirds,
+                "held_out_members_by_third": _members(errors, k, edges),
             }
         )
     return found
+
+
+def _members(errors: Sequence[GroupErrors], k: int, edges: Array) -> list[int]:
+    """Return how many members the counted held-out states have in each bin of the parameter of number k."""
+    if not errors:
+        return [0] * (len(edges) - 1)
+    members = np.unique(errors[0].parameters, axis=0)[:, k]
+    return [int(count) for count in np.histogram(members, edges)[0]]
 
 
 def _rounded(value: float) -> float:

@@ -226,8 +226,10 @@ class RunConfig(StrictModel):
         sampling = _hash(cell, inputs, how, *more)
         ranges = [(name, swept.range) for name, swept in self.sampling.inputs.items()]
         # Without parameters it has no members, and a hash that is older than they are.
-        left_out = set() if self.cell.is_family else {"states_per_member"}
-        test = _hash(cell, ranges, self.sampling.test.model_dump(exclude=left_out), *more)
+        held_out = self.sampling.test.model_dump(exclude={"states_per_member"})
+        if self.cell.is_family:
+            held_out["states_per_member"] = self.sampling.test.together
+        test = _hash(cell, ranges, held_out, *more)
         training = _hash(sampling, self.surrogate.model_dump(), self.surrogate_model)
         others = [(name, self.of_cell(name).stages.training) for name in self.cells]
         macro = _hash(training, self.closure, self.conductivity, self.macro.specification(), *others)

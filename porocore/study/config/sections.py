@@ -22,6 +22,12 @@ InRange = Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
 Positive = Annotated[float, Field(gt=0)]
 
 
+#: Held-out states of one member of a family: a member is a mesh and its factors more.
+STATES_TOGETHER = 4
+#: Members that errors over the parameters are judged by, four for each third of a range, unless there are fewer states.
+LEAST_MEMBERS = 12
+
+
 class FemSettings(StrictModel):
     """The finite-element backend, of the cell and of the macroscale alike, and its own options."""
 
@@ -68,8 +74,16 @@ class HeldOutSettings(StrictModel):
     """Random states with values that no surrogate is trained on; the surrogate's error is measured there."""
     seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 0
     """Seed of their draw."""
-    states_per_member: Annotated[int, Field(ge=1, le=MOST_STATES)] = 4
-    """Held-out states in a row with the same parameters of the cell; without parameters it does nothing."""
+    states_per_member: Annotated[int, Field(ge=1, le=MOST_STATES)] | None = None
+    """Held-out states in a row with the same parameters of the cell; null: 4, but fewer where the states would be of
+    less than 12 members, which tell little about errors over the parameters; without parameters it does nothing."""
+
+    @property
+    def together(self) -> int:
+        """Number of states in a row with the same parameters of the cell."""
+        if self.states_per_member is not None:
+            return self.states_per_member
+        return min(STATES_TOGETHER, max(1, self.count // LEAST_MEMBERS))
 
 
 class SamplingSettings(StrictModel):

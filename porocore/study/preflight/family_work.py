@@ -16,8 +16,9 @@ def members_of(config: RunConfig, sampler: Sampler) -> tuple[int, int]:
     """Return how many members of a family of cells are prepared for the sampler's states and for the held-out ones."""
     if not config.cell.is_family:
         return 0, 0
-    test, most = config.sampling.test, len(config.used_parameters) or sampler.expected
-    return min(sampler.members, most), min(math.ceil(test.count / test.states_per_member), most)
+    test, used = config.sampling.test, len(config.used_parameters)
+    held_out = math.ceil(test.count / test.together)
+    return min(sampler.members, used or sampler.expected), min(held_out, used or held_out)
 
 
 def family_lines(config: RunConfig, sampler: Sampler) -> Iterator[str]:

@@ -228,7 +228,7 @@ def load_solution(folder: RunFolder, law: str, load: float) -> MacroSolution:
 def held_out_states(config: RunConfig, samples: Dataset) -> RandomStates:
     """Return the sampler of the held-out states; where ``samples`` do not fill the ranges, they lie between those."""
     test, within = config.sampling.test, None
-    together = {"states_per_member": test.states_per_member} if config.cell.is_family else {}
+    together = {"states_per_member": test.together} if config.cell.is_family else {}
     if not registry().get("sampler", config.sampling.sampler).fills_ranges:
         within = SampledRange.around(samples.inputs, samples.x()[samples.responses().stable])
     return RandomStates(config.input_space(), count=test.count, seed=test.seed, within=within, **together)
