@@ -156,7 +156,7 @@ def _inferred(
 
         rule = IdentifiabilityRule(distances=ratios)
         values = misfit.values(found.best.coordinates)
-        further = further_data(rounds.experiments, plan, values, tell)
+        further = further_data(rounds.experiments, plan, values, rounds.processes, tell)
         return infer(misfit, found.best, rule=rule, further=further, rays=plan.fit.rays, tell=tell)
 
 

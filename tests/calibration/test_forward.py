@@ -24,6 +24,7 @@ from porocore.calibration.plan import CalibrationPlan
 from porocore.calibration.problem import CurveData, CurvePrediction, Misfit
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.core.console import Console
+from porocore.core.parallel.calls import CallProcesses
 from porocore.errors import ConfigurationError
 from porocore.macro.composition.bound_law import BoundLaw
 from porocore.macro.laws import ClosedLaw, make_closure
@@ -314,7 +315,7 @@ def test_further_measurements_are_those_of_the_models_that_make_them() -> None:
     plan = replace(plan, experiments=(replace(experiment, curves=(curve,)),))
     share = 0.002 / np.abs(exact.values).max()
     told: list[str] = []
-    found = {each.name: each.rows for each in further_data([model_of(plan)], plan, at, told.append)}
+    found = {each.name: each.rows for each in further_data([model_of(plan)], plan, at, tell=told.append)}
     assert "the settlement" not in found
     assert told == ["other quantities", "larger load"]
     by_coordinate = np.array([1.0, 1.0, at[2]])  # the modulus is searched in ln x
@@ -348,6 +349,13 @@ def test_a_load_that_is_unknown_is_not_enlarged() -> None:
     found = [each.name for each in further_data([model_of(plan)], plan, starts(plan))]
     assert "the settlement" in found
     assert not [name for name in found if "load" in name]
+    # Another process finds the same.
+    with CallProcesses(1) as processes:
+        twice = further_data([model_of(plan)] * 2, plan, starts(plan), processes)
+    assert [each.name for each in twice] == [*found, *found]
+    here = further_data([model_of(plan)], plan, starts(plan))
+    for one, other in zip(twice, [*here, *here], strict=True):
+        np.testing.assert_array_equal(one.rows, other.rows)
 
 
 GRADED: dict[str, Any] = {

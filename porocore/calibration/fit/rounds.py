@@ -67,7 +67,7 @@ class FitRounds:
         console: Console,
         processes: CallProcesses | None = None,
     ) -> None:
-        self._processes = processes
+        self.processes = processes
         self.plan, self.folder, self.cells, self.console = plan, folder, tuple(cells), console
         self._last = min(family.rounds for family in cells)
         for family in cells:
@@ -102,7 +102,7 @@ class FitRounds:
         return StudiesModel(
             [each.unknown for each in self.plan.unknowns],
             [models[experiment.name] for experiment in self.plan.experiments],
-            self._processes,
+            self.processes,
         )
 
     def _known_steps(self) -> dict[str, list[float]]:

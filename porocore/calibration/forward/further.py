@@ -12,6 +12,7 @@ from porocore.calibration.inference.suggestions import FurtherData
 from porocore.calibration.observations.series import MeasuredSeries
 from porocore.calibration.plan import CalibrationPlan, Experiment, PlannedUnknown
 from porocore.calibration.problem import CurvePrediction
+from porocore.core.parallel.calls import CallProcesses, Tell, results_of
 from porocore.errors import SolveError
 from porocore.states import Array
 
@@ -25,6 +26,7 @@ def further_data(
     models: Sequence[ExperimentModel],
     plan: CalibrationPlan,
     values: Array,
+    processes: CallProcesses | None = None,
     tell: Callable[[str], None] = lambda text: None,
 ) -> list[FurtherData]:
     """Return data of measurements that were not made, to be ranked beside those that were.
@@ -40,20 +42,42 @@ def further_data(
         Has the measured curves.
     values : (k,)
         Best values.
+    processes
+        Compute the tests side by side; None: this process computes one after the other.
     tell
         Called with what is computed next.
     """
-    found: list[FurtherData] = []
     measured = {experiment.name: experiment for experiment in plan.experiments}
-    for model in models:
-        share = _noise(measured[model.experiment.name])
-        variants = _Variants(model, plan.unknowns, values, share)
-        of = f" in the test '{model.experiment.name}'" if model.experiment.name else ""
-        tell(f"other quantities{of}")
-        found += [FurtherData(f"{words}{of}", rows) for words, rows in variants.other_quantities()]
-        if all(number.kind != "load" for _, number, _ in model.numbers):
-            tell(f"larger load{of}")
-            found += variants.larger_load()
+    variants = [
+        _Variants(model, plan.unknowns, values, _noise(measured[model.experiment.name])) for model in models
+    ]
+    if processes is None or len(models) < 2:
+        found = [_further_of(tell, each) for each in variants]
+    else:
+        tell("other quantities and larger loads")
+        what = "while it solved the experiment '{}' under a larger load"
+        found = results_of(
+            [
+                processes.submit(what.format(each.model.experiment.name), further_elsewhere, each)
+                for each in variants
+            ]
+        )
+    return [data for one in found for data in one]
+
+
+def further_elsewhere(tell: Tell, variants: _Variants) -> list[FurtherData]:
+    """Return the further data of a test in this process."""
+    return _further_of(lambda words: None, variants)
+
+
+def _further_of(tell: Callable[[str], None], variants: _Variants) -> list[FurtherData]:
+    model = variants.model
+    of = f" in the test '{model.experiment.name}'" if model.experiment.name else ""
+    tell(f"other quantities{of}")
+    found = [FurtherData(f"{words}{of}", rows) for words, rows in variants.other_quantities()]
+    if all(number.kind != "load" for _, number, _ in model.numbers):
+        tell(f"larger load{of}")
+        found += variants.larger_load()
     return found
 
 

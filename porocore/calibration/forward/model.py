@@ -8,7 +8,7 @@ import numpy as np
 
 from porocore.calibration.forward.experiment import ExperimentModel
 from porocore.calibration.problem import CurveModel, CurvePrediction, Unknown
-from porocore.core.parallel.calls import CallProcesses, Tell
+from porocore.core.parallel.calls import CallProcesses, Tell, results_of
 from porocore.states import Array
 
 
@@ -52,16 +52,7 @@ class StudiesModel(CurveModel):
             )
             for one in self.experiments
         ]
-        # All are waited for, so that an error leaves no call behind.
-        failures, found = [], []
-        for call in calls:
-            try:
-                found.append(call.result())
-            except Exception as error:  # noqa: BLE001 - it is raised again below
-                failures.append(error)
-        if failures:
-            raise failures[0]
-        return found
+        return results_of(calls)
 
 
 def curves_elsewhere(tell: Tell, model: ExperimentModel, values: Array) -> CurvePrediction:

@@ -6,7 +6,7 @@ import queue
 import time
 import traceback
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
@@ -191,6 +191,25 @@ class Call:
             )
         if trouble is not None:  # of what cannot be sent to the process
             raise trouble
+
+
+def results_of(calls: Sequence[Call]) -> list[Any]:
+    """Return the results of calls; all are waited for, so that an error leaves none behind.
+
+    Raises
+    ------
+    PorocoreError
+        As :meth:`Call.result`, of the first call that failed.
+    """
+    failures, found = [], []
+    for call in calls:
+        try:
+            found.append(call.result())
+        except Exception as error:  # noqa: BLE001 - it is raised again below
+            failures.append(error)
+    if failures:
+        raise failures[0]
+    return found
 
 
 _channel: Any = None
