@@ -40,6 +40,7 @@ include_patterns = [
     "CONTRIBUTING.md",
     "README.md",
     "benchmarks/README.md",
+    "examples/calibrations/README.md",
     "examples/plugins/*/README.md",
     "plugins/*/README.md",
 ]

@@ -15,6 +15,7 @@ PAGES = sorted(
         *ROOT.glob("docs/**/*.md"),
         *ROOT.glob("benchmarks/*.md"),
         *ROOT.glob("plugins/*/README.md"),
+        *ROOT.glob("examples/calibrations/README.md"),
         *ROOT.glob("examples/plugins/*/README.md"),
     ]
 )

@@ -30,6 +30,8 @@ HIGHEST = 6.5
 #: Ratio of the ends of an axis from which it is logarithmic.
 WIDE = 10.0
 COLUMNS = 3
+#: Half of the axis of a profile that is a single point, as a share of the bounds of the search.
+ALONE = 0.02
 POINTS = 200
 
 
@@ -67,12 +69,17 @@ def _panel(axes: Axes, inference: Inference, i: int, truth: float | None) -> Non
     both = inference.intervals[i]
     x, rise = smooth_profile(alone, i)
     low, high = float(x[0]), float(x[-1])
+    if low == high:  # another unknown is at its bound from the first step on, to both sides
+        half = ALONE * (unknown.coordinate(unknown.upper) - unknown.coordinate(unknown.lower))
+        low, high = low - half, high + half
     _band(axes, unknown, alone, low, high)
     axes.plot(_values(unknown, x), rise, color=BLUE, label="profile of the data", zorder=3)
     points, roots = alone.coordinates[:, i], alone.roots
     axes.plot(_values(unknown, points), roots**2, "o", ms=3, color=BLUE, zorder=3)
+    edges = [low, high]
     if both is not alone:
         more, less = smooth_profile(both, i)
+        edges += [float(more[0]), float(more[-1])]
         axes.plot(
             _values(unknown, more), less, color=VERMILLION, ls=(0, (5, 1.5, 1, 1.5)), label="with priors"
         )
@@ -85,6 +92,7 @@ def _panel(axes: Axes, inference: Inference, i: int, truth: float | None) -> Non
     if truth is not None:
         axes.axvline(truth, color=GREEN, lw=1.4, label="truth")
     axes.set_ylim(0, HIGHEST)
+    low, high = min(edges), max(edges)
     margin = 0.04 * (high - low)
     axes.set_xlim(*_values(unknown, np.array([low - margin, high + margin])))
     if unknown.scale == "log" and high - low > np.log(WIDE):

@@ -126,6 +126,25 @@ def test_priors_have_a_column_and_a_curve(undrawn):
     assert "with priors" in labels
 
 
+@pytest.mark.filterwarnings("error")
+def test_a_profile_of_one_point_has_an_axis_and_an_open_band(unseen):
+    found = unseen.inference
+    interval = found.data_intervals[2]
+    alone = replace(interval, coordinates=found.data_best.coordinates[None, :], roots=np.zeros(1))
+    assert alone.values == (None, None)
+    intervals = (*found.data_intervals[:2], alone)
+    one = replace(found, intervals=intervals, data_intervals=intervals)
+    panel = profile_figure(one).axes[2]
+    low, high = panel.get_xlim()
+    best = unseen.inference.unknowns[2].value(float(found.data_best.coordinates[2]))
+    assert low < best < high < 1.5 * low
+    assert panel.texts[0].xy[0] < best < panel.texts[1].xy[0]
+    # The curve with priors is drawn whole where it is the longer one.
+    longer = profile_figure(replace(found, data_intervals=intervals)).axes[2]
+    ends = np.exp(interval.coordinates[[0, -1], 2])
+    assert longer.get_xlim()[0] < ends[0] < ends[1] < longer.get_xlim()[1]
+
+
 def test_files_of_the_report(seen, tmp_path):
     told = []
     path = write_report(tmp_path, seen, told.append)
