@@ -1,4 +1,4 @@
-"""The calibrations from the literature, coarser in the body: the fits agree with estimates by hand.
+"""The calibrations from the literature run, and their fits agree with estimates by hand.
 
 The estimates share no code with porocore: Terzaghi's series, Poiseuille's law for the straight channels, and bounds of
 the stiffness from columns of solid that no channel cuts and from Hashin & Shtrikman (1963).
@@ -21,14 +21,12 @@ pytestmark = pytest.mark.slow
 FOLDER = Path(__file__).parents[2] / "examples" / "calibrations"
 
 
-def calibrated(folder: Path, name: str, elements: int) -> dict[str, Any]:
-    """Results of the example with fewer elements and larger steps."""
+def calibrated(folder: Path, name: str) -> dict[str, Any]:
+    """Results of the example, without the region in the plane of two unknowns."""
     for path in FOLDER.glob("*.csv"):
         (folder / path.name).write_bytes(path.read_bytes())
     config = yaml.safe_load((FOLDER / f"{name}.yaml").read_text(encoding="utf-8"))
-    config["macro"]["body"]["elements"] = [1, elements, 1]
-    config["macro"]["time"]["tolerance"] = 1e-2
-    config["calibration"]["fit"] = {"starts": 1, "rays": 0, "tolerance": 1e-5}
+    config["calibration"]["fit"] = {"starts": 1, "rays": 0}
     (folder / "study.yaml").write_text(yaml.safe_dump(config), encoding="utf-8")
     succeeded(
         porocore("calibrate", folder / "study.yaml", "--out", folder / "out", "--no-store", timeout=3600)
@@ -59,7 +57,7 @@ def edge(permeability: float, radius: float) -> float:
 
 
 def test_brain_tissue_has_the_pore_size_and_stiffness_of_an_estimate_by_hand(tmp_path):
-    found = calibrated(tmp_path, "brain-consolidation", 12)
+    found = calibrated(tmp_path, "brain-consolidation")
     rows = (FOLDER / "brain-consolidation.csv").read_text(encoding="utf-8").splitlines()
     data = [[float(x) for x in row.split(",")] for row in rows if row[0].isdigit()]
     minutes, share = np.array(data).T
@@ -85,7 +83,7 @@ def test_brain_tissue_has_the_pore_size_and_stiffness_of_an_estimate_by_hand(tmp
 
 
 def test_pores_of_cartilage_are_a_few_nanometres_wide_and_their_share_is_not_seen(tmp_path):
-    found = calibrated(tmp_path, "cartilage-confined-compression", 8)
+    found = calibrated(tmp_path, "cartilage-confined-compression")
     radius, modulus, pore = (found["unknowns"][name] for name in ("radius", "modulus", "pore"))
     low, high = stiffness_bounds(radius["value"], 0.49)
     assert 0.64 / high < modulus["value"] < 0.64 / low
