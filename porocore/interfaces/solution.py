@@ -73,6 +73,10 @@ class History:
     stress_spread: Array
     #: Newton iterations of the step.
     iterations: Array
+    #: Largest displacement along the y axis, max(u_2).
+    heave: Array
+    #: Least pore pressure, negative where there is suction.
+    pressure_min: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,7 +217,7 @@ class MacroSolution:
     def save(self, path: Path) -> None:
         """Write one HDF5 file, atomically."""
         with atomic_hdf5(path) as file:
-            file.attrs.update(format="porocore-solution", version=2, law=self.law, load=self.load)
+            file.attrs.update(format="porocore-solution", version=3, law=self.law, load=self.load)
             file.attrs.update(
                 backend=self.backend, copies=float(self.copies), linear_solver=self.linear_solver
             )
@@ -239,9 +243,9 @@ class MacroSolution:
             The file is truncated or foreign.
         """
         with opened(path, "porocore solution", "delete it and solve again") as file:
-            if not file.is_of("porocore-solution", 2):
+            if not file.is_of("porocore-solution", 3):
                 raise DataError(
-                    f"{path}: expected a porocore solution of version 2; delete it and solve again"
+                    f"{path}: expected a porocore solution of version 3; delete it and solve again"
                 )
             history = {
                 f.name: file.array(f"history/{file_name(f.name)}", "steps", kind="number")

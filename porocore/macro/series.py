@@ -22,6 +22,8 @@ HISTORY = {
     "outside_training_range": ("", "share of the body that is flagged"),
     "stress_spread": ("stress", "largest deviation of P_E,22 from its mean over the body"),
     "iterations": ("", "Newton iterations of the step"),
+    "heave": ("displacement", "largest displacement along +y, max(u_2)"),
+    "pressure_min": ("pressure", "least pore pressure"),
 }
 #: Of the components of a probe.
 PROBE = (("u_1", "displacement"), ("u_2", "displacement"), ("u_3", "displacement"), ("p", "pressure"))

@@ -15,7 +15,7 @@ from porocore.report.format import measured, number
 from porocore.report.loading_mode import LoadingMode, force_name, reactions
 from porocore.report.metrics import goes_back
 from porocore.report.words.components import symmetric
-from porocore.report.words.settlement import RECORDED, has_suction, nothing_settles
+from porocore.report.words.settlement import has_suction, nothing_settles
 from porocore.states import Array
 
 #: Name, quantity and dimensionless value of a row.
@@ -99,7 +99,7 @@ def dimensional_rows(
 def _settlement_rows(found: dict[str, Any], linear: dict[str, Any] | None) -> list[Row]:
     """Return the final settlement with its times, and the largest where that is another; heave if nothing settles."""
     if nothing_settles(found) and found["largest_heave"]:
-        return [(f"largest displacement along +y {RECORDED}", "displacement", found["largest_heave"])]
+        return [("largest displacement along +y", "displacement", found["largest_heave"])]
     laws = {"": found} | ({} if linear is None else {", linear": linear})
     rows: list[Row] = []
     if any(goes_back(law, "final_settlement") for law in laws.values()):
@@ -120,7 +120,7 @@ def _fluid_rows(found: dict[str, Any]) -> list[Row]:
     """Return pore pressures and drained volumes."""
     rows: list[Row] = [("largest pore pressure", "pressure", found["max_pressure"])]
     if has_suction(found):
-        rows.append((f"least pore pressure {RECORDED}", "pressure", found["least_pressure"]))
+        rows.append(("least pore pressure", "pressure", found["least_pressure"]))
     if goes_back(found, "drained"):
         rows.append(("largest drained volume", "volume", found["largest_drained"]))
     return [*rows, ("drained volume", "volume", found["drained"])]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -198,17 +197,6 @@ def steady_drift(history: History) -> float | None:
     return abs(float(history.settlement[-1]) - before) / largest
 
 
-def recorded_largest(
-    solution: MacroSolution, of: Callable[[Array, Array], Array]
-) -> tuple[float, float] | tuple[None, None]:
-    """Return the largest value that probes and profiles have of a function of u (n, 3) and p (n,), and its time."""
-    found = [(float(of(profile.u, profile.p).max()), profile.time) for profile in solution.profiles]
-    for values in solution.probes.values():
-        each = of(values[:, :3], values[:, 3])
-        found.append((float(each.max()), float(solution.history.time[int(each.argmax())])))
-    return max(found, key=lambda pair: pair[0]) if found else (None, None)
-
-
 #: Figures that say nothing where the settlement is prescribed, beside those that it names.
 OF_SETTLEMENT = ("time_to_95_percent", "time_to_99_percent", "steady_drift", "heave")
 
@@ -222,8 +210,7 @@ def solution_metrics(solution: MacroSolution) -> dict[str, Any]:
     """
     history = solution.history
     load = abs(solution.load)
-    suction, time_of_suction = recorded_largest(solution, lambda u, p: -p)
-    heave, time_of_heave = recorded_largest(solution, lambda u, p: u[:, 1])
+    highest, lowest = int(history.heave.argmax()), int(history.pressure_min.argmin())
     return {
         "law": solution.law,
         "final_settlement": float(history.settlement[-1]),
@@ -232,13 +219,13 @@ def solution_metrics(solution: MacroSolution) -> dict[str, Any]:
         "steady_drift": steady_drift(history),
         "largest_settlement": largest_value(history.settlement),
         "time_of_largest_settlement": time_of_largest(history.time, history.settlement),
-        "largest_heave": heave,
-        "time_of_largest_heave": time_of_heave,
+        "largest_heave": float(history.heave[highest]),
+        "time_of_largest_heave": float(history.time[highest]),
         "max_pressure": float(history.pressure_max.max()),
         "time_of_max_pressure": float(history.time[int(history.pressure_max.argmax())]),
         "final_pressure": float(history.pressure_max[-1]),
-        "least_pressure": None if suction is None else 0.0 - suction,
-        "time_of_least_pressure": time_of_suction,
+        "least_pressure": float(history.pressure_min[lowest]),
+        "time_of_least_pressure": float(history.time[lowest]),
         "drained": float(history.drained[-1]),
         "drained_paper": float(history.drained_paper[-1]),
         "largest_drained": largest_value(history.drained),

@@ -89,5 +89,7 @@ def make_column(
         outside_training_range=outside,
         stress_spread=np.full(len(time), 1e-9),
         iterations=np.where(time > 0, 3, 0),
+        heave=np.zeros(len(time)),
+        pressure_min=np.zeros(len(time)),
     )
     return MacroSolution(law, load, points, cells, history, tuple(profile(t) for t in sorted({*times, end})))

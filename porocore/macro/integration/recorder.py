@@ -106,7 +106,12 @@ class HistoryRecorder:
     def _extremes(self, x: Array) -> dict[str, float]:
         n_u = self.d.mesh.n_u
         # No −0 at rest.
-        return {"settlement": float((-x[1:n_u:3]).max()) + 0.0, "pressure_max": float(x[n_u:].max())}
+        return {
+            "settlement": float((-x[1:n_u:3]).max()) + 0.0,
+            "heave": float(x[1:n_u:3].max()) + 0.0,
+            "pressure_max": float(x[n_u:].max()),
+            "pressure_min": float(x[n_u:].min()) + 0.0,
+        }
 
     def add_profile(self, unknowns: Array, response: MacroResponse, time: float) -> None:
         """Add the fields at ``time``: nodal values, and means over the elements."""

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from porocore.core.units.results import ResultUnits
-from porocore.interfaces.solution import History, MacroSolution, Profile
+from porocore.interfaces.solution import History, MacroSolution
 from porocore.report.figures.style import (
     DASHED,
     DOTTED,
@@ -36,35 +36,25 @@ OTHERS = ((GREEN, (0, (7, 1.5))), (PURPLE, (0, (4, 1.2, 1, 1.2))), (ORANGE, (0, 
 
 @dataclass(frozen=True)
 class _Panel:
-    """A quantity of the body against time: at each step, or at the times of the profiles, which is then marked."""
+    """A quantity of the body against time."""
 
     label: str
     quantity: str
-    at_step: Callable[[History], Array] | None = None
-    at_profile: Callable[[Profile], float] | None = None
-
-    def values(self, solution: MacroSolution) -> tuple[Array, Array]:
-        """Return times and values, dimensionless."""
-        if self.at_step is not None:
-            return solution.history.time, self.at_step(solution.history)
-        assert self.at_profile is not None
-        times = np.array([profile.time for profile in solution.profiles])
-        return times, np.array([self.at_profile(profile) for profile in solution.profiles])
+    of: Callable[[History], Array]
 
 
 SETTLEMENT = _Panel("settlement max$(-u_2)$", "displacement", lambda history: history.settlement)
-HEAVE = _Panel("heave max$(u_2)$", "displacement", at_profile=lambda profile: float(profile.u[:, 1].max()))
+HEAVE = _Panel("heave max$(u_2)$", "displacement", lambda history: history.heave)
 PRESSURE = _Panel("largest pore pressure $p$", "pressure", lambda history: history.pressure_max)
-SUCTION = _Panel("least pore pressure $p$", "pressure", at_profile=lambda profile: float(profile.p.min()))
+SUCTION = _Panel("least pore pressure $p$", "pressure", lambda history: history.pressure_min)
 DRAINED = _Panel("drained volume", "volume", lambda history: history.drained)
 
 
 def _panels(solutions: Sequence[MacroSolution], settles: bool) -> list[_Panel]:
     """Return what is drawn: heave where nothing settles, the least pressure where there is only suction."""
     found = [solution_metrics(each) for each in solutions]
-    known = all(each.profiles for each in solutions)
-    heaves = known and all(map(nothing_settles, found)) and any(law["largest_heave"] for law in found)
-    pressure = SUCTION if known and all(map(only_suction, found)) else PRESSURE
+    heaves = all(map(nothing_settles, found)) and any(law["largest_heave"] for law in found)
+    pressure = SUCTION if all(map(only_suction, found)) else PRESSURE
     return [*([HEAVE if heaves else SETTLEMENT] if settles else []), pressure, DRAINED]
 
 
@@ -97,7 +87,7 @@ def history_figure(
     Figure
         Panels above each other: largest settlement, largest pore pressure, drained volume (what has left through the
         boundary solid or dashed, the paper's measure dotted). Where nothing settles the first is the largest heave,
-        where no pressure is positive the second is the least one, both at the times of the profiles.
+        where no pressure is positive the second is the least one.
     """
     units = units or ResultUnits()
     figure = new_figure(5.4, 7.6 if settles else 5.4)
@@ -111,8 +101,6 @@ def history_figure(
         time_within(each.time, each.settlement, share) is not None for each in drawn for share, _ in MARKS
     )
     _shared_legend(rows[-1], MARKS if SETTLEMENT in panels and marked else ())
-    if any(panel.at_profile is not None for panel in panels):
-        rows[-1].plot([], [], color="0.35", ls="", label="at the times of the profiles", **_dots(0))
     for axes, panel in zip(rows, panels, strict=True):
         axes.set_ylabel(axis_label(panel.label, panel.quantity, units))
     rows[-1].set_xlabel(axis_label("time $t$", "time", units) + (", logarithmic" if log_time else ""))
@@ -139,28 +127,14 @@ def _draw(
 ) -> None:
     """Draw one solution in all panels; the state at rest is left out of a logarithmic axis."""
     by, history = units.factor("time"), solution.history
+    time, shown = history.time, history.time > 0 if log_time else history.time >= 0
     for axes, panel in zip(rows, panels, strict=True):
-        time, values = panel.values(solution)
-        values = values * units.factor(panel.quantity)
-        shown = time > 0 if log_time else time >= 0
-        # Between profiles it may have peaked, which a line would deny.
-        dots = {} if panel.at_profile is None else {"ls": "", **_dots(len(axes.lines))}
-        axes.plot(time[shown] * by, values[shown], **how | dots)
+        values = panel.of(history) * units.factor(panel.quantity)
+        axes.plot(time[shown] * by, values[shown], **how)
         for share, mark in MARKS if panel is SETTLEMENT else ():
             _mark(axes, time * by, values, share, mark, how["color"])
-    shown = history.time > 0 if log_time else history.time >= 0
     paper = history.drained_paper[shown] * units.factor("volume")
     rows[-1].plot(history.time[shown] * by, paper, color=how["color"], ls=DOTTED, lw=2.4, alpha=0.75)
-
-
-def _dots(drawn: int) -> dict[str, Any]:
-    """Return the markers of a solution after so many others, rings around theirs."""
-    return {
-        "marker": "o",
-        "ms": 5 + 3.5 * drawn,
-        "mfc": "none" if drawn else None,
-        "mew": 1.4,
-    }
 
 
 def _curves(

@@ -12,7 +12,6 @@ ROUND_OFF = 1e-6
 #: A suction is told where it is more than this share of the largest pressure. The undershoot of a front is less.
 LEAST_SUCTION = 0.05
 #: Of values that are not kept at every step in the whole body.
-RECORDED = "among those at the probes and in the profiles"
 
 
 def case_sentences(metrics: dict[str, Any], settles: bool = True) -> list[str]:
@@ -37,19 +36,19 @@ def case_sentences(metrics: dict[str, Any], settles: bool = True) -> list[str]:
 
 def nothing_settles(law: dict[str, Any]) -> bool:
     """Return True if no point of the body moves in the direction −y."""
-    return bool(abs(law["largest_settlement"]) <= ROUND_OFF * abs(law["largest_heave"] or 0.0))
+    return bool(abs(law["largest_settlement"]) <= ROUND_OFF * abs(law["largest_heave"]))
 
 
 def only_suction(law: dict[str, Any]) -> bool:
     """Return True if the pore pressure is negative, and nowhere positive but for round-off."""
     least = law["least_pressure"]
-    return least is not None and bool(least < 0 and abs(law["max_pressure"]) <= -ROUND_OFF * least)
+    return bool(least < 0 and abs(law["max_pressure"]) <= -ROUND_OFF * least)
 
 
 def has_suction(law: dict[str, Any]) -> bool:
     """Return True if the least pore pressure is negative and not small."""
     least = law["least_pressure"]
-    return least is not None and bool(-least > LEAST_SUCTION * abs(law["max_pressure"]))
+    return bool(-least > LEAST_SUCTION * abs(law["max_pressure"]))
 
 
 def largest_rows(cases: list[dict[str, Any]], settles: bool) -> list[tuple[float, str, dict[str, Any]]]:
@@ -121,14 +120,14 @@ def _heave_sentence(metrics: dict[str, Any], laws: list[dict[str, Any]]) -> str:
     if not laws[0]["largest_heave"]:
         return begin
     heave = _by_law(laws, "largest_heave", "time_of_largest_heave")
-    return f"{begin} The largest displacement in the direction +y, {RECORDED}, is {heave}."
+    return f"{begin} The largest displacement in the direction +y is {heave}."
 
 
 def _suction_sentence(laws: list[dict[str, Any]]) -> list[str]:
     if not any(has_suction(law) for law in laws):
         return []
     suction = _by_law(laws, "least_pressure", "time_of_least_pressure", "pressure")
-    return [f"The least pore pressure, {RECORDED}, is {suction}."]
+    return [f"The least pore pressure is {suction}."]
 
 
 def _by_law(laws: list[dict[str, Any]], value: str, time: str, quantity: str = "displacement") -> str:

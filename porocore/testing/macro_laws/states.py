@@ -150,6 +150,8 @@ class KnownStates(Solving):
         near("u_2", profile.u[:, 1], swelling, state, within=self.within(1e-7) * swelling.max(), rel=1e-7)
         stored = (COEFFICIENTS.storage + ALPHA**2 / C22) * 0.01 * flux * h**2 / 2 / K[1, 1]
         near("drained", solution.history.drained[-1], -stored, state, rel=self.within(1e-7))
+        heave, largest = solution.history.heave, swelling.max()
+        near("heave", heave[-1], largest, state, within=self.within(1e-7) * largest, rel=1e-7)
 
     def test_prescribed_pressure_scales_with_the_load(self) -> None:
         boundary = {**SIDES, "y-": {**HELD, "pressure": 2}, "y+": {"pressure": -1}}
@@ -158,6 +160,7 @@ class KnownStates(Solving):
         expected = 0.02 - 0.03 * solution.points[:, 1] / 7.5
         state = "steady, p = 0.02 at the base and -0.01 on top"
         near("p", solution.profiles[-1].p, expected, state, within=1e-9, rel=self.within(1e-7))
+        near("pressure_min", solution.history.pressure_min[-1], -0.01, state, rel=self.within(1e-7))
 
     def test_without_load_nothing_happens(self) -> None:
         history = self.solve(confined_column(3, load=0.0, time=SHORT), NONLINEAR).history

@@ -168,6 +168,8 @@ class ColumnMacroSolver(MacroSolver):
             0.0,
             0.0,
             0.0,
+            max(x[: column.n + 1].max(), 0.0),
+            min(start.pressure, 0.0),
         ]
         rows, profiles = [first], [self._profile(column, x, response, 0.0)]
         while not stepper.done:
@@ -203,6 +205,8 @@ class ColumnMacroSolver(MacroSolver):
             float(response.outside_training_range[cells].mean()),
             float(np.abs(stress - stress.mean()).max()),
             float(iterations),
+            float(x[: column.n + 1].max()),
+            float(min(*x[column.n + 1 :], *column.ends_of_p(x, time))),
         ]
 
     @staticmethod
