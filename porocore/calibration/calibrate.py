@@ -32,6 +32,7 @@ from porocore.core.files.plain_data import json_hash
 from porocore.core.files.store import ResultStore
 from porocore.core.parallel.calls import CallProcesses
 from porocore.core.parallel.threads import one_blas_thread
+from porocore.errors import SolveError
 from porocore.states import Array
 from porocore.study.preflight.checks import check_backends
 from porocore.study.store import chosen_store
@@ -123,7 +124,14 @@ def _with_made_up_data(plan: CalibrationPlan, model: CurveModel) -> CalibrationP
     """Return the plan with curves at the first values of the unknowns, and noise."""
     # At the coordinates where the search begins, to the last bit, so that this run is not made twice.
     starts = [one.value(one.coordinate(one.start)) for one in model.unknowns]
-    exact = model.curves(np.array(starts)).values
+    try:
+        exact = model.curves(np.array(starts)).values
+    except SolveError as error:
+        told = ", ".join(f"{one.name} {value:g}" for one, value in zip(model.unknowns, starts, strict=True))
+        raise SolveError(
+            f"no data can be made up at the first values of the unknowns, {told}; give other bounds, or a 'start:' for "
+            f"each: {error}"
+        ) from error
     experiments: list[Experiment] = []
     first = number = 0
     for experiment in plan.experiments:
@@ -166,12 +174,14 @@ def _posterior(
     """Return draws from the posterior distribution where the plan wants them, with progress."""
     if settings is None:
         return None
-    with console.task("posterior", "draws") as task:
+    with console.task("posterior", "per cent") as task:
 
         def tell(words: str, share: float) -> None:
             task.update(int(100 * share), 100, detail=words)
 
-        return sample_posterior(misfit, inference.points, inference.best, settings, tell)
+        found = sample_posterior(misfit, inference.points, inference.best, settings, tell)
+        task.update(100, 100, detail="")
+    return found
 
 
 def _finished(

@@ -11,10 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from calibration_models import Formula
 from invoked import invoke
 
 import porocore
-from porocore.errors import RunFolderError
+from porocore.calibration.calibrate import _with_made_up_data
+from porocore.calibration.problem import Unknown
+from porocore.errors import RunFolderError, SolveError
 
 pytest.importorskip("porocore_fem_skfem")
 
@@ -115,6 +118,14 @@ def test_the_data_are_made_up_by_the_first_evaluation(done: porocore.Calibration
         tried = [[float(text) for text in row[:3]] for row in list(csv.reader(file))[1:]]
     assert len(tried) == len({*map(tuple, tried)})
     np.testing.assert_allclose(tried[0], [0.24, 1.0, 1.0])
+
+
+def test_values_at_which_no_data_can_be_made_up_are_told(done: porocore.Calibration) -> None:
+    model = Formula((Unknown("rate", 2.0, 1.0, 3.0),), lambda v: v, computable=((0.0, 1.0),))
+    with pytest.raises(
+        SolveError, match="first values of the unknowns, rate 2; give other bounds, or a 'start:'"
+    ):
+        _with_made_up_data(done.plan, model)
 
 
 def killed(done: porocore.Calibration, folder: Path, evaluations: int) -> Path:
