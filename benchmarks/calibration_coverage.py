@@ -2,10 +2,10 @@
 
     python benchmarks/calibration_coverage.py --study twin|coarse|confined --out DIR [--repeats N --processes 2]
 
-The cells are solved and learned once. Each repeat makes up data by the model at the truth with noise of its own, searches
-the unknowns from a guess that does not know the truth, and takes all intervals, by the classes that ``porocore
-calibrate`` uses; plane and report are left out. ``viscosity/conductivity`` is no unknown; its interval is the profile of
-the same curves with this ratio in place of the viscosity. DIR keeps everything, one line for each repeat, and an
+The cells are solved and learned once. Each repeat makes up data by the model at the truth with noise of its own,
+searches the unknowns from a guess that does not know the truth, and takes all intervals, by the classes that ``porocore
+calibrate`` uses; plane and report are left out. ``viscosity/conductivity`` is no unknown; its interval is the profile
+of the same curves with this ratio in place of the viscosity. DIR keeps everything, one line for each repeat, and an
 interrupted script goes on. --show prints the table of what is there.
 """
 
@@ -148,9 +148,7 @@ def prepared(name: str, folder: Path) -> Repeated:
         found = cell_law.undeformed(np.stack([given[each] for each in cell_law.parameters], axis=1))
         return np.asarray(found.conductivity[:, 1, 1])
 
-    return Repeated(
-        plan, model, PowerSeries.of(conductivity, radius.lower, radius.upper), truth, known
-    )
+    return Repeated(plan, model, PowerSeries.of(conductivity, radius.lower, radius.upper), truth, known)
 
 
 _REPEATED: list[Repeated] = []
@@ -232,7 +230,9 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True, help="folder of all results")
     parser.add_argument("--repeats", type=int, help="number of noises; as many as the study has by default")
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--show", action="store_true", help="print the table of what is there, and make nothing")
+    parser.add_argument(
+        "--show", action="store_true", help="print the table of what is there, and make nothing"
+    )
     given = parser.parse_args()
     path = given.out / f"{given.study}.jsonl"
     if not given.show:
