@@ -113,3 +113,20 @@ class TestWeightThatNobodyAskedFor(Law):
         def alter(self, loads):
             down = (np.arange(len(loads.external)) % 3 == 1) & self.is_force
             return replace(loads, external=loads.external + 1e-9 * down)
+
+
+class TestHeaveIsTheSettlement(Law):
+    caught_by = "test_prescribed_inflow_ends_in_a_linear_pressure"
+
+    class solver(Altered):
+        def solution(self, solution):
+            return replace(solution, history=replace(solution.history, heave=solution.history.settlement))
+
+
+class TestLeastPressureIsTheLargest(Law):
+    caught_by = "test_prescribed_pressure_scales_with_the_load"
+
+    class solver(Altered):
+        def solution(self, solution):
+            largest = solution.history.pressure_max
+            return replace(solution, history=replace(solution.history, pressure_min=largest))
