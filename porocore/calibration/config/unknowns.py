@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from itertools import product
 
@@ -99,7 +99,7 @@ def _planned(
     numbers: dict[str, StudyNumber] = {}
     text, chosen = given.of or name, {one: experiments[one] for one in given.experiments or experiments}
     for one, experiment in chosen.items():
-        with keyed("of") if given.of is not None else _as_it_is():
+        with keyed("of") if given.of is not None else nullcontext():
             numbers[one] = (
                 study_number(text, experiment.config, experiment.load)
                 if given.field is None
@@ -140,11 +140,6 @@ def _unknown(
     found = PlannedUnknown(Unknown(name, lower, lower, upper, scale, prior, unit, smoothing), numbers)
     start = _start(given, found, experiments[first], control)
     return replace(found, unknown=replace(found.unknown, start=start))
-
-
-@contextmanager
-def _as_it_is() -> Iterator[None]:
-    yield
 
 
 def _texts(given: UnknownSettings) -> list[float | str]:

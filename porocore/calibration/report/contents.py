@@ -88,3 +88,8 @@ def labelled(name: str, unit: str) -> str:
 def unknown_label(unknown: Unknown) -> str:
     """Return the label of the axis of an unknown."""
     return labelled(unknown.name, unknown.unit)
+
+
+def values_at(unknown: Unknown, coordinates: Array) -> Array:
+    """Return the values (n,) of an unknown at coordinates (n,)."""
+    return np.array([unknown.value(float(x)) for x in coordinates])

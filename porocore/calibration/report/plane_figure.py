@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from porocore.calibration.inference.infer import Inference
 from porocore.calibration.inference.plane import ParameterPlane
 from porocore.calibration.problem import Unknown
-from porocore.calibration.report.contents import unknown_label
+from porocore.calibration.report.contents import unknown_label, values_at
 from porocore.report.figures.style import (
     BLACK,
     BLUE,
@@ -118,10 +118,7 @@ def _outline(axes: Axes, plane: ParameterPlane, pair: tuple[Unknown, ...]) -> No
 
 
 def _values(pair: tuple[Unknown, ...], coordinates: Array) -> tuple[Array, Array]:
-    x, y = (
-        np.array([one.value(float(each)) for each in column])
-        for one, column in zip(pair, coordinates.T, strict=True)
-    )
+    x, y = (values_at(one, column) for one, column in zip(pair, coordinates.T, strict=True))
     return x, y
 
 

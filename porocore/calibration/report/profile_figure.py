@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from porocore.calibration.inference.infer import Inference
 from porocore.calibration.inference.intervals import ROOT_95, ConfidenceInterval
 from porocore.calibration.problem import Unknown
-from porocore.calibration.report.contents import unknown_label
+from porocore.calibration.report.contents import unknown_label, values_at
 from porocore.report.figures.style import (
     BLACK,
     BLUE,
@@ -73,28 +73,28 @@ def _panel(axes: Axes, inference: Inference, i: int, truth: float | None) -> Non
         half = ALONE * (unknown.coordinate(unknown.upper) - unknown.coordinate(unknown.lower))
         low, high = low - half, high + half
     _band(axes, unknown, alone, low, high)
-    axes.plot(_values(unknown, x), rise, color=BLUE, label="profile of the data", zorder=3)
+    axes.plot(values_at(unknown, x), rise, color=BLUE, label="profile of the data", zorder=3)
     points, roots = alone.coordinates[:, i], alone.roots
-    axes.plot(_values(unknown, points), roots**2, "o", ms=3, color=BLUE, zorder=3)
+    axes.plot(values_at(unknown, points), roots**2, "o", ms=3, color=BLUE, zorder=3)
     edges = [low, high]
     if both is not alone:
         more, less = smooth_profile(both, i)
         edges += [float(more[0]), float(more[-1])]
         axes.plot(
-            _values(unknown, more), less, color=VERMILLION, ls=(0, (5, 1.5, 1, 1.5)), label="with priors"
+            values_at(unknown, more), less, color=VERMILLION, ls=(0, (5, 1.5, 1, 1.5)), label="with priors"
         )
     deviation = float(inference.without_priors.deviations[i])
     if np.isfinite(deviation):
         dense = np.linspace(low, high, POINTS)
         parabola = ((dense - inference.data_best.coordinates[i]) / deviation) ** 2
-        axes.plot(_values(unknown, dense), parabola, color=GREY, ls=DASHED, lw=1.2, label="to first order")
+        axes.plot(values_at(unknown, dense), parabola, color=GREY, ls=DASHED, lw=1.2, label="to first order")
     axes.axhline(ROOT_95**2, color=BLACK, ls=DOTTED, lw=1.2, label="95 %: rise 3.84")
     if truth is not None:
         axes.axvline(truth, color=GREEN, lw=1.4, label="truth")
     axes.set_ylim(0, HIGHEST)
     low, high = min(edges), max(edges)
     margin = 0.04 * (high - low)
-    axes.set_xlim(*_values(unknown, np.array([low - margin, high + margin])))
+    axes.set_xlim(*values_at(unknown, np.array([low - margin, high + margin])))
     if unknown.scale == "log" and high - low > np.log(WIDE):
         axes.set_xscale("log")
     axes.set_xlabel(unknown_label(unknown))
@@ -120,10 +120,6 @@ def _band(axes: Axes, unknown: Unknown, interval: ConfidenceInterval, low: float
                 color=BLUE,
                 arrowprops={"arrowstyle": "->", "color": BLUE, "lw": 1.2},
             )
-
-
-def _values(unknown: Unknown, coordinates: Array) -> Array:
-    return np.array([unknown.value(float(x)) for x in coordinates])
 
 
 def smooth_profile(interval: ConfidenceInterval, index: int) -> tuple[Array, Array]:
