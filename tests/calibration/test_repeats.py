@@ -27,7 +27,7 @@ pytestmark = pytest.mark.slow
 
 REPEATS = 12
 #: Chance of a statistic below, and above, its bounds.
-CHANCE = 5e-3
+CHANCE = 2e-2
 TRUTH = {"radius": 0.22, "poisson_ratio": 0.32, "modulus": 1.2, "viscosity": 0.9}
 GUESS = {"radius": 0.2, "poisson_ratio": 0.3, "modulus": 0.8, "viscosity": 1.5}
 BOUNDS = {
