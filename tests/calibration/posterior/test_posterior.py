@@ -85,13 +85,13 @@ def test_a_curved_density_of_two_unknowns_has_the_medians_of_a_grid():
     """Runs at draws become points here, since the profiles alone do not tell enough of the density."""
     unknowns = (Unknown("a", 1.0, 0.05, 20.0, "log"), Unknown("b", 1.0, 0.05, 20.0, "log"))
     model = Formula(unknowns, lambda v: v[0] * np.exp(-v[1] * T))
-    misfit = misfit_of(model, [1.0, 1.3], 0.3, NOISE)
+    misfit = misfit_of(model, [1.0, 1.3], 0.4, NOISE)
     found = posterior_of(misfit, SHORT)
     assert found.log_density_error <= 0.1
     assert found.runs > found.checked
     x = np.linspace(np.log(0.05), np.log(20.0), 400)
     a, b = (np.exp(grid)[..., None] for grid in np.meshgrid(x, x, indexing="ij"))
-    density = np.exp(-0.5 * (((a * np.exp(-b * T) - misfit.data.values) / 0.3) ** 2).sum(axis=2))
+    density = np.exp(-0.5 * (((a * np.exp(-b * T) - misfit.data.values) / 0.4) ** 2).sum(axis=2))
     for axis, median in ((1, found.medians[0]), (0, found.medians[1])):
         below = np.interp(np.log(median), x, np.cumsum(density.sum(axis=axis)) / density.sum())
         assert below == pytest.approx(0.5, abs=4 * 0.5 / np.sqrt(found.independent) + 0.01)
