@@ -171,7 +171,7 @@ def test_new_and_check_by_the_command(site):
     assert row["modules"] == ["numpy"]
     out, _ = porocore(site, "plugin", "check", "my-own")
     assert re.search(r"any number of inputs \[three inputs\] +│ passed", out)
-    assert out.splitlines()[-1] == "18 laws: 17 passed, 1 skipped"
+    assert out.splitlines()[-1] == "19 laws: 18 passed, 1 skipped"
     out, _ = porocore(site, "plugin", "check", "my-own", "--only", "it is deterministic")
     assert out.splitlines()[-1] == "1 law: 1 passed"
     _, err = porocore(site, "plugin", "check", "my-own", "--only", "test_its_deterministic", status=2)
