@@ -4,95 +4,37 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from curve_experiment import (
+    ACCURACY,
+    BOUNDARY,
+    CURVE,
+    MACRO,
+    OBSERVATIONS,
+    TIMES,
+    UNKNOWNS,
+    law,
+    model_of,
+    planned,
+    starts,
+)
 
 import porocore.calibration.forward.experiment as forward
-from porocore.calibration.config.loading import read_plan
-from porocore.calibration.config.settings import FitSettings
-from porocore.calibration.fit.search import fit
 from porocore.calibration.forward.experiment import ExperimentModel
 from porocore.calibration.forward.further import further_data
-from porocore.calibration.forward.model import StudiesModel
 from porocore.calibration.forward.steps import planned_times, with_fixed_steps
-from porocore.calibration.inference.precision import LinearPrecision
 from porocore.calibration.plan import CalibrationPlan
-from porocore.calibration.problem import CurveData, CurvePrediction, Misfit
-from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.core.console import Console
+from porocore.calibration.problem import CurvePrediction
 from porocore.core.parallel.calls import CallProcesses
 from porocore.errors import ConfigurationError
 from porocore.macro.composition.bound_law import BoundLaw
-from porocore.macro.laws import ClosedLaw, make_closure
 from porocore.macro.problem import MacroProblem
-from porocore.testing.synthetic.porous_law import PorousFamilyLaw
 
 pytest.importorskip("skfem")
-
-#: Difference of slopes from central differences, as a share of the largest slope of a curve.
-ACCURACY = 1e-6
-SIDE = {"displacement": [0, None, 0]}
-BOUNDARY: dict[str, Any] = {
-    **dict.fromkeys(("x-", "x+", "z-", "z+"), SIDE),
-    "y-": {"displacement": [0, 0, 0]},
-    "y+": {"traction": [0, 0.05, 0], "pressure": 0.002},
-}
-MACRO: dict[str, Any] = {
-    "body": {"kind": "box", "elements": [1, 3, 1], "size": [0.5, 1.5, 0.5]},
-    "boundary": BOUNDARY,
-    "time": {"end": 1.0, "step": 0.8, "ramp_increments": 1, "ramp_step": 0.2, "profiles": []},
-    "newton": {"tolerance": 1e-13},
-    "probes": {"inside": [0.2, 0.6, 0.3]},
-    "loads": [-1.0],
-}
-TIMES = {"first": 0.1, "last": 0.9, "count": 3}
-CURVE = {"deviation": 0.01, "times": TIMES}
-OBSERVATIONS = {
-    "settlement": {"quantity": "settlement", **CURVE},
-    "pressure": {"quantity": "pressure", "probe": "inside", **CURVE},
-    "largest": {"quantity": "pressure", **CURVE},
-    "move": {"quantity": "displacement", "probe": "inside", "component": 2, **CURVE},
-    "drained": {"quantity": "drained", **CURVE},
-    "inflow": {"quantity": "inflow", "surface": "y+", **CURVE},
-    "force": {"quantity": "force", "surface": "y-", **CURVE},
-    "sideways": {"quantity": "force", "surface": "x+", "component": 1, **CURVE},
-}
-UNKNOWNS: dict[str, Any] = {
-    "radius": {"lower": 0.15, "upper": 0.3, "start": 0.21},
-    "poisson_ratio": {"lower": 0.25, "upper": 0.4, "start": 0.33},
-    "modulus": {"lower": 0.5, "upper": 2, "start": 1.3},
-    "viscosity": {"lower": 0.3, "upper": 3, "start": 0.8},
-    "pore": {"lower": 0.5, "upper": 2, "start": 1.2},
-    "load": {"lower": -2, "upper": -0.5, "start": -0.9},
-    "boundary.y+.pressure": {"lower": 0.001, "upper": 0.003, "start": 0.0021},
-    "delay": {"of": "time_shift", "lower": -0.04, "upper": 0.1, "start": 0.03},
-}
-
-
-def planned(unknowns: dict[str, Any] = UNKNOWNS, **changes: Any) -> CalibrationPlan:
-    settings: dict[str, Any] = {
-        "cell": {"viscosity": 1.0},
-        "sampling": {"sampler": "sobol", "inputs": {"H22": {"range": [-0.1, 0.02]}}},
-        "surrogate": {"backend": "polynomial"},
-        "closure": "potential",
-        "macro": MACRO,
-        "calibration": {"unknowns": unknowns, "observations": OBSERVATIONS},
-        **changes,
-    }
-    return read_plan(settings, synthetic=True)
-
-
-def law() -> ClosedLaw:
-    cell = PorousFamilyLaw("radius", "poisson_ratio")
-    return ClosedLaw(cell, make_closure("potential", 0.6, NeoHookean(), np.eye(3), law="piola"))
-
-
-def model_of(plan: CalibrationPlan) -> ExperimentModel:
-    return ExperimentModel(plan.experiments[0], plan.unknowns, law())
 
 
 @pytest.fixture(scope="module")
@@ -103,10 +45,6 @@ def plan() -> CalibrationPlan:
 @pytest.fixture(scope="module")
 def model(plan: CalibrationPlan) -> ExperimentModel:
     return model_of(plan)
-
-
-def starts(plan: CalibrationPlan) -> np.ndarray:
-    return np.array([each.unknown.start for each in plan.unknowns])
 
 
 @pytest.mark.parametrize("name", UNKNOWNS)
@@ -356,73 +294,3 @@ def test_a_load_that_is_unknown_is_not_enlarged() -> None:
     here = further_data([model_of(plan)], plan, starts(plan))
     for one, other in zip(twice, [*here, *here], strict=True):
         np.testing.assert_array_equal(one.rows, other.rows)
-
-
-GRADED: dict[str, Any] = {
-    "radius": {
-        "lower": 0.15,
-        "upper": 0.3,
-        "field": {"along": "y", "at": [0.0, 0.6, 1.5], "start": [0.2, 0.24, 0.22]},
-    },
-    "poisson_ratio": UNKNOWNS["poisson_ratio"],
-}
-
-
-def test_slopes_by_control_values_of_a_field_are_limits_of_differences() -> None:
-    plan = planned(GRADED)
-    model, at = model_of(plan), starts(plan)
-    assert [each.unknown.name for each in plan.unknowns] == [
-        *(f"radius[{i}]" for i in range(3)),
-        "poisson_ratio",
-    ]
-    found, step = model.curves(at), 2e-5 * np.array([1.0, -0.6, 0.7, 0.0])
-    wanted = (model.curves(at + step).values - model.curves(at - step).values) / 2
-    assert np.abs(found.slopes @ step - wanted).max() <= ACCURACY * np.abs(wanted).max()
-
-
-def test_equal_control_values_are_one_value_of_the_whole_body() -> None:
-    plan, plain = planned(GRADED), planned({name: UNKNOWNS[name] for name in GRADED})
-    graded, whole = (
-        model_of(plan).curves(np.array([*[0.21] * 3, 0.33])),
-        model_of(plain).curves(np.array([0.21, 0.33])),
-    )
-    np.testing.assert_allclose(graded.values, whole.values, rtol=1e-10, atol=1e-14)
-    by_radius = graded.slopes[:, :3].sum(axis=1)
-    np.testing.assert_allclose(by_radius, whole.slopes[:, 0], rtol=1e-9, atol=1e-9 * np.abs(by_radius).max())
-
-
-@pytest.mark.slow
-def test_a_graded_radius_is_found_again_from_curves_at_several_depths() -> None:
-    """A twin experiment: four control values over the depth from settlement, displacements and pressures."""
-    wide, depths = {"deviation": 1e-4, "times": {"first": 0.05, "last": 2.0, "count": 6}}, (0.3, 0.7, 1.1)
-    curves: dict[str, Any] = {"settlement": {"quantity": "settlement", **wide}}
-    for i in range(len(depths)):
-        curves[f"move {i}"] = {"quantity": "displacement", "probe": f"at {i}", "component": 2, **wide}
-        curves[f"pressure {i}"] = {"quantity": "pressure", "probe": f"at {i}", **wide}
-    truth = [0.18, 0.2, 0.24, 0.27]
-    field = {"along": "y", "at": [0.0, 0.5, 1.0, 1.5], "start": truth}
-    unknowns = {"radius": {"lower": 0.15, "upper": 0.3, "field": field}}
-    macro = {
-        **MACRO,
-        "body": {"kind": "box", "elements": [1, 4, 1], "size": [0.5, 1.5, 0.5]},
-        "probes": {f"at {i}": [0.2, depth, 0.3] for i, depth in enumerate(depths)},
-        "time": {"end": 2.0, "step": 0.4, "ramp_increments": 1, "ramp_step": 0.05, "profiles": []},
-    }
-    plan = planned(unknowns, macro=macro, calibration={"unknowns": unknowns, "observations": curves})
-    model = ExperimentModel(plan.experiments[0], plan.unknowns, BoundLaw(law(), {"poisson_ratio": 0.33}))
-    exact = model.curves(np.array(truth)).values
-    made = exact + 1e-4 * np.random.default_rng(1).normal(size=len(exact))
-    data = CurveData(made, np.full(len(made), 1e-4), np.zeros(len(made), int), np.zeros(len(made)), ("all",))
-    misfit = Misfit(StudiesModel([each.unknown for each in plan.unknowns], [model]), data)
-    found = fit(misfit, FitSettings(starts=1), Console(StringIO()), [np.full(4, 0.22)])
-    deviations = LinearPrecision.from_jacobian(found.best.jacobian).deviations
-    assert found.converged
-    assert deviations.max() < 0.01
-    assert (np.abs(found.best.coordinates - truth) < 3 * deviations).all()
-
-
-def test_first_control_values_are_those_of_the_study() -> None:
-    """A formula of the depth, read at the control places."""
-    bare = {"lower": 0.15, "upper": 0.3, "field": {"along": "y", "at": [0, 0.6, 1.5]}}
-    plan = planned({"radius": bare}, macro={**MACRO, "fields": {"radius": "0.2 + 0.04*y"}})
-    np.testing.assert_allclose(starts(plan), [0.2, 0.224, 0.26], rtol=1e-12)
