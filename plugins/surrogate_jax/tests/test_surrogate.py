@@ -5,7 +5,6 @@ import subprocess
 import sys
 import textwrap
 import time
-from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -94,34 +93,6 @@ def test_the_validation_part_is_the_asked_share(data):
         np.testing.assert_array_equal(part["x"][-1:], scaled.rest)
 
 
-def test_the_best_weights_are_kept_and_patience_ends_the_training(data, tmp_path):
-    """With a learning rate this large the validation loss goes up and down."""
-    checkpoint, reports = tmp_path / "training.h5", []
-    options = {"epochs": 3000, "hidden": [10], "learning_rate": 0.5, "patience": 50}
-    surrogate = JaxSurrogate(**options).fit(data, seed=1, checkpoint=checkpoint, on_progress=reports.append)
-    header, arrays = read_archive(checkpoint, TRAINING_FORMAT, 1, "")
-    assert header["epoch"] == reports[-1].epoch == header["best_epoch"] + 50 < 3000
-    assert header["best_loss"] < reports[-1].validation_loss
-    network = surrogate._fitted().network.network
-    kept = [array.ravel() for pair in zip(network.weights, network.biases, strict=True) for array in pair]
-    np.testing.assert_array_equal(np.concatenate(kept), arrays["best_theta"])
-    assert (arrays["best_theta"] != arrays["theta"]).any()
-
-
-def test_a_finished_training_is_not_repeated(data, tmp_path):
-    checkpoint, reports = tmp_path / "training.h5", []
-    first = JaxSurrogate(epochs=100).fit(data, seed=1, checkpoint=checkpoint)
-    again = JaxSurrogate(epochs=100).fit(data, seed=1, checkpoint=checkpoint, on_progress=reports.append)
-    assert reports == []
-    np.testing.assert_array_equal(first.predict(data.states).mean_grad, again.predict(data.states).mean_grad)
-
-
-def test_a_checkpoint_of_other_options_is_refused(data, tmp_path):
-    JaxSurrogate(epochs=100).fit(data, seed=1, checkpoint=tmp_path / "training.h5")
-    with pytest.raises(DataError, match="other data, options or seed; remove it"):
-        JaxSurrogate(epochs=200).fit(data, seed=1, checkpoint=tmp_path / "training.h5")
-
-
 @pytest.mark.slow
 def test_a_killed_training_ends_with_the_same_weights(data, tmp_path):
     """Killed without notice, somewhere, in another process."""
@@ -148,16 +119,6 @@ def test_a_killed_training_ends_with_the_same_weights(data, tmp_path):
     np.testing.assert_array_equal(
         resumed.predict(data.states).mean_grad, whole.predict(data.states).mean_grad
     )
-
-
-def test_a_linear_cell_needs_no_network(data, tmp_path):
-    tangent = data.reference.tangent
-    linear = np.einsum("ijkl,nkl->nij", tangent.mean_grad_grad_u[0], data.states.grad_u)
-    linear += tangent.mean_grad_p[0] * data.states.p[:, None, None]
-    responses = replace(data.responses, mean_grad=linear)
-    JaxSurrogate().fit(replace(data, responses=responses), seed=0).save(tmp_path / "linear.h5")
-    predicted = JaxSurrogate.load(tmp_path / "linear.h5").predict(data.states)
-    np.testing.assert_allclose(predicted.mean_grad, linear, atol=1e-15)
 
 
 def test_its_file_needs_no_jax(data, tmp_path):

@@ -80,17 +80,6 @@ def test_only_what_deviates_from_the_linear_limit_is_learned(data, fitted):
     assert fitted.predict(sheared).mean_grad[0, 0, 1] == pytest.approx(-0.11 * 0.1)
 
 
-def test_a_linear_cell_needs_no_network(data, tmp_path):
-    responses = replace(data.responses, mean_grad=linear_part(data, data.states))
-    TorchSurrogate().fit(replace(data, responses=responses), seed=0).save(tmp_path / "linear.h5")
-    loaded = TorchSurrogate.load(tmp_path / "linear.h5")
-    predicted = loaded.predict(data.states)
-    np.testing.assert_allclose(predicted.mean_grad, responses.mean_grad, atol=1e-15)
-    np.testing.assert_array_equal(
-        predicted.tangent.mean_grad_grad_u[7], data.reference.tangent.mean_grad_grad_u[0]
-    )
-
-
 @pytest.mark.parametrize("activation", ["sigmoid", "tanh"])
 def test_what_is_trained_is_what_is_evaluated(data, fitted, activation):
     """The loss in torch against the model in numpy, and its gradient against differences."""
@@ -135,38 +124,6 @@ def test_training_leaves_torch_as_it_was(data):
         torch.set_num_threads(threads)
     assert torch.get_default_dtype() == dtype
     assert torch.equal(torch.get_rng_state(), state)
-
-
-def test_the_best_weights_are_kept_and_patience_ends_the_training(data, tmp_path):
-    """With a learning rate this large the validation loss goes up and down."""
-    checkpoint, reports = tmp_path / "training.h5", []
-    options = {"epochs": 3000, "hidden": [10], "learning_rate": 0.5, "patience": 50}
-    surrogate = TorchSurrogate(**options).fit(data, seed=1, checkpoint=checkpoint, on_progress=reports.append)
-    header, arrays = read_archive(checkpoint, TRAINING_FORMAT, 1, "")
-    assert header["epoch"] == reports[-1].epoch == header["best_epoch"] + 50 < 3000
-    assert reports[-1].ends == reports[-1].epoch
-    assert reports[-1].left == 0
-    assert all(report.epoch < report.ends <= report.epoch + 50 for report in reports[:-1])
-    assert header["best_loss"] < reports[-1].validation_loss
-    assert header["best_loss"] <= min(report.validation_loss for report in reports)
-    network = surrogate._fitted().network
-    kept = [array.ravel() for pair in zip(network.weights, network.biases, strict=True) for array in pair]
-    np.testing.assert_array_equal(np.concatenate(kept), arrays["best_theta"])
-    assert (arrays["best_theta"] != arrays["theta"]).any()
-
-
-def test_a_finished_training_is_not_repeated(data, tmp_path):
-    checkpoint, reports = tmp_path / "training.h5", []
-    first = TorchSurrogate(epochs=100).fit(data, seed=1, checkpoint=checkpoint)
-    again = TorchSurrogate(epochs=100).fit(data, seed=1, checkpoint=checkpoint, on_progress=reports.append)
-    assert reports == []
-    np.testing.assert_array_equal(first.predict(data.states).mean_grad, again.predict(data.states).mean_grad)
-
-
-def test_a_checkpoint_of_other_options_is_refused(data, tmp_path):
-    TorchSurrogate(epochs=100).fit(data, seed=1, checkpoint=tmp_path / "training.h5")
-    with pytest.raises(DataError, match="other data, options or seed; remove it"):
-        TorchSurrogate(epochs=200).fit(data, seed=1, checkpoint=tmp_path / "training.h5")
 
 
 @pytest.mark.slow

@@ -13,11 +13,12 @@ from porocore.interfaces.surrogate import Surrogate
 from porocore.surrogates.network import adam
 from porocore.surrogates.network.surrogate import NetworkSurrogate
 from porocore.testing.surrogate_laws.base import SurrogateSuite
+from porocore.testing.surrogate_laws.network_training import NetworkTrainings
 from porocore.testing.surrogate_laws.potential import PotentialSuite
 
 
-class MlpSuite(SurrogateSuite):
-    """Laws of the model ``mlp``."""
+class _Mlp(SurrogateSuite):
+    """A suite of the model ``mlp``."""
 
     surrogate: ClassVar[type[NetworkSurrogate]]
     options: ClassVar[dict[str, Any]] = {"hidden": [20, 20], "learning_rate": 0.1}
@@ -45,7 +46,11 @@ class MlpSuite(SurrogateSuite):
         monkeypatch.setattr(adam, "CHECKPOINT_INTERVAL", 0.0)
 
 
-class TanhMlpSuite(MlpSuite):
+class MlpSuite(NetworkTrainings, _Mlp):
+    """Laws of the model ``mlp``, those of its training included."""
+
+
+class TanhMlpSuite(_Mlp):
     """Laws of the model ``mlp`` with the other activation."""
 
     options: ClassVar[dict[str, Any]] = {"hidden": [16, 16], "learning_rate": 0.05, "activation": "tanh"}
