@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from closure_slopes import INPUTS, assert_slopes
 
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.errors import ConfigurationError
@@ -18,7 +19,6 @@ from porocore.testing.synthetic.response import cubic_reference
 PHI_S, NU = 0.5877, 0.35
 MATERIAL = NeoHookean(poisson_ratio=NU)
 K = np.array([[1.9, 0.2, -0.1], [0.3, 1.5, 0.05], [-0.2, 0.1, 2.2]])
-INPUTS = [("H", k) for k in range(9)] + [("p", 0)] + [("g", k) for k in range(3)]
 
 
 class QuadraticCellLaw(CellLaw):
@@ -70,21 +70,7 @@ def points(law):
 @pytest.mark.parametrize("response", ["stress", "storage", "flux"])
 @pytest.mark.parametrize(("kind", "k"), INPUTS)
 def test_derivatives_are_the_slopes(law, points, response, kind, k):
-    states, grad_p, memory = points
-
-    def at(h):
-        H, p, g = states.grad_u.copy(), states.p.copy(), grad_p.copy()
-        {"H": H.reshape(-1, 9), "p": p[:, None], "g": g}[kind][:, k] += h
-        return getattr(law.respond(MacroState(H, p), g, memory, tangent=False), response)
-
-    h = 1e-5
-    slope = (at(h) - at(-h)) / (2 * h)
-    tangent = law.respond(states, grad_p, memory).tangent
-    name = f"{response}_{ {'H': 'grad_u', 'p': 'p', 'g': 'grad_p'}[kind] }"
-    exact = getattr(tangent, name, np.zeros_like(slope))  # stress and storage do not depend on ∇p
-    if kind != "p" and hasattr(tangent, name):
-        exact = exact.reshape(*slope.shape, -1)[..., k]
-    np.testing.assert_allclose(exact, slope, rtol=1e-7, atol=1e-7)
+    assert_slopes(law, points, response, kind, k)
 
 
 def test_uniaxial_values_follow_the_scalar_formulas():
