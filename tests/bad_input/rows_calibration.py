@@ -50,6 +50,17 @@ ROWS = [
         "creep.csv:3: settlement: expected a finite number, got 'inf'",
         CREEP.replace("0.2", "inf"),
     ),
+    curve(
+        "digits in groups",
+        "creep.csv:3: settlement: expected a finite number, got '1_000'; remove the row, or write the number with a "
+        "decimal point",
+        CREEP.replace("0.2", "1_000"),
+    ),
+    curve(
+        "digits of another script",
+        "creep.csv:3: settlement: expected a finite number, got '٢'",
+        CREEP.replace("0.2", "٢"),
+    ),
     curve("hole", "creep.csv:3: settlement: expected a finite number, got ''", CREEP.replace("0.2", "")),
     curve(
         "comma",

@@ -65,6 +65,13 @@ def test_other_tables_and_dimensionless_ones(tmp_path: Path) -> None:
     np.testing.assert_allclose(keyed.factor, 1.0)
 
 
+def test_decimal_numbers_in_all_spellings(tmp_path: Path) -> None:
+    curve = read(tmp_path, "time,x\n.5,-1\n+1.,2e-1\n2E0,3.25\n", None, quantity="settlement")
+    np.testing.assert_array_equal(curve.times, [0.5, 1, 2])
+    assert curve.measured is not None
+    np.testing.assert_array_equal(curve.measured, [-1, 0.2, 3.25])
+
+
 @pytest.mark.parametrize("separator", [";", "\t"])
 def test_decimal_commas_are_read_where_no_comma_separates(tmp_path: Path, separator: str) -> None:
     table = "time [min],settlement [um]\n0.5,2\n1e1,4.25\n1e2,-6.5\n".replace(",", separator).replace(

@@ -18,6 +18,8 @@ from porocore.states import Array
 
 #: A heading with its unit in brackets, such as ``settlement [mm]`` or ``t (s)``.
 _HEADING = re.compile(r"\s*(?P<name>.*?)\s*[\[(](?P<unit>[^\[\]]*)[\])]\s*")
+#: A decimal number; Python's own ``float`` also takes 1_000, and digits of other scripts.
+_NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 #: Units that mean a plain number.
 _NONE = ("", "-", "–", "1")
 #: The comma is the last, since it may be part of a heading or a number.
@@ -189,11 +191,7 @@ class CurveTable:
 
 
 def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+    return _NUMBER.fullmatch(text.strip()) is not None
 
 
 def _text(path: Path) -> str:
