@@ -181,7 +181,7 @@ def _write_report(
         ("Reduced chi-square", f"{quality.reduced:.3g}"),
         ("Cell solves", str(done.cell_solves)),
         ("Runs of the experiments", str(evaluations)),
-        ("Time", duration(done.seconds)),
+        ("Time of the last call", duration(done.seconds)),
     )
     axes = tuple(CurveAxes("", curve.unit, curve.time_unit) for curve in done.plan.curves)
     contents = CalibrationContents(
