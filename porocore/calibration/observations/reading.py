@@ -1,9 +1,8 @@
-"""Reading of an observation: its columns from the file, units, the part that counts."""
+"""Reading of an observation (read_curve): its columns from the file, the part that counts."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -12,68 +11,14 @@ from porocore.calibration.config.settings import ObservationSettings, SyntheticT
 from porocore.calibration.observations.curve import ObservedCurve
 from porocore.calibration.observations.series import MeasuredSeries
 from porocore.calibration.observations.table import CurveTable
+from porocore.calibration.observations.unit import StudyUnit
 from porocore.core.echo import echo, joined
-from porocore.core.units.quantities import UnitError, has_unit, in_si, unit_in_si
-from porocore.core.units.scales import QUANTITIES, Scales
-from porocore.core.units.texts import NO_SCALES
+from porocore.core.units.scales import Scales
 from porocore.errors import ConfigurationError
 from porocore.states import Array
 
 #: Values that one curve has at least.
 FEWEST = 3
-
-
-@dataclass(frozen=True)
-class UnitOf:
-    """Unit of numbers that belong to one study.
-
-    Attributes
-    ----------
-    name
-        Empty: the numbers are dimensionless.
-    quantity
-        Of :data:`porocore.core.units.scales.QUANTITIES`.
-    scales
-        Of the study.
-    """
-
-    name: str
-    quantity: str
-    scales: Scales | None
-
-    @property
-    def factor(self) -> float:
-        """A dimensionless number times it is in this unit.
-
-        Raises
-        ------
-        UnitError
-            The unit is none of the quantity, or the study has no scales.
-        """
-        if not self.name:
-            return 1.0
-        size = unit_in_si(self.name, self.quantity)
-        if self.scales is None:
-            raise UnitError(f"{echo(self.name)} {NO_SCALES}")
-        return float(QUANTITIES[self.quantity].factor(self.scales.exact) / size)
-
-    def number(self, value: float | str) -> float:
-        """Return a number, or a text with a unit, in this unit.
-
-        Raises
-        ------
-        UnitError
-            The text is no number and no value of the quantity.
-        """
-        if not isinstance(value, str):
-            return value
-        if not has_unit(value):
-            raise UnitError(f"expected a number, or one with a unit, got {echo(value)}")
-        factor = self.factor
-        si = in_si(value, self.quantity)
-        if self.scales is None:
-            raise UnitError(f"{echo(value)} {NO_SCALES}")
-        return float(si / QUANTITIES[self.quantity].factor(self.scales.exact)) * factor
 
 
 def read_curve(
@@ -140,8 +85,8 @@ def _planned(
         raise ConfigurationError("times: missing; made-up data need a 'file:' with times, or 'times:'")
     if settings.deviation_column or settings.weight_column:
         raise ConfigurationError("file: missing; the columns of deviations or weights stand in it")
-    time = _keyed("time_unit", settings.time_unit or "", "time", scales)
-    unit = _keyed("unit", settings.unit or "", series.quantity, scales)
+    time = StudyUnit.at_key("time_unit", settings.time_unit or "", "time", scales)
+    unit = StudyUnit.at_key("unit", settings.unit or "", series.quantity, scales)
     times = _times(settings.times, time) / time.factor
     return ObservedCurve(
         title, series, times, unit.name, time.name, unit.factor, time.factor,
@@ -149,9 +94,9 @@ def _planned(
     )  # fmt: skip
 
 
-def _times(settings: SyntheticTimes, unit: UnitOf) -> Array:
+def _times(settings: SyntheticTimes, unit: StudyUnit) -> Array:
     first, last = (
-        _converted(f"times.{key}", value, unit)
+        unit.converted(f"times.{key}", value)
         for key, value in (("first", settings.first), ("last", settings.last))
     )
     if not (0 <= first < last and (first > 0 or settings.spacing == "linear")):
@@ -223,7 +168,7 @@ def _values_column(table: CurveTable, at: int, name: str, settings: ObservationS
 
 def _of_column(
     key: str, given: str | None, table: CurveTable, column: int, quantity: str, scales: Scales | None
-) -> UnitOf:
+) -> StudyUnit:
     """Return the unit of a column: that of the key or of the heading, which agree where both are there."""
     heading = table.headings[column]
     if given is not None and heading.unit and given.strip() != heading.unit:
@@ -232,38 +177,14 @@ def _of_column(
             f"got {echo(given)}; remove one of the two"
         )
     if given is not None:
-        return _keyed(key, given.strip(), quantity, scales)
-    unit = UnitOf(heading.unit, quantity, scales)
-    try:
-        _ = unit.factor
-    except UnitError as error:
-        raise ConfigurationError(f"{table.path}: {heading.name}: {error}") from None
-    return unit
+        return StudyUnit.at_key(key, given.strip(), quantity, scales)
+    return StudyUnit.at_key(f"{table.path}: {heading.name}", heading.unit, quantity, scales)
 
 
-def _keyed(key: str, name: str, quantity: str, scales: Scales | None) -> UnitOf:
-    unit = UnitOf(name, quantity, scales)
-    try:
-        _ = unit.factor
-    except UnitError as error:
-        raise ConfigurationError(f"{key}: {error}") from None
-    return unit
-
-
-def _converted(key: str, value: float | str, unit: UnitOf) -> float:
-    try:
-        found = unit.number(value)
-    except UnitError as error:
-        raise ConfigurationError(f"{key}: {error}") from None
-    if not math.isfinite(found):
-        raise ConfigurationError(f"{key}: expected a finite number, got {echo(value)}")
-    return found
-
-
-def _spread(settings: ObservationSettings, unit: UnitOf) -> float | None:
+def _spread(settings: ObservationSettings, unit: StudyUnit) -> float | None:
     if settings.deviation is None:
         return None
-    found = _converted("deviation", settings.deviation, unit)
+    found = unit.converted("deviation", settings.deviation)
     if found <= 0:
         raise ConfigurationError(f"deviation: expected a number above 0, got {echo(settings.deviation)}")
     return found
@@ -282,10 +203,10 @@ def _positive(table: CurveTable, name: str) -> Array:
 
 
 def _counting(
-    settings: ObservationSettings, times: Array, unit: UnitOf
+    settings: ObservationSettings, times: Array, unit: StudyUnit
 ) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
     since, until = (
-        default if value is None else _converted(key, value, unit)
+        default if value is None else unit.converted(key, value)
         for key, value, default in (("since", settings.since, -math.inf), ("until", settings.until, math.inf))
     )
     kept: np.ndarray[tuple[int], np.dtype[np.bool_]] = (times >= since) & (times <= until)

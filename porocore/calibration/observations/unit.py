@@ -1,0 +1,90 @@
+"""Unit of the numbers of one study (StudyUnit): conversion from its dimensionless numbers and from texts."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from porocore.core.echo import echo
+from porocore.core.units.quantities import UnitError, has_unit, in_si, unit_in_si
+from porocore.core.units.scales import QUANTITIES, Scales
+from porocore.core.units.texts import NO_SCALES
+from porocore.errors import ConfigurationError
+
+
+@dataclass(frozen=True)
+class StudyUnit:
+    """Unit of numbers that belong to one study.
+
+    Attributes
+    ----------
+    name
+        Empty: the numbers are dimensionless.
+    quantity
+        Of :data:`porocore.core.units.scales.QUANTITIES`.
+    scales
+        Of the study.
+    """
+
+    name: str
+    quantity: str
+    scales: Scales | None
+
+    @classmethod
+    def at_key(cls, key: str, name: str, quantity: str, scales: Scales | None) -> StudyUnit:
+        """Return a unit that a key, or the heading of a file, gives.
+
+        Raises
+        ------
+        ConfigurationError
+            The unit is none of the quantity, or the study has no scales; the message begins with the key.
+        """
+        unit = cls(name, quantity, scales)
+        try:
+            _ = unit.factor
+        except UnitError as error:
+            raise ConfigurationError(f"{key}: {error}") from None
+        return unit
+
+    @property
+    def factor(self) -> float:
+        """A dimensionless number times it is in this unit.
+
+        Raises
+        ------
+        UnitError
+            The unit is none of the quantity, or the study has no scales.
+        """
+        if not self.name:
+            return 1.0
+        size = unit_in_si(self.name, self.quantity)
+        if self.scales is None:
+            raise UnitError(f"{echo(self.name)} {NO_SCALES}")
+        return float(QUANTITIES[self.quantity].factor(self.scales.exact) / size)
+
+    def converted(self, key: str, value: float | str) -> float:
+        """Return the number of a key, or its text with a unit, in this unit.
+
+        Raises
+        ------
+        ConfigurationError
+            It is no finite number and no value of the quantity; the message begins with the key.
+        """
+        try:
+            found = self._number(value)
+        except UnitError as error:
+            raise ConfigurationError(f"{key}: {error}") from None
+        if not math.isfinite(found):
+            raise ConfigurationError(f"{key}: expected a finite number, got {echo(value)}")
+        return found
+
+    def _number(self, value: float | str) -> float:
+        if not isinstance(value, str):
+            return value
+        if not has_unit(value):
+            raise UnitError(f"expected a number, or one with a unit, got {echo(value)}")
+        factor = self.factor
+        si = in_si(value, self.quantity)
+        if self.scales is None:
+            raise UnitError(f"{echo(value)} {NO_SCALES}")
+        return float(si / QUANTITIES[self.quantity].factor(self.scales.exact)) * factor
