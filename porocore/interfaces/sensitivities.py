@@ -115,6 +115,9 @@ class InitialPressureChange:
     """Change of the pressure with which the body begins, everywhere."""
 
 
+#: Series of the history that have derivatives, as :class:`~porocore.interfaces.solution.History` has them.
+HISTORY_SERIES = ("settlement", "heave", "pressure_max", "pressure_min", "drained")
+
 MacroChange: TypeAlias = (
     CellParameterChange
     | ModulusChange
@@ -136,7 +139,7 @@ class HistoryWeights:
     ----------
     count
         Number f of the sums.
-    settlement, pressure_max, drained : (steps, f)
+    settlement, heave, pressure_max, pressure_min, drained : (steps, f)
         Of the history; None: nothing.
     probes : name → (steps, 4, f)
         Of u_1, u_2, u_3 and p of each probe.
@@ -150,7 +153,9 @@ class HistoryWeights:
 
     count: int
     settlement: Array | None = None
+    heave: Array | None = None
     pressure_max: Array | None = None
+    pressure_min: Array | None = None
     drained: Array | None = None
     probes: Mapping[str, Array] = field(default_factory=dict)
     reactions: Mapping[str, Array] = field(default_factory=dict)
@@ -163,13 +168,14 @@ class MacroSensitivities:
     """Derivatives of the histories of a :class:`~porocore.interfaces.solution.MacroSolution` by k unknowns.
 
     Times and lengths of the steps are held fixed, also where an error control has chosen them. Where the largest
-    settlement or pressure moves from one node to another, its derivative is that of the node where it is.
+    settlement or heave, or the largest or least pressure, moves from one node to another, its derivative is that of the
+    node where it is.
 
     Attributes
     ----------
     changes
         The unknowns.
-    settlement, pressure_max, drained : (steps, k)
+    settlement, heave, pressure_max, pressure_min, drained : (steps, k)
         Of the history.
     probes : name → (steps, 4, k)
         Of u_1, u_2, u_3 and p of each probe.
@@ -183,7 +189,9 @@ class MacroSensitivities:
 
     changes: tuple[MacroChange, ...]
     settlement: Array
+    heave: Array
     pressure_max: Array
+    pressure_min: Array
     drained: Array
     probes: Mapping[str, Array]
     reactions: Mapping[str, Array]

@@ -30,6 +30,7 @@ from porocore.calibration.forward.steps import planned_times, with_fixed_steps
 from porocore.calibration.plan import CalibrationPlan
 from porocore.calibration.problem import CurvePrediction
 from porocore.core.parallel.calls import CallProcesses
+from porocore.core.parallel.threads import exactly_one_blas_thread
 from porocore.errors import ConfigurationError
 from porocore.macro.composition.bound_law import BoundLaw
 from porocore.macro.problem import MacroProblem
@@ -291,6 +292,7 @@ def test_a_load_that_is_unknown_is_not_enlarged() -> None:
     with CallProcesses(1) as processes:
         twice = further_data([model_of(plan)] * 2, plan, starts(plan), processes)
     assert [each.name for each in twice] == [*found, *found]
-    here = further_data([model_of(plan)], plan, starts(plan))
+    with exactly_one_blas_thread():
+        here = further_data([model_of(plan)], plan, starts(plan))
     for one, other in zip(twice, [*here, *here], strict=True):
         np.testing.assert_array_equal(one.rows, other.rows)

@@ -12,6 +12,7 @@ from sensitivity_bodies import LAYERS, UNKNOWNS, column, law, layers, pressed
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.errors import ConfigurationError
 from porocore.interfaces.sensitivities import (
+    HISTORY_SERIES,
     BoundaryChange,
     CellParameterChange,
     HatFunction,
@@ -34,7 +35,6 @@ CLOSURES = pytest.mark.parametrize(
     "closure", ["potential", pytest.param("mean-gradient", marks=pytest.mark.slow)]
 )
 SERIES = ("probes", "reactions", "inflow")
-NAMES = ("settlement", "pressure_max", "drained")
 
 
 @pytest.fixture(params=["skfem", pytest.param("dolfinx", marks=pytest.mark.slow)])
@@ -44,7 +44,7 @@ def make_solver(request):
 
 
 def series(found):
-    values = {name: getattr(getattr(found, "history", found), name) for name in NAMES}
+    values = {name: getattr(getattr(found, "history", found), name) for name in HISTORY_SERIES}
     return values | {f"{kind}/{name}": each for kind in SERIES for name, each in getattr(found, kind).items()}
 
 
@@ -62,7 +62,7 @@ def weights_for(solution):
         kind, _, which = name.partition("/")
         if which:
             groups[kind][which] = value
-    return HistoryWeights(count, **{name: found[name] for name in NAMES}, **groups)
+    return HistoryWeights(count, **{name: found[name] for name in HISTORY_SERIES}, **groups)
 
 
 def summed(solution, weights):
@@ -114,9 +114,13 @@ def test_large_bodies_have_gradients(make_solver, closure):
     compare(partial(make_solver, solver="iterative"), problem, given, [*CHANGES, *HATS], within=10 * ALIKE)
 
 
-def test_a_constant_tangent_has_gradients(make_solver):
+PULLED = {"traction": 0.05, "pressure": -0.002, "initial": -0.001}
+
+
+@pytest.mark.parametrize("loads", [{}, PULLED], ids=["pressed", "pulled"])
+def test_a_constant_tangent_has_gradients(make_solver, loads):
     names = ("load", "traction", "pressure", "initial")
-    compare(make_solver, column(), linear_law(), [UNKNOWNS[name][0] for name in names])
+    compare(make_solver, column(**loads), linear_law(), [UNKNOWNS[name][0] for name in names])
 
 
 @pytest.mark.slow

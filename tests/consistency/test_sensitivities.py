@@ -14,6 +14,7 @@ from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.core.inputs.input_space import InputSpace
 from porocore.errors import ConfigurationError
 from porocore.interfaces.sensitivities import (
+    HISTORY_SERIES,
     BoundaryChange,
     CellParameterChange,
     InitialPressureChange,
@@ -51,8 +52,8 @@ def solve(make_solver, problem, law):
 
 def series(solution, modulus=1.0):
     """Name to values, in units that do not depend on the modulus."""
-    h = solution.history
-    found = {"settlement": h.settlement, "pressure_max": h.pressure_max * modulus, "drained": h.drained}
+    units = {"pressure_max": modulus, "pressure_min": modulus}
+    found = {name: getattr(solution.history, name) * units.get(name, 1) for name in HISTORY_SERIES}
     for name, values in solution.probes.items():
         found[f"probes/{name}"] = values * [1, 1, 1, modulus]
     found |= {f"reactions/{name}": values * modulus for name, values in solution.reactions.items()}
@@ -60,7 +61,7 @@ def series(solution, modulus=1.0):
 
 
 def derivatives(found):
-    values = {name: getattr(found, name) for name in ("settlement", "pressure_max", "drained")}
+    values = {name: getattr(found, name) for name in HISTORY_SERIES}
     return values | {f"{kind}/{name}": each for kind in SERIES for name, each in getattr(found, kind).items()}
 
 
@@ -107,6 +108,19 @@ def check(make_solver, problem, law, unknowns, *, together=False, modulus=None):
 def test_the_derivative_along_all_unknowns_is_the_limit_of_differences(make_solver, closure):
     given = law("radius", "poisson_ratio", "viscosity", closure=closure)
     check(make_solver, column, given, UNKNOWNS, together=True, modulus="modulus")
+
+
+def test_heave_and_suction_have_derivatives(make_solver):
+    """A column whose top is pulled up, so that its fluid is under suction."""
+    given = law("radius", "poisson_ratio", "viscosity")
+    pulled = {"traction": 0.05, "pressure": -0.002, "initial": -0.001}
+    unknowns = {
+        name: (change, pulled.get(name, value), *more) for name, (change, value, *more) in UNKNOWNS.items()
+    }
+    check(make_solver, column, given, unknowns, together=True, modulus="modulus")
+    found = solve(make_solver, column(**pulled, radius=0.0, poisson_ratio=1.0, viscosity=0.01), given).history
+    assert found.heave.max() > 0.05
+    assert found.pressure_min.min() < -0.05
 
 
 @pytest.mark.slow

@@ -39,6 +39,8 @@ OBSERVATIONS = {
     "drained": {"quantity": "drained", **CURVE},
     "inflow": {"quantity": "inflow", "surface": "y+", **CURVE},
     "force": {"quantity": "force", "surface": "y-", **CURVE},
+    "heave": {"quantity": "heave", **CURVE},
+    "least": {"quantity": "pressure_min", **CURVE},
     "sideways": {"quantity": "force", "surface": "x+", "component": 1, **CURVE},
 }
 UNKNOWNS: dict[str, Any] = {

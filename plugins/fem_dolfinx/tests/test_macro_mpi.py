@@ -86,7 +86,7 @@ ALONE = f"""{PREPARED}
 DERIVATIVES = """
     import json
     import numpy as np
-    from porocore.interfaces.sensitivities import BoundaryChange, HistoryWeights, InitialPressureChange
+    from porocore.interfaces.sensitivities import HISTORY_SERIES, BoundaryChange, HistoryWeights, InitialPressureChange
     from porocore.interfaces.sensitivities import ModulusChange, ViscosityChange
     from porocore.macro.problem import MacroProblem
     from porocore.testing.macro_laws.solving import NONLINEAR
@@ -96,17 +96,18 @@ DERIVATIVES = """
     prepared = solver.prepare(MacroProblem.model_validate(json.loads((folder / "problem.json").read_text())))
     _, found = solver.solve_with_sensitivities(prepared, NONLINEAR, changes)
     if solver.communicator.rank == 0:
-        values = {name: getattr(found, name) for name in ("settlement", "pressure_max", "drained")}
+        values = {name: getattr(found, name) for name in HISTORY_SERIES}
         np.savez(folder / f"{backend}.npz", **values, **found.reactions, inflow=found.inflow["side"])
 
     def weights(solution):
         n = len(solution.history.time)
         forces = {name: np.full((n, 3, 1), 0.5) for name in solution.reactions}
         ones, inflow = np.ones((n, 1)), {"side": np.full((n, 1), 0.3)}
-        return HistoryWeights(1, settlement=ones, pressure_max=ones, drained=ones, reactions=forces, inflow=inflow)
+        every = {name: ones for name in HISTORY_SERIES}
+        return HistoryWeights(1, **every, reactions=forces, inflow=inflow)
 
     _, gradients = solver.solve_with_gradients(prepared, NONLINEAR, changes, weights)
-    total = sum(getattr(found, name).sum(axis=0) for name in ("settlement", "pressure_max", "drained"))
+    total = sum(getattr(found, name).sum(axis=0) for name in HISTORY_SERIES)
     total = total + sum(0.5 * each.sum(axis=(0, 1)) for each in found.reactions.values())
     total = total + 0.3 * found.inflow["side"].sum(axis=0)
     assert np.abs(gradients[0] - total).max() <= 1e-9 * np.abs(total).max(), (gradients[0], total)

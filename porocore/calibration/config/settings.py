@@ -25,7 +25,9 @@ def _no_switch(value: object) -> object:
 Value = Annotated[float | Annotated[str, Field(max_length=120, min_length=1)], BeforeValidator(_no_switch)]
 Positive = Annotated[float, Field(gt=0, le=LARGEST_NUMBER)]
 Name = Annotated[str, Field(min_length=1, max_length=200)]
-Kind = Literal["settlement", "displacement", "force", "pressure", "drained", "inflow"]
+Kind = Literal[
+    "settlement", "heave", "displacement", "force", "pressure", "pressure_min", "drained", "inflow"
+]
 
 
 class PriorSettings(StrictModel):
@@ -93,9 +95,10 @@ class ObservationSettings(StrictModel):
     """One measured curve: a column of a CSV file against a column of times."""
 
     quantity: Kind
-    """What was measured: ``settlement`` (the largest one), ``displacement`` of a probe, ``force`` on a surface (in
-    compression, or with ``component`` along an axis), ``pressure`` (the largest, or of a probe), ``drained`` volume, or
-    ``inflow`` through a surface."""
+    """What was measured: ``settlement`` (the largest one), ``heave`` (the largest along +y), ``displacement`` of a
+    probe, ``force`` on a surface (in compression, or with ``component`` along an axis), ``pressure`` (the largest, or
+    that of a probe), ``pressure_min`` (the least, negative where there is suction), ``drained`` volume, or ``inflow``
+    through a surface."""
     surface: Name | None = None
     """Surface of a force or an inflow."""
     probe: Name | None = None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -17,12 +18,72 @@ from porocore.states import Array
 #: Quantities of the units of each kind.
 QUANTITY: dict[Kind, str] = {
     "settlement": "displacement",
+    "heave": "displacement",
     "displacement": "displacement",
     "force": "force",
     "pressure": "pressure",
+    "pressure_min": "pressure",
     "drained": "volume",
     "inflow": "flow",
 }
+#: Kinds whose name in the history is another.
+_IN_HISTORY: dict[Kind, str] = {"pressure": "pressure_max"}
+#: Numbers of components of the vectors in a group.
+_WIDTHS = {"probes": 4, "reactions": 3}
+#: Key of the names in a group, and words for those that there are.
+_LISTED = {
+    "probes": ("probe", "probes are"),
+    "inflow": ("surface", "surfaces with a pressure are"),
+    "compression": ("surface", "plane surfaces that are held or moved are"),
+    "reactions": ("surface", "surfaces that are held or moved are"),
+}
+
+
+@dataclass(frozen=True)
+class SeriesPlace:
+    """Place of a series, the same in a solution, its derivatives and weights.
+
+    Attributes
+    ----------
+    group
+        Field of the history, or mapping of surfaces or probes.
+    name
+        Surface or probe; empty for a field of the history.
+    component
+        Column, from 0, of a group of vectors; None: the group is of scalars.
+    """
+
+    group: str
+    name: str = ""
+    component: int | None = None
+
+    def part(self, found: Any) -> Array:
+        """Return the series (steps, ...) in derivatives of histories, or in a history or solution that has the group.
+
+        Raises
+        ------
+        ConfigurationError
+            There is no such probe or surface.
+        """
+        of: Any = getattr(found, self.group)
+        if self.name:
+            of = self._entry(of)
+        series: Array = of if self.component is None else of[:, self.component]
+        return series
+
+    def _entry(self, group: Mapping[str, Array]) -> Array:
+        if self.name not in group:
+            key, listed = _LISTED[self.group]
+            advice = suggestion(self.name, group, f"the {listed}") if group else f"there is no such {key}"
+            raise ConfigurationError(f"{key}: expected one with this result, got {echo(self.name)}; {advice}")
+        return group[self.name]
+
+    def weight(self, each: Array) -> Array:
+        """Return weights (steps, f) of the series as those of the whole field or vectors."""
+        if self.component is None:
+            return each
+        weight: Array = np.eye(_WIDTHS[self.group])[self.component][:, None] * each[:, None]
+        return weight
 
 
 @dataclass(frozen=True)
@@ -54,6 +115,19 @@ class MeasuredSeries:
         """Quantity of its unit, of :data:`porocore.core.units.scales.QUANTITIES`."""
         return QUANTITY[self.kind]
 
+    @property
+    def place(self) -> SeriesPlace:
+        """Place of the series."""
+        if self.kind == "inflow":
+            return SeriesPlace("inflow", self.surface)
+        if self.kind == "force":
+            of_axis = SeriesPlace("reactions", self.surface, self.component - 1)
+            return of_axis if self.component else SeriesPlace("compression", self.surface)
+        if self.probe:
+            # Pressures stand behind the three displacements.
+            return SeriesPlace("probes", self.probe, self.component - 1 if self.component else 3)
+        return SeriesPlace(_IN_HISTORY.get(self.kind, self.kind))
+
     def values(self, solution: MacroSolution) -> Array:
         """Return the series (steps,) of the solution of a whole specimen.
 
@@ -62,42 +136,12 @@ class MeasuredSeries:
         ConfigurationError
             The solution has no such probe, surface or force.
         """
-        history = solution.history
-        if self.kind == "settlement":
-            return history.settlement
-        if self.kind == "drained":
-            return history.drained
-        if self.kind == "inflow":
-            return _entry(solution.inflow, self.surface, "surface", "surfaces with a pressure are")
-        if self.kind == "force" and not self.component:
-            return _entry(
-                solution.compression, self.surface, "surface", "plane surfaces that are held or moved are"
-            )
-        if self.kind == "force":
-            forces: Array = _entry(
-                solution.reactions, self.surface, "surface", "surfaces that are held or moved are"
-            )
-            return forces[:, self.component - 1]
-        if not self.probe:
-            return history.pressure_max
-        probe: Array = _entry(solution.probes, self.probe, "probe", "probes are")
-        return probe[:, self.component - 1 if self.component else 3]
+        place = self.place
+        return place.part(solution if place.name else solution.history)
 
     def slopes(self, found: MacroSensitivities) -> Array:
         """Return the derivatives (steps, k) of the series by the unknowns of a run of a whole specimen."""
-        plain = {
-            "settlement": found.settlement,
-            "drained": found.drained,
-            "pressure": found.pressure_max,
-        }
-        if self.kind in plain and not self.probe:
-            return plain[self.kind]
-        if self.kind == "inflow":
-            return found.inflow[self.surface]
-        if self.kind == "force":
-            force = found.compression if not self.component else found.reactions
-            return force[self.surface] if not self.component else force[self.surface][:, self.component - 1]
-        return found.probes[self.probe][:, self.component - 1 if self.component else 3]
+        return self.place.part(found)
 
 
 def weights_of(series: Sequence[MeasuredSeries], weights: Sequence[Array]) -> HistoryWeights:
@@ -110,39 +154,12 @@ def weights_of(series: Sequence[MeasuredSeries], weights: Sequence[Array]) -> Hi
     weights : (steps, f)
         Of each of them.
     """
-    found: dict[str, dict[str, Array]] = {"probes": {}, "reactions": {}, "inflow": {}, "compression": {}}
-    plain: dict[str, Array] = {}
-
-    def add(group: dict[str, Array], name: str, each: Array, width: int = 0, component: int = 0) -> None:
-        if width:
-            each = np.eye(width)[component][:, None] * each[:, None]
-        group[name] = group[name] + each if name in group else each
-
-    for one, each in zip(series, weights, strict=True):
-        if one.kind == "inflow":
-            add(found["inflow"], one.surface, each)
-        elif one.kind == "force" and one.component:
-            add(found["reactions"], one.surface, each, 3, one.component - 1)
-        elif one.kind == "force":
-            add(found["compression"], one.surface, each)
-        elif one.probe:
-            add(found["probes"], one.probe, each, 4, one.component - 1 if one.component else 3)
-        else:
-            add(plain, "pressure_max" if one.kind == "pressure" else one.kind, each)
-    return HistoryWeights(
-        weights[0].shape[1],
-        plain.get("settlement"),
-        plain.get("pressure_max"),
-        plain.get("drained"),
-        found["probes"],
-        found["reactions"],
-        found["inflow"],
-        found["compression"],
-    )
-
-
-def _entry(found: Mapping[str, Array], name: str, key: str, listed: str) -> Array:
-    if name not in found:
-        advice = suggestion(name, found, f"the {listed}") if found else f"there is no such {key}"
-        raise ConfigurationError(f"{key}: expected one with this result, got {echo(name)}; {advice}")
-    return found[name]
+    histories: dict[str, Any] = {}
+    groups: dict[str, Any] = {}
+    for one, given in zip(series, weights, strict=True):
+        place, each = one.place, one.place.weight(given)
+        into, name = (
+            (groups.setdefault(place.group, {}), place.name) if place.name else (histories, place.group)
+        )
+        into[name] = into[name] + each if name in into else each
+    return HistoryWeights(weights[0].shape[1], **histories, **groups)

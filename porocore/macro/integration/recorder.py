@@ -104,14 +104,8 @@ class HistoryRecorder:
         return forces + [each.total(residual / dt, inward) for each in drains]
 
     def _extremes(self, x: Array) -> dict[str, float]:
-        n_u = self.d.mesh.n_u
         # No −0 at rest.
-        return {
-            "settlement": float((-x[1:n_u:3]).max()) + 0.0,
-            "heave": float(x[1:n_u:3].max()) + 0.0,
-            "pressure_max": float(x[n_u:].max()),
-            "pressure_min": float(x[n_u:].min()) + 0.0,
-        }
+        return {name: sign * float(x[i]) + 0.0 for name, (i, sign) in extremes(x, self.d.mesh.n_u).items()}
 
     def add_profile(self, unknowns: Array, response: MacroResponse, time: float) -> None:
         """Add the fields at ``time``: nodal values, and means over the elements."""
@@ -158,6 +152,25 @@ class HistoryRecorder:
                 body, tuple(self.d.problem.regions), [each.time for each in self.profiles], self.d.all_means
             ),
         )
+
+
+def extremes(x: Array, n_u: int) -> dict[str, tuple[int, float]]:
+    """Return the unknown that each extreme of the history is, and its sign, by the extreme's name.
+
+    Parameters
+    ----------
+    x : (unknowns,)
+        A solution in the mesh's order.
+    n_u
+        Number of displacements, which come first.
+    """
+    u_y, p = x[1:n_u:3], x[n_u:]
+    return {
+        "settlement": (1 + 3 * int(u_y.argmin()), -1.0),
+        "heave": (1 + 3 * int(u_y.argmax()), 1.0),
+        "pressure_max": (n_u + int(p.argmax()), 1.0),
+        "pressure_min": (n_u + int(p.argmin()), 1.0),
+    }
 
 
 def _outside(d: Discretisation, response: MacroResponse) -> float:

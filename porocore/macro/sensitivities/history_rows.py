@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from porocore.interfaces.sensitivities import HistoryWeights
-from porocore.macro.integration.recorder import HistoryRecorder
+from porocore.macro.integration.recorder import HistoryRecorder, extremes
 from porocore.macro.sensitivities.point_weights import PointWeights
 from porocore.states import Array
 
@@ -90,13 +90,13 @@ class HistoryRows:
         return RowWeights(self._local(solution), local, self._points(stress, flux), outflow, begun)
 
     def _of_solution(self, number: int, x: Array) -> Array:
-        """Return the weights (unknowns, f) of settlement, largest pressure and probes, in the mesh's order."""
+        """Return the weights (unknowns, f) of the extremes and probes, in the mesh's order."""
         record, weights, d = self._record, self._weights, self._record.d
-        whole, n_u, found = d.to_mesh(x), d.mesh.n_u, np.zeros((d.mesh.size, self.count))
-        if weights.settlement is not None:
-            found[1 + 3 * int(np.argmax(-whole[1:n_u:3]))] -= weights.settlement[number]
-        if weights.pressure_max is not None:
-            found[n_u + int(np.argmax(whole[n_u:]))] += weights.pressure_max[number]
+        whole, found = d.to_mesh(x), np.zeros((d.mesh.size, self.count))
+        for name, (unknown, sign) in extremes(whole, d.mesh.n_u).items():
+            weight: Array | None = getattr(weights, name)
+            if weight is not None:
+                found[unknown] += sign * weight[number]
         for place, name in enumerate(d.problem.probes):
             if name in weights.probes:
                 found += record.probe[4 * place : 4 * place + 4].T @ weights.probes[name][number]

@@ -9,8 +9,11 @@ import numpy as np
 from porocore.interfaces.law import Integrand
 from porocore.interfaces.sensitivities import MacroChange, MacroSensitivities
 from porocore.macro.boundary.conditions import Loads
-from porocore.macro.integration.recorder import HistoryRecorder
+from porocore.macro.integration.recorder import HistoryRecorder, extremes
 from porocore.states import Array
+
+#: Extremes of the history.
+EXTREMES = ("settlement", "heave", "pressure_max", "pressure_min")
 
 
 class SensitivityRecorder:
@@ -28,7 +31,7 @@ class SensitivityRecorder:
         self._record, self._changes = record, changes
         d = record.d
         self._names = list(d.problem.probes), list(d.boundary.supports), list(d.boundary.drains)
-        #: Values by unknown of each step: settlement, pressure, drained; probes; reactions and inflows.
+        #: Values by unknown of each step: drained volume, extremes; probes; reactions and inflows.
         self._rows: list[Array] = []
 
     def add_start(self, x: Array, changes: list[Array]) -> None:
@@ -59,24 +62,23 @@ class SensitivityRecorder:
         """
         record, rows = self._record, []
         for j, change in enumerate(changes):
-            left = self._rows[-1][j, 2] + record.outflow(residuals[j], loads[j], dt)
+            left = self._rows[-1][j, 0] + record.outflow(residuals[j], loads[j], dt)
             sums = record.sums(residuals[j], at_points[j], dt)
             rows.append(np.concatenate([*self._nodal(x, change, left), *sums]))
         self._rows.append(np.stack(rows))
 
     def _nodal(self, x: Array, change: Array, drained: float) -> tuple[Array, Array]:
-        """Return the derivatives of settlement, pressure and drained volume, and those of the probes."""
+        """Return the derivatives of drained volume and extremes, and those of the probes."""
         d = self._record.d
-        whole, moved, n_u = d.to_mesh(x), d.to_mesh(change), d.mesh.n_u
-        settled = -moved[1:n_u:3][np.argmax(-whole[1:n_u:3])]
-        pressure = moved[n_u:][np.argmax(whole[n_u:])]
-        return np.array([settled, pressure, drained]), self._record.probe @ moved
+        moved, places = d.to_mesh(change), extremes(d.to_mesh(x), d.mesh.n_u)
+        found = [drained, *(places[name][1] * moved[places[name][0]] for name in EXTREMES)]
+        return np.array(found), self._record.probe @ moved
 
     def result(self) -> MacroSensitivities:
         """Return all derivatives."""
         rows = np.swapaxes(np.array(self._rows), 1, 2)
         probes, supports, drains = self._names
-        first, widths = 3, (4, 3, 1)
+        first, widths = 1 + len(EXTREMES), (4, 3, 1)
         found: list[dict[str, Array]] = []
         for names, width in zip((probes, supports, drains), widths, strict=True):
             found.append(
@@ -85,9 +87,8 @@ class SensitivityRecorder:
             first += width * len(names)
         return MacroSensitivities(
             self._changes,
-            settlement=rows[:, 0],
-            pressure_max=rows[:, 1],
-            drained=rows[:, 2],
+            drained=rows[:, 0],
+            **{name: rows[:, 1 + i] for i, name in enumerate(EXTREMES)},
             probes=found[0],
             reactions=found[1],
             inflow={name: values[:, 0] for name, values in found[2].items()},

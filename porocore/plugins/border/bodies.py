@@ -10,7 +10,12 @@ import numpy as np
 
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.macro import MacroSolver
-from porocore.interfaces.sensitivities import HistoryWeights, MacroChange, MacroSensitivities
+from porocore.interfaces.sensitivities import (
+    HISTORY_SERIES,
+    HistoryWeights,
+    MacroChange,
+    MacroSensitivities,
+)
 from porocore.interfaces.solution import PROFILE_SHAPES, SERIES, History, MacroSolution, Profile
 from porocore.plugins.border.origin import described, refuse
 from porocore.plugins.hookspecs import short_repr
@@ -53,7 +58,7 @@ def body_sensitivities_of(
     if not isinstance(found, MacroSensitivities):
         raise refuse(solver, f"expected MacroSensitivities, got {short_repr(found)}")
     steps, k = len(solution.history.time), len(changes)
-    for name in ("settlement", "pressure_max", "drained"):
+    for name in HISTORY_SERIES:
         if fault := array_fault(f"sensitivities.{name}", getattr(found, name), (steps, k)):
             raise refuse(solver, fault)
     for kind in ("probes", "reactions", "inflow"):

@@ -8,6 +8,7 @@ import numpy as np
 
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.interfaces.sensitivities import (
+    HISTORY_SERIES,
     BoundaryChange,
     CellParameterChange,
     HistoryWeights,
@@ -22,7 +23,7 @@ from porocore.interfaces.solution import MacroSolution
 from porocore.macro.laws import ClosedLaw, make_closure
 from porocore.macro.problem import MacroProblem
 from porocore.testing.expect import holds, near
-from porocore.testing.macro_laws.solving import HELD, SIDES, Solving
+from porocore.testing.macro_laws.solving import SIDES, Solving
 from porocore.testing.synthetic.porous_law import PorousFamilyLaw
 from porocore.testing.synthetic.response import confined_column
 
@@ -37,7 +38,6 @@ UNKNOWNS: dict[str, tuple[MacroChange, float, float]] = {
 }
 #: Unknowns by whose logarithm the derivative is.
 RELATIVE = ("modulus", "viscosity")
-NAMES = ("settlement", "pressure_max", "drained")
 STATE = "a column of the made-up family of porous cells, all unknowns along one direction"
 
 
@@ -58,7 +58,8 @@ class RunDerivatives(Solving):
             2,
             load=at["load"],
             size=(0.5, 1.0, 0.5),
-            boundary={**SIDES, "y-": HELD, "y+": top},
+            # The base is lifted, so that there is a heave beside the settlement.
+            boundary={**SIDES, "y-": {"displacement": (0, 0.004, 0)}, "y+": top},
             fields={"radius": at["radius"], "viscosity": at["viscosity"] / E},
             initial={"pressure": at["initial"] / E},
             probes={"inside": (0.2, 0.6, 0.3)},
@@ -98,9 +99,7 @@ class RunDerivatives(Solving):
         _, gradients = solver.solve_with_gradients(solver.prepare(problem), self.law, changes, _weights)
         run, found = self.with_derivatives()
         weights = _weights(run)
-        assert weights.settlement is not None
-        assert weights.drained is not None
-        wanted = weights.settlement[:, 0] @ found.settlement + weights.drained[:, 0] @ found.drained
+        wanted = sum(getattr(weights, name)[:, 0] @ getattr(found, name) for name in HISTORY_SERIES)
         wanted = wanted + np.einsum("sc,sck->k", weights.probes["inside"][..., 0], found.probes["inside"])
         shape = np.shape(gradients)
         holds(shape == (1, len(UNKNOWNS)), STATE, f"gradients (1, {len(UNKNOWNS)})", f"shape {shape}")
@@ -110,7 +109,7 @@ class RunDerivatives(Solving):
     def test_a_run_with_sensitivities_is_the_run_without(self) -> None:
         solution, found = self.with_derivatives()
         plain = self.solve(self.pressed(), self.law)
-        for name in NAMES:
+        for name in HISTORY_SERIES:
             wanted = getattr(plain.history, name)
             within = 1e-9 * float(np.abs(wanted).max())
             near(name, getattr(solution.history, name), wanted, "solved with sensitivities", within=within)
@@ -119,16 +118,16 @@ class RunDerivatives(Solving):
 
 
 def _weights(solution: MacroSolution) -> HistoryWeights:
-    """Return growing weights of the settlement, falling ones of the drained volume, and those of a probe."""
+    """Return growing weights of the displacements and a probe, and falling ones of pressures and drained volume."""
     growing = np.linspace(0.5, 2.0, len(solution.history.time))[:, None]
-    probe = growing[:, :, None] * np.array([0.0, 1.0, 0.0, 20.0])[:, None]
-    return HistoryWeights(1, settlement=growing, drained=growing[::-1], probes={"inside": probe})
+    falling, probe = growing[::-1], growing[:, :, None] * np.array([0.0, 1.0, 0.0, 20.0])[:, None]
+    return HistoryWeights(1, growing, growing, falling, falling, falling, probes={"inside": probe})
 
 
 def _series(of: Any, histories: Any, modulus: float) -> dict[str, Any]:
     """Return all series of a solution or of its derivatives; pressures and forces times the modulus."""
-    found = {name: getattr(histories, name) for name in NAMES}
-    found["pressure_max"] = modulus * found["pressure_max"]
+    found = {name: getattr(histories, name) for name in HISTORY_SERIES}
+    found |= {name: modulus * found[name] for name in ("pressure_max", "pressure_min")}
     found |= {f"the displacement of {name}": values[:, :3] for name, values in of.probes.items()}
     found |= {f"the pressure of {name}": modulus * values[:, 3] for name, values in of.probes.items()}
     # Across the column forces are the round-off of the differences where their loads do not change them.

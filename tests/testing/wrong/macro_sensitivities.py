@@ -80,3 +80,15 @@ class TestGradientsOfTheLastStepAlone(Law):
 
             with patch.object(UnitDerivatives, "of_memory", nothing):
                 return super().solve_with_gradients(*given, **how)
+
+
+class TestHeaveOfNothing(Law):
+    """The heave has no derivatives, as if it were always zero."""
+
+    caught_by = "test_sensitivities_are_limits_of_differences"
+    slow = True
+
+    class solver(Altered):
+        def solve_with_sensitivities(self, *given, **how):
+            solution, found = super().solve_with_sensitivities(*given, **how)
+            return solution, replace(found, heave=0.0 * found.heave)
