@@ -113,11 +113,16 @@ def _calibrated(rounds: FitRounds, synthetic: bool, began: float) -> Calibration
 def _identity(plan: CalibrationPlan, synthetic: bool) -> str:
     """Return the hash of studies, data, unknowns and settings of the fit."""
     curves = [
-        [None if c.measured is None else c.measured.tolist(), repr(c.spread), c.share, c.weights.tolist()]
+        [None if c.measured is None else c.measured.tolist(), _listed(c.spread), c.share, c.weights.tolist()]
         for c in plan.curves
     ]
     unknowns = [repr(each.unknown) for each in plan.unknowns]
     return json_hash([experiments_identity(plan), curves, unknowns, plan.fit.model_dump(), synthetic])
+
+
+def _listed(spread: float | Array | None) -> float | list[float] | None:
+    # The text of a long array leaves out its middle.
+    return spread.tolist() if isinstance(spread, np.ndarray) else spread
 
 
 def _with_made_up_data(plan: CalibrationPlan, model: CurveModel) -> CalibrationPlan:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +13,11 @@ import numpy as np
 import pytest
 import yaml
 from calibration_models import Formula
+from curve_experiment import planned
 from invoked import invoke
 
 import porocore
-from porocore.calibration.calibrate import _with_made_up_data
+from porocore.calibration.calibrate import _identity, _with_made_up_data
 from porocore.calibration.problem import Unknown
 from porocore.errors import RunFolderError, SolveError
 
@@ -275,3 +277,18 @@ def test_further_cells_are_solved_where_the_fitted_body_leaves_the_samples(
     record.write_text("".join(lines[:3]), encoding="utf-8")
     porocore.calibrate(narrow, resumed, resume=True, progress=False, store=False)
     assert results(resumed) == results(tmp_path / "narrow")
+
+
+def test_each_deviation_of_a_long_curve_counts_for_what_a_folder_is_of() -> None:
+    plan = planned()
+    (experiment,) = plan.experiments
+    spread = np.full(3000, 0.1)
+
+    def identity() -> str:
+        curves = (replace(experiment.curves[0], spread=spread.copy()), *experiment.curves[1:])
+        return _identity(replace(plan, experiments=(replace(experiment, curves=curves),)), False)
+
+    before = identity()
+    assert identity() == before
+    spread[1500] *= 2
+    assert identity() != before

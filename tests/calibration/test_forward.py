@@ -25,7 +25,7 @@ from curve_experiment import (
 
 import porocore.calibration.forward.experiment as forward
 from porocore.calibration.forward.experiment import ExperimentModel
-from porocore.calibration.forward.further import further_data
+from porocore.calibration.forward.further import _noise, further_data
 from porocore.calibration.forward.steps import planned_times, with_fixed_steps
 from porocore.calibration.plan import CalibrationPlan
 from porocore.calibration.problem import CurvePrediction
@@ -276,6 +276,17 @@ def test_further_measurements_are_those_of_the_models_that_make_them() -> None:
     np.testing.assert_allclose(
         found[larger], wanted.slopes * by_coordinate / (share * np.abs(wanted.values).max()), rtol=1e-8
     )
+
+
+def test_curves_of_zeros_tell_no_noise(plan: CalibrationPlan) -> None:
+    """A drained surface has no pressure; a share of nothing is no deviation of other measurements."""
+    (experiment,), count = plan.experiments, int(TIMES["count"])
+    zeros = [replace(curve, measured=np.zeros(count)) for curve in experiment.curves[:2]]
+    empty = replace(plan, experiments=(replace(experiment, curves=tuple(zeros)),))
+    assert further_data([model_of(empty)], empty, starts(plan)) == []
+    curves = (zeros[0], replace(zeros[1], measured=np.full(count, -0.5)))
+    some = replace(plan, experiments=(replace(experiment, curves=curves),))
+    assert _noise(some.experiments[0]) == pytest.approx(0.01 / 0.5)
 
 
 def test_a_load_that_is_unknown_is_not_enlarged() -> None:

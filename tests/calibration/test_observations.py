@@ -170,6 +170,19 @@ def test_made_up_data_scatter_as_they_say_and_are_the_same_again(tmp_path: Path)
     assert np.corrcoef(one.measured - exact, other.measured - exact)[0, 1] < 0.1  # type: ignore[operator]
 
 
+def test_only_the_part_between_since_and_until_is_planned(tmp_path: Path) -> None:
+    times = {"first": 0, "last": 4, "count": 5, "spacing": "linear"}
+    settings = {"quantity": "settlement", "times": times, "time_unit": "s", "deviation": 0.1}
+
+    def planned(**changes: Any) -> ObservedCurve:
+        observation = ObservationSettings(**settings, **changes)
+        return read_curve("creep", observation, tmp_path, SCALES, 1e9, synthetic=True)
+
+    np.testing.assert_allclose(planned(since="1 s", until=3).displayed_times, [1, 2, 3])
+    with pytest.raises(ConfigurationError, match=r"^times: expected at least 2 values from 4\.0, got 1"):
+        planned(since=4)
+
+
 def test_interpolation_is_exact_on_straight_lines_and_has_the_slope_of_differences() -> None:
     steps = np.array([0.0, 0.1, 0.3, 1.0, 2.0])
     times = np.array([0.05, 0.3, 0.9, 1.7, 2.0, 3.0, -0.5])

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import copy
+import re
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -175,6 +177,18 @@ def test_plain_numbers_mean_the_same_in_all_studies(two: dict[str, Any], tmp_pat
     two["unknowns"]["delay"] = {"of": "time_shift", "lower": -1, "upper": 1}
     with pytest.raises(ConfigurationError, match=r"unknowns\.delay: expected values with a unit"):
         read_plan(write(tmp_path, study=two, name="both.yaml"))
+
+
+def test_a_time_shift_keeps_the_data_within_the_study(two: dict[str, Any], tmp_path: Path) -> None:
+    two["unknowns"]["delay"] = {"of": "time_shift", "lower": "0 s", "upper": "1e9 s"}
+    with pytest.raises(ConfigurationError) as refused:
+        read_plan(write(tmp_path, study=two, name="both.yaml"))
+    found = re.search(r"delay\.upper: expected at most (\S+) s, got 1e\+09 s, by which", str(refused.value))
+    assert found is not None
+    for share, fits in ((0.999, True), (1.001, False)):
+        two["unknowns"]["delay"]["upper"] = f"{share * float(found[1])!r} s"
+        with nullcontext() if fits else pytest.raises(ConfigurationError, match="expected at most"):
+            read_plan(write(tmp_path, study=two, name="both.yaml"))
 
 
 def curve(**changes: Any) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -152,6 +152,7 @@ def _plan(
         experiments.append(Experiment(name, family, load, tuple(curves)))
     title = settings.title or next(iter(experiments)).config.title
     _check_posterior(settings, len(unknowns), at)
+    _check_shifts(experiments, unknowns, at)
     plan = CalibrationPlan(
         title, tuple(experiments), tuple(unknowns), settings.fit, tuple(notes), settings.posterior
     )
@@ -162,6 +163,25 @@ def _plan(
             f"{points} for {free}; measure more, or give priors"
         )
     return plan
+
+
+def _check_shifts(experiments: Sequence[Experiment], unknowns: list[PlannedUnknown], at: Location) -> None:
+    """Refuse a time shift by which data come to lie behind the end of their study, where nothing is computed."""
+    for each in unknowns:
+        for one in experiments:
+            number = each.numbers.get(one.name)
+            if number is None or number.kind != "time_shift":
+                continue
+            factor, end = each.dimensionless(one), one.config.macro.time.end
+            last = max(float(curve.times[-1]) for curve in one.curves)
+            if last + each.unknown.upper * factor > end * (1 + 1e-9):
+                unit = f" {each.unknown.unit}" if each.unknown.unit else ""
+                of = f" of the experiment '{one.name}'" if one.name else ""
+                raise ConfigurationError(
+                    f"{_key(at, 'unknowns', each.unknown.name, 'upper')}: expected at most {(end - last) / factor:.4g}"
+                    f"{unit}, got {each.unknown.upper:g}{unit}, by which the last data{of} lie behind the end of the "
+                    "study; raise its macro.time.end, or give 'until:'"
+                )
 
 
 def _check_posterior(settings: CalibrationSettings, unknowns: int, at: Location) -> None:

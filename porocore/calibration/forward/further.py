@@ -32,7 +32,8 @@ def further_data(
     """Return data of measurements that were not made, to be ranked beside those that were.
 
     Each test is computed once with all quantities, and once under a larger load if the surrogate is trusted there. The
-    standard deviations are the same share of the largest value as those of the measured curves.
+    standard deviations are the same share of the largest value as those of the measured curves; where all of these are
+    zero there is no such share, and nothing is proposed.
 
     Parameters
     ----------
@@ -49,9 +50,11 @@ def further_data(
     """
     measured = {experiment.name: experiment for experiment in plan.experiments}
     variants = [
-        _Variants(model, plan.unknowns, values, _noise(measured[model.experiment.name])) for model in models
+        _Variants(model, plan.unknowns, values, share)
+        for model in models
+        if (share := _noise(measured[model.experiment.name])) is not None
     ]
-    if processes is None or len(models) < 2:
+    if processes is None or len(variants) < 2:
         found = [_further_of(tell, each) for each in variants]
     else:
         tell("other quantities and larger loads")
@@ -81,13 +84,13 @@ def _further_of(tell: Callable[[str], None], variants: _Variants) -> list[Furthe
     return found
 
 
-def _noise(experiment: Experiment) -> float:
-    """Return the standard deviation of the measured curves as a share of their largest values, that of the worst."""
-    return max(
-        float(np.mean(curve.deviations)) / float(np.abs(curve.measured).max())
-        for curve in experiment.curves
-        if curve.measured is not None
-    )
+def _noise(experiment: Experiment) -> float | None:
+    """Return the standard deviation of the measured curves as a share of their largest values, that of the worst.
+
+    Curves of zeros do not count; None: there are no others.
+    """
+    sizes = [(c, float(np.abs(c.measured).max())) for c in experiment.curves if c.measured is not None]
+    return max((float(np.mean(c.deviations)) / size for c, size in sizes if size > 0), default=None)
 
 
 def _other_quantities(model: ExperimentModel) -> Experiment:

@@ -17,8 +17,8 @@ from porocore.core.units.scales import Scales
 from porocore.errors import ConfigurationError
 from porocore.states import Array
 
-#: Values that one curve has at least.
-FEWEST = 3
+#: Values that a measured curve has at least, and times that a planned one has.
+FEWEST, FEWEST_TIMES = 3, 2
 
 
 def read_curve(
@@ -87,9 +87,10 @@ def _planned(
         raise ConfigurationError("file: missing; the columns of deviations or weights stand in it")
     time = StudyUnit.at_key("time_unit", settings.time_unit or "", "time", scales)
     unit = StudyUnit.at_key("unit", settings.unit or "", series.quantity, scales)
-    times = _times(settings.times, time) / time.factor
+    times = _times(settings.times, time)
+    times = times[_counting("times", settings, times, time, FEWEST_TIMES)]
     return ObservedCurve(
-        title, series, times, unit.name, time.name, unit.factor, time.factor,
+        title, series, times / time.factor, unit.name, time.name, unit.factor, time.factor,
         np.full(len(times), settings.weight), None, _spread(settings, unit), settings.deviation_share,
     )  # fmt: skip
 
@@ -137,12 +138,7 @@ def _measured(
     spread: float | Array | None = _spread(settings, unit)
     if settings.deviation_column is not None:
         spread = abs(settings.factor) * _positive(table, settings.deviation_column)
-    kept = _counting(settings, times, time)
-    if (count := int(kept.sum())) < FEWEST:
-        raise ConfigurationError(
-            f"{table.path}: expected at least {FEWEST} values{_between(settings)}, got {count}; measure more, or let "
-            "more of them count"
-        )
+    kept = _counting(str(table.path), settings, times, time, FEWEST)
     of_each = isinstance(spread, np.ndarray)
     return ObservedCurve(
         title, series, times[kept] / time.factor, unit.name, time.name, unit.factor, time.factor, weights[kept],
@@ -203,13 +199,19 @@ def _positive(table: CurveTable, name: str) -> Array:
 
 
 def _counting(
-    settings: ObservationSettings, times: Array, unit: StudyUnit
+    key: str, settings: ObservationSettings, times: Array, unit: StudyUnit, fewest: int
 ) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Return True for the times that count, as many as ``fewest`` at least; ``key`` says where they stand."""
     since, until = (
         default if value is None else unit.converted(key, value)
         for key, value, default in (("since", settings.since, -math.inf), ("until", settings.until, math.inf))
     )
     kept: np.ndarray[tuple[int], np.dtype[np.bool_]] = (times >= since) & (times <= until)
+    if (count := int(kept.sum())) < fewest:
+        raise ConfigurationError(
+            f"{key}: expected at least {fewest} values{_between(settings)}, got {count}; measure more, or let more of "
+            "them count"
+        )
     return kept
 
 
