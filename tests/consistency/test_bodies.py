@@ -47,7 +47,7 @@ LAWS = {"linear": linear_law, "mean-gradient": mean_gradient_law}
 FLOOR = 1e-6
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def solved(load):
     """``solved(backend, problem, law)``, solved once."""
 

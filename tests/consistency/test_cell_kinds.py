@@ -47,7 +47,7 @@ GEOMETRIES = {
 }
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def files(tmp_path_factory):
     """A periodic image without mirrors, and our own mesh as a file."""
     folder = tmp_path_factory.mktemp("cells")
@@ -67,7 +67,7 @@ def files(tmp_path_factory):
     }
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def found(load, files):
     """``found(backend, geometry, mesh)``: K, M and Q, solved once."""
 

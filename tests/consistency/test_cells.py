@@ -42,7 +42,7 @@ def cell(element, symmetry, contact="frictionless"):
     return Cell(mesh=mesh, symmetry=symmetry, contact=ContactSettings(kind=contact))
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def prepared(load):
     """``prepared(backend, element, symmetry, contact)`` is a solver and the prepared cell, made once."""
 
@@ -54,7 +54,7 @@ def prepared(load):
     return make
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def solved(prepared):
     """``solved(backend, element, symmetry, state)``, solved once."""
 

@@ -57,7 +57,7 @@ STATES = {
 }
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def library(load):
     """``library(name)`` is the class."""
     return lambda name: type(load("surrogate", name))
@@ -78,7 +78,7 @@ def data(inputs):
     return TrainingSet(states, respond(states), GENERAL, respond(MacroState.zeros(1)), "made-up", {}, CUBIC)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def trained(library):
     @cache
     def make(name, training):

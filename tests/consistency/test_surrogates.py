@@ -20,7 +20,7 @@ from porocore.verification.crosscheck.comparison import SPREAD
 DATA, UNSEEN, BETWEEN = (synthetic_training_set(n, seed) for n, seed in ((150, 1), (40, 2), (400, 3)))
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def fitted(load):
     """``fitted(name)`` is trained once on the made-up cell."""
 
