@@ -155,7 +155,7 @@ class MacroSolver(ABC, Generic[Prepared]):
         Raises
         ------
         ConfigurationError
-            As :meth:`solve_with_sensitivities`.
+            As :meth:`solve_with_sensitivities`; also weights of a series that the run does not have.
         SolveError
             Newton's iteration fails at the smallest step, or a linear system has no solution.
         """

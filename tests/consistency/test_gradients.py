@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from functools import partial
 
@@ -205,6 +206,29 @@ def test_a_law_that_learns_during_the_run_is_refused():
     )
     with pytest.raises(ConfigurationError, match="the law learns during the run"):
         solver.solve_with_gradients(solver.prepare(problem), adaptive, [LoadChange()], weights_for)
+
+
+@pytest.mark.parametrize(
+    ("given", "naming"),
+    [
+        (lambda n: {"probes": {"insde": np.ones((n, 4, 1))}}, "no series 'insde'; did you mean 'inside'"),
+        (lambda n: {"reactions": {"y+": np.ones((n, 3, 1))}}, "weights of reactions: no series 'y+'"),
+        (
+            lambda n: {"inflow": {"y+": np.ones((n, 2))}},
+            r"weights of inflow/y+: expected the shape (6, 1), got (6, 2)",
+        ),
+        (lambda n: {"heave": np.ones((n - 1, 1))}, "weights of heave: expected the shape (6, 1), got (5, 1)"),
+        (lambda n: {"compression": {"y-": np.ones((n, 1))}}, "expected weights of the forces in reactions"),
+    ],
+)
+def test_weights_of_what_a_run_does_not_have_are_refused(given, naming):
+    solver, problem = registry().get("macro solver", "skfem")(), column()
+
+    def weights(solution):
+        return HistoryWeights(1, **given(len(solution.history.time)))
+
+    with pytest.raises(ConfigurationError, match=re.escape(naming)):
+        solver.solve_with_gradients(solver.prepare(problem), linear_law(), [LoadChange()], weights)
 
 
 def flagged(cell, states, *, tangent=True):

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from porocore.interfaces.sensitivities import HistoryWeights
+from porocore.core.echo import echo, suggestion
+from porocore.errors import ConfigurationError
+from porocore.interfaces.sensitivities import HISTORY_SERIES, HistoryWeights
 from porocore.macro.integration.recorder import HistoryRecorder, extremes
 from porocore.macro.sensitivities.point_weights import PointWeights
 from porocore.states import Array
@@ -47,9 +49,15 @@ class HistoryRows:
         Recorder of the run.
     weights
         Of the histories.
+
+    Raises
+    ------
+    ConfigurationError
+        Weights are of a series that the run does not have, or have another shape than they should.
     """
 
     def __init__(self, record: HistoryRecorder, weights: HistoryWeights) -> None:
+        _require_series(record, weights)
         self._record, self._weights, self.count = record, weights, weights.count
         #: Later values of the drained volume include the outflow of a step.
         self._drained = None if weights.drained is None else np.cumsum(weights.drained[::-1], axis=0)[::-1]
@@ -127,3 +135,34 @@ class HistoryRows:
             PointWeights(at_points(stress, i, 3, 3), np.zeros(d.n_points), at_points(flux, i, 3))
             for i in range(self.count)
         ]
+
+
+def _require_series(record: HistoryRecorder, weights: HistoryWeights) -> None:
+    """Refuse weights of series that the run does not have, and those of another shape."""
+    d, steps, count = record.d, len(record.rows), weights.count
+    if weights.compression:
+        raise ConfigurationError(
+            "gradients: expected weights of the forces in reactions, got some in compression; give those"
+        )
+    for name in HISTORY_SERIES:
+        values: Array | None = getattr(weights, name)
+        if values is not None:
+            _require_shape(name, values, (steps, count))
+    groups = (
+        ("probes", weights.probes, list(d.problem.probes), (4,)),
+        ("reactions", weights.reactions, list(d.boundary.supports), (3,)),
+        ("inflow", weights.inflow, list(d.boundary.drains), ()),
+    )
+    for group, given, known, width in groups:
+        for name, each in given.items():
+            if name not in known:
+                advice = suggestion(name, known, "there are") if known else "the run has none"
+                raise ConfigurationError(f"gradients: weights of {group}: no series {echo(name)}; {advice}")
+            _require_shape(f"{group}/{name}", each, (steps, *width, count))
+
+
+def _require_shape(name: str, values: Array, shape: tuple[int, ...]) -> None:
+    if np.shape(values) != shape:
+        raise ConfigurationError(
+            f"gradients: weights of {name}: expected the shape {shape}, got {np.shape(values)}"
+        )
