@@ -198,8 +198,9 @@ class PosteriorSettings(StrictModel):
     """Steps of each walker; the first quarter does not count."""
     walkers: Annotated[int, Field(ge=4, le=10_000)] | None = None
     """Walkers, at least twice as many as unknowns; null: four times as many, and 32 at least."""
-    checks: Annotated[int, Field(ge=2, le=1000)] = 8
-    """Draws that are computed exactly, again and again until the density is right there."""
+    checks: Annotated[int, Field(ge=4, le=1000)] = 24
+    """Points that are computed exactly, again and again until the density is right there: draws, and as many from
+    broader densities."""
     seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 0
     """Seed of the random numbers."""
 

@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 
 from porocore.calibration.config.settings import PosteriorSettings
-from porocore.calibration.posterior.ensemble import EnsembleDraws, ensemble_draws
+from porocore.calibration.posterior.check import POWERS, DensityCheck, broader_draws, checked
+from porocore.calibration.posterior.ensemble import ensemble_draws
 from porocore.calibration.posterior.interpolant import ResidualInterpolant
 from porocore.calibration.problem import Fitted, Misfit, Unknown
-from porocore.errors import SolveError
 from porocore.states import Array
 
-#: Error of ln of the density, root mean square, from which the points that have shown it are added.
-LARGEST_ERROR = 0.1
 #: Times that points are added.
 MOST_ROUNDS = 4
+#: The broader densities of a check have so many times fewer steps.
+SHORTER = 4
 #: Steps a walker makes in so many autocorrelation times, for the draws to be worth their number (emcee's rule).
 LONG = 50
 #: Bins of the draws; an end is none where the density at a bound is larger than this share of the highest bin,
@@ -39,10 +39,8 @@ class Posterior:
         Draws of w walkers at s steps, each unknown in its coordinate.
     autocorrelation
         Steps after which a walker has forgotten where it was.
-    log_density_error
-        Root mean square of (interpolated − exact) ln of the density at the checked draws, less its mean.
-    checked, beyond
-        Number of draws in the last check, and of those that could not be computed or leave the trusted states.
+    check
+        Last check of the interpolated density that the draws are from.
     runs
         Evaluations for all checks.
     """
@@ -50,9 +48,7 @@ class Posterior:
     unknowns: tuple[Unknown, ...]
     coordinates: Array
     autocorrelation: float
-    log_density_error: float
-    checked: int
-    beyond: int
+    check: DensityCheck
     runs: int
 
     @cached_property
@@ -93,16 +89,12 @@ class Posterior:
                 f"the posterior has {steps} steps of each walker, expected at least {LONG} autocorrelation times of "
                 f"{self.autocorrelation:.3g} steps; raise posterior.steps"
             )
-        if not self.log_density_error <= LARGEST_ERROR:
+        if not self.check.passed:
+            found.append(self.check.complaint)
+        if self.check.beyond:
             found.append(
-                f"ln of the posterior density is off by {self.log_density_error:.2g} (root mean square at "
-                f"{self.checked} draws), expected at most {LARGEST_ERROR:g}; narrow the bounds, or rely on the "
-                "intervals of the profiles"
-            )
-        if self.beyond:
-            found.append(
-                f"{self.beyond} of {self.checked} checked draws of the posterior cannot be computed, or leave the "
-                "states that the surrogate is trusted in; narrow the bounds, or sample wider ranges"
+                f"{self.check.beyond} of {self.check.drawn} checked draws of the posterior cannot be computed, or "
+                "leave the states that the surrogate is trusted in; narrow the bounds, or sample wider ranges"
             )
         return tuple(found)
 
@@ -118,9 +110,10 @@ class Posterior:
             "walkers": self.coordinates.shape[1],
             "autocorrelation": _finite(self.autocorrelation),
             "independent_draws": _finite(self.independent),
-            "log_density_error": _finite(self.log_density_error),
-            "checked": self.checked,
-            "beyond": self.beyond,
+            "log_density_error": _finite(self.check.error),
+            "total_variation": _finite(self.check.distance),
+            "checked": self.check.drawn,
+            "beyond": self.check.beyond,
             "runs": self.runs,
         }
 
@@ -181,9 +174,11 @@ def sample_posterior(
         draws = ensemble_draws(
             interpolant.log_density, first, settings.steps, int(random.integers(2**31)), show
         )
-        check = _checked(misfit, interpolant, draws, settings.checks, random)
+        starts = [interpolant.standard(_scattered(interpolant, walkers, random)) for _ in POWERS]
+        broader = broader_draws(interpolant, starts, max(settings.steps // SHORTER, 100), random)
+        check = checked(misfit, interpolant, draws.flat, broader, settings.checks, random)
         runs += settings.checks
-        if check.error <= LARGEST_ERROR or check.beyond > settings.checks / 2:
+        if check.passed or check.beyond > check.drawn / 2:
             break
         known += check.exact
     coordinates = interpolant.coordinates(draws.flat).reshape(draws.steps.shape)
@@ -191,41 +186,9 @@ def sample_posterior(
         tuple(misfit.unknowns),
         coordinates,
         draws.autocorrelation,
-        check.error,
-        settings.checks,
-        check.beyond,
+        check,
         runs,
     )
-
-
-@dataclass(frozen=True, eq=False)
-class _Check:
-    """Exact evaluations at some draws, the error that they show, and how many were beyond what can be trusted."""
-
-    exact: list[Fitted]
-    error: float
-    beyond: int
-
-
-def _checked(
-    misfit: Misfit,
-    interpolant: ResidualInterpolant,
-    draws: EnsembleDraws,
-    count: int,
-    random: np.random.Generator,
-) -> _Check:
-    chosen = draws.flat[random.choice(len(draws.flat), count, replace=False)]
-    exact, errors, beyond = [], [], 0
-    for standard in chosen:
-        try:
-            found = misfit.at(interpolant.coordinates(standard[None])[0])
-        except SolveError:
-            beyond += 1
-            continue
-        beyond += found.prediction.flagged
-        exact.append(found)
-        errors.append(found.cost - 0.5 * float(interpolant.squares(standard[None])[0]))
-    return _Check(exact, float(np.std(errors, ddof=1)) if len(errors) > 1 else float("nan"), beyond)
 
 
 def _scattered(interpolant: ResidualInterpolant, count: int, random: np.random.Generator) -> Array:

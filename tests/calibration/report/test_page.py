@@ -113,7 +113,8 @@ def test_a_posterior_has_medians_a_picture_and_its_error(undrawn):
     page = Page(render(CalibrationContents("D", misfit.data, found, posterior=posterior)))
     assert "95 % credible interval" in page.words
     assert f"{posterior.medians[0]:.4g}"[:5] in page.words
-    assert f"ln of the density is off by {posterior.log_density_error:.2g}" in page.words
+    assert f"ln of the density is off by {posterior.check.error:.2g}" in page.words
+    assert f"no probability is off by more than about {posterior.check.distance:.2g}" in page.words
     assert "Posterior distribution of the unknowns" in [image["alt"] for image in page.all("img")]
 
 
