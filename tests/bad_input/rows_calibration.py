@@ -131,6 +131,11 @@ ROWS = [
     unknown(
         "start", "calibration.unknowns.radius.start: expected a value within the bounds, got 0.4", start=0.4
     ),
+    row(
+        "shifted behind the end",
+        "calibration.unknowns.delay.upper: expected at most ",
+        {"unknowns": {"radius": RADIUS, "delay": {"of": "time_shift", "lower": 0, "upper": 1e6}}},
+    ),
     unknown("no cell", "calibration.unknowns: the bounds span no family of cells", upper=0.8),
     unknown(
         "text",
