@@ -62,9 +62,11 @@ def test_slopes_are_limits_of_differences(name: str, plan: CalibrationPlan, mode
         assert np.abs(found.slopes[rows, j] - wanted[rows]).max() <= ACCURACY * size, curve
 
 
-def in_units(modulus: str, viscosity: str, unknowns: dict[str, Any]) -> CalibrationPlan:
+def in_units(
+    modulus: str, viscosity: str, unknowns: dict[str, Any], top: dict[str, Any] | None = None, **macro: Any
+) -> CalibrationPlan:
     """A study in SI units; the made-up cell conducts as much in the units of any viscosity."""
-    boundary = {**BOUNDARY, "y+": {"traction": [0, "25 kPa", 0], "pressure": "1 kPa"}}
+    boundary = {**BOUNDARY, "y+": top or {"traction": [0, "25 kPa", 0], "pressure": "1 kPa"}}
     times = {"first": "0.2 s", "last": "8 s", "count": 2}
     settlement = {
         "quantity": "settlement",
@@ -86,7 +88,7 @@ def in_units(modulus: str, viscosity: str, unknowns: dict[str, Any]) -> Calibrat
         {},
         cell={"viscosity": viscosity},
         scales={"length": "1 mm", "pore": "20 nm", "viscosity": viscosity, "modulus": modulus},
-        macro={**MACRO, "boundary": boundary, "time": time},
+        macro={**MACRO, "boundary": boundary, "time": time, **macro},
         calibration={"unknowns": unknowns, "observations": {"settlement": settlement, "force": force}},
     )
 
@@ -107,6 +109,53 @@ def test_a_fitted_modulus_and_viscosity_are_those_of_a_study_with_other_scales()
     np.testing.assert_allclose(mine, wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max())
     before = model_of(fitted).curves(np.array([0.22, 0.3, 0.5, 1.0])).values
     assert np.abs(mine / before - 1)[:2].min() > 0.05
+
+
+TOP = {
+    "traction": [0, {"table": [["0 s", 0], ["1 s", "25 kPa"], ["5 s", "10 kPa"]]}, 0],
+    "pressure": {"ramp": "2 kPa", "until": "3 s"},
+}
+INSIDE = {"initial": {"pressure": "3 kPa"}, "body_force": [0, "5 kN/m^3", 0]}
+
+
+def test_functions_of_time_initial_pressure_and_body_force_are_scaled_too() -> None:
+    unknowns = {
+        "radius": {"lower": 0.15, "upper": 0.3},
+        "poisson_ratio": {"lower": 0.25, "upper": 0.4},
+        "modulus": {"lower": "0.1 MPa", "upper": "2 MPa"},
+        "viscosity": {"lower": "0.1 mPa s", "upper": "9 mPa s"},
+    }
+    fitted = in_units("0.5 MPa", "1 mPa s", unknowns, TOP, **INSIDE)
+    some = {name: unknowns[name] for name in ("radius", "poisson_ratio")}
+    other = in_units("0.8 MPa", "2 mPa s", some, TOP, **INSIDE)
+    at = np.array([0.22, 0.3, 0.8, 2.0])
+    wanted = model_of(other).curves(at[:2]).values
+    np.testing.assert_allclose(
+        model_of(fitted).curves(at).values, wanted, rtol=1e-9, atol=1e-9 * np.abs(wanted).max()
+    )
+
+
+def test_slopes_by_prescribed_values_with_units_are_limits_of_differences() -> None:
+    """The size of a ramp and a component of a traction, while the modulus is another than that of the study."""
+    unknowns = {
+        "radius": {"lower": 0.15, "upper": 0.3, "prior": {"mean": 0.22, "deviation": 0.01}},
+        "poisson_ratio": {"lower": 0.25, "upper": 0.4},
+        "modulus": {"lower": "0.1 MPa", "upper": "2 MPa"},
+        "boundary.y+.pressure.ramp": {"lower": "1 kPa", "upper": "4 kPa"},
+        "boundary.y+.traction.y": {"lower": "10 kPa", "upper": "50 kPa"},
+    }
+    model = model_of(in_units("0.5 MPa", "1 mPa s", unknowns, {**TOP, "traction": [0, "25 kPa", 0]}))
+    at = np.array([0.22, 0.3, 0.8, 2.0, 25.0])
+    found = model.curves(at)
+    for j in (2, 3, 4):
+        step = 1e-4 * at[j] * np.eye(len(at))[j]
+        ends = [model.curves(at + sign * step).values for sign in (1, -1)]
+        wanted = (ends[0] - ends[1]) / (2e-4 * at[j])
+        for rows in (slice(0, 2), slice(2, 4)):
+            size = np.abs(wanted[rows]).max()
+            # The force bears the load, whatever the modulus is.
+            size = max(size, 1e-2 * np.abs(found.values[rows]).max() / at[j])
+            assert np.abs(found.slopes[rows, j] - wanted[rows]).max() <= ACCURACY * size, (j, rows)
 
 
 def test_a_symmetric_part_gives_the_slopes_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
