@@ -96,7 +96,7 @@ def states_of_the_body(of: Study) -> MacroState:
 
 
 def errors(of: Study, states: MacroState, truth: CellResponse) -> list[str]:
-    """Of P_E and φ in per cent."""
+    """Errors of P_E and φ in per cent."""
     found = prediction_of(of.train(), states, tangent=False)
     pairs = (found.stress, truth.stress), (found.fluid_volume, truth.fluid_volume)
     return [f"{100 * worst_share(a - b, b):.2g}" for a, b in pairs if a is not None and b is not None]

@@ -57,7 +57,7 @@ class Comparison:
 
     @property
     def gaps(self) -> Array:
-        """Of the surrogate, at every loaded step, in per cent of the direct settlement there."""
+        """Error of the surrogate, at every loaded step, in per cent of the direct settlement there."""
         return 100 * (self.surrogate[1:] / self.direct[1:] - 1)
 
 

@@ -1,4 +1,4 @@
-"""How much faster two workers are than one, with processes and with dask.
+"""Speed-up of two workers over one, with processes and with dask.
 
 The same states of seven inputs with each; the time runs from the first finished state to the last, so that starting
 workers and preparing cells, once for each worker, do not count.

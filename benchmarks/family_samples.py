@@ -82,7 +82,7 @@ def first(data: TrainingSet, count: int) -> TrainingSet:
 
 
 def errors(surrogate: Surrogate, states: MacroState, truth: CellResponse) -> list[str]:
-    """Of P_E, φ and, where it was learned, ln K_ref, in per cent."""
+    """Errors of P_E, φ and, where it was learned, ln K_ref, in per cent."""
     found = surrogate.predict(states, tangent=False)
     assert found.stress is not None
     assert found.fluid_volume is not None

@@ -48,7 +48,7 @@ Samples = list[tuple[MacroState, CellResponse]]
 
 
 def models(backend: str) -> dict[str, tuple[Make, tuple[int, ...]]]:
-    """What is compared, and the seeds that are tried."""
+    """Choices that are compared, and the seeds that are tried."""
 
     def network(**options: object) -> Make:
         return lambda: registry().get("surrogate", backend)(**options)

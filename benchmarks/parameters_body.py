@@ -60,7 +60,7 @@ def at(height: float) -> dict[str, float]:
 
 
 def problems() -> dict[str, MacroProblem]:
-    """What is compared, by name."""
+    """Problems that are compared, by name."""
     layers = {
         f"layer-{k}": {
             "kind": "layer",

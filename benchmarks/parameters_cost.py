@@ -81,7 +81,7 @@ def law_of(surrogate: Surrogate, folder: Path) -> ClosedLaw:
 def calls(
     cell: Surrogate, family: Surrogate, states: MacroState, grad_p: Array, folder: Path
 ) -> dict[str, Callable[[], Any]]:
-    """What is compared, by name."""
+    """Calls that are compared, by name."""
     random = np.random.default_rng(3)
     low, high = np.array(list(PARAMETERS.values())).T
     sets = low + (high - low) * random.random((N, 2))

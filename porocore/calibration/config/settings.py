@@ -70,7 +70,7 @@ class UnknownSettings(StrictModel):
     scale: Scale | None = None
     """``log``: search and intervals are in ln x; null: ``log`` for modulus, viscosity and pore, else ``linear``."""
     prior: PriorSettings | None = None
-    """What is known from elsewhere; null: the data alone decide."""
+    """Knowledge from elsewhere; null: the data alone decide."""
     field: ControlSettings | None = None
     """Control values along an axis, each of which is an unknown of its own, ``radius[0]``, ``radius[1]`` and so on, all
     with these bounds; null: one value holds everywhere."""
@@ -95,7 +95,7 @@ class ObservationSettings(StrictModel):
     """One measured curve: a column of a CSV file against a column of times."""
 
     quantity: Kind
-    """What was measured: ``settlement`` (the largest one), ``heave`` (the largest along +y), ``displacement`` of a
+    """Measured quantity: ``settlement`` (the largest one), ``heave`` (the largest along +y), ``displacement`` of a
     probe, ``force`` on a surface (in compression, or with ``component`` along an axis), ``pressure`` (the largest, or
     that of a probe), ``pressure_min`` (the least, negative where there is suction), ``drained`` volume, or ``inflow``
     through a surface."""
@@ -221,7 +221,7 @@ class CalibrationSettings(StrictModel):
     experiments: Annotated[dict[str, ExperimentSettings], Field(max_length=100)] = Field(default={})
     """Tests by name, where there are several, or in a file of its own."""
     fit: FitSettings = FitSettings()
-    """How the unknowns are searched."""
+    """Search of the unknowns."""
     posterior: PosteriorSettings | None = None
     """Draws from the posterior distribution; null: none."""
 

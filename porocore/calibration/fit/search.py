@@ -68,12 +68,6 @@ class CalibrationFit:
         """True where the search that found the best point ended by its tolerance."""
         return any(each.converged and each.end is self.best for each in self.searches)
 
-    @property
-    def agreeing(self) -> int:
-        """Number of searches that ended with the same misfit, as far as a standard deviation can tell."""
-        costs = [each.end.cost for each in self.searches if each.end is not None]
-        return sum(cost <= self.best.cost * (1 + ROUGH) + ALIKE for cost in costs)
-
 
 def starting_points(misfit: Misfit, count: int) -> list[Array]:
     """Return coordinates of the starts: that of the unknowns, then points spread over the bounds."""
