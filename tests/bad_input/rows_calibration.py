@@ -84,6 +84,7 @@ ROWS = [
         "creep.csv:3: settlement: expected a finite number, got '1.000,2'",
         CREEP.replace(",", ";").replace("0.2", "1.000,2"),
     ),
+    curve("since after until", "since: expected a time before until, got 3.0 and 1.0", since=3, until=1),
     curve(
         "time back", "creep.csv:4: time: expected increasing times, got 2 after 3", "time,s\n1,1\n3,2\n2,3\n"
     ),

@@ -12,7 +12,7 @@ import pytest
 from porocore.calibration.config.settings import FitSettings
 from porocore.calibration.fit.quality import FitQuality
 from porocore.calibration.fit.record import EvaluationRecord, RecordedModel
-from porocore.calibration.fit.search import ALIKE, ROUGH, CalibrationFit, fit
+from porocore.calibration.fit.search import ALIKE, ROUGH, CalibrationFit, _progress, fit
 from porocore.calibration.problem import CurveData, CurveModel, CurvePrediction, Misfit, NormalPrior, Unknown
 from porocore.core.console import Console
 from porocore.errors import RunFolderError, SolveError
@@ -181,3 +181,19 @@ def test_a_search_does_not_creep_along_a_valley(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr("porocore.calibration.fit.search.GAIN", 0.0)
     _, whole = fitted(Valley(), measured, starts=1, evaluations=500)
     assert whole.searches[0].evaluations > 2 * found.searches[0].evaluations
+
+
+def test_the_time_left_does_not_count_evaluations_that_no_search_needs():
+    """After eight of the sixty that are allowed, fewer than ten more are expected."""
+    told = []
+
+    class Told:
+        def update(self, done, total, *, detail, work):
+            told.append(work)
+
+    show = _progress(Told(), 0, 1)
+    for evaluation in range(1, 9):
+        show(evaluation, 1.0)
+    (reached, left), (earlier, _) = told[-1], told[3]
+    pace = (reached - earlier) / 4
+    assert left / pace < 10

@@ -206,6 +206,10 @@ def _counting(
         default if value is None else unit.converted(key, value)
         for key, value, default in (("since", settings.since, -math.inf), ("until", settings.until, math.inf))
     )
+    if since > until:
+        raise ConfigurationError(
+            f"since: expected a time before until, got {settings.since} and {settings.until}; exchange them"
+        )
     kept: np.ndarray[tuple[int], np.dtype[np.bool_]] = (times >= since) & (times <= until)
     if (count := int(kept.sum())) < fewest:
         raise ConfigurationError(
