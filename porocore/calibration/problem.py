@@ -122,6 +122,8 @@ class CurveData:
         Time of each.
     names
         Names of the curves.
+    time_units
+        Units of the times of each curve, for words; empty: they have none.
     """
 
     values: Array
@@ -129,6 +131,7 @@ class CurveData:
     curve: IntArray
     times: Array
     names: tuple[str, ...]
+    time_units: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -125,7 +125,9 @@ def repeated_parts(misfit: Misfit, best: Fitted, parts: int = 4, times: int = 10
         for part in np.array_split(rows, min(parts, len(rows))):
             first, last = data.times[part[0]], data.times[part[-1]]
             more = np.sqrt(times - 1) * best.jacobian[part]
-            yield FurtherData(f"{times} times as many values of {name} from {first:.3g} to {last:.3g}", more)
+            unit = f" {data.time_units[c]}".rstrip() if data.time_units else ""
+            words = f"{times} times as many values of {name} from {first:.3g} to {last:.3g}{unit}"
+            yield FurtherData(words, more)
 
 
 def experiment(name: str, model: CurveModel, coordinates: Array, deviations: Array) -> FurtherData:

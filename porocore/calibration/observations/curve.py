@@ -102,4 +102,5 @@ def curve_data(curves: Sequence[ObservedCurve]) -> CurveData:
         np.repeat(np.arange(len(curves)), [len(curve) for curve in curves]).astype(np.int64),
         np.concatenate([curve.displayed_times for curve in curves]),
         tuple(curve.name for curve in curves),
+        tuple(curve.time_unit for curve in curves),
     )

@@ -1,5 +1,7 @@
 """Ranking of further data: what separates comes first, what repeats the same does not help."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from calibration_models import Formula, data_of, misfit_of
@@ -39,6 +41,8 @@ def test_the_part_of_a_curve_that_sees_comes_first():
     assert found[0].name == "10 times as many values of settlement from 1.62 to 2"
     assert found[0].gain == pytest.approx(np.sqrt(10))
     assert not any(each.helps for each in found[1:])
+    timed = Misfit(model, replace(misfit.data, time_units=("min",)))
+    assert next(iter(repeated_parts(timed, best))).name.endswith("of settlement from 0.1 to 0.48 min")
 
 
 def test_with_two_unseen_directions_the_better_of_two_partial_helps_is_first():
