@@ -53,7 +53,7 @@ def test_a_mode_that_the_draws_never_visit_is_seen_by_those_of_broader_densities
     few = [check(24, seed) for seed in range(20)]
     # Draws alone nearly always say that the density is right.
     assert sum(each.error <= LARGEST_ERROR for each in few) >= 15
-    assert sum(each.passed for each in few) <= 6
+    assert sum(each.passed for each in few) <= 5
     failed = next(each for each in few if not each.passed)
     assert "off by up to" in failed.complaint
 
