@@ -13,6 +13,7 @@ import pytest
 from matplotlib.image import imsave
 
 import porocore.calibration.config.loading
+import porocore.calibration.forward.further
 import porocore.study.api.settings
 import porocore.study.config.config
 import porocore.study.config.loading
@@ -151,6 +152,9 @@ def make_coarse(patch: pytest.MonkeyPatch) -> None:
     run_cases, select_cases = ladder.run_cases, ladder.select_cases
     patch.setattr(ladder, "select_cases", lambda names: select_cases(names or CASES))
     patch.setattr(ladder, "run_cases", lambda *words, long, **named: run_cases(*words, long=False, **named))
+    # At a larger load a coarse body soon leaves the few states that its surrogate knows, in ever shorter steps.
+    further = porocore.calibration.forward.further
+    patch.setattr(further, "LOADS", (min(further.LOADS),))
     # What is on them is tested with the reports and the local fields, and takes most of the time of a small study.
     patch.setattr(matplotlib.figure.Figure, "draw", lambda figure, renderer: None)
     for module in (pictures, geometry):
