@@ -205,5 +205,14 @@ ROWS = [
         ("expected a section 'calibration:'",),
         {CONFIG: study({})},
     ),
+    Row(
+        "calibrate no study",
+        ("calibrate", CONFIG, "--out", "out"),
+        ("experiments.creep.study: ", "none.yaml: no such file"),
+        {
+            CONFIG: "unknowns: {radius: {lower: 0.2, upper: 0.3}}\nexperiments: {creep: {study: none.yaml, observations: "
+            "{creep: {quantity: settlement, file: creep.csv, deviation: 0.01}}}}\n"
+        },
+    ),
     Row("calibrate no file", ("calibrate", "none.yaml"), ("none.yaml: no such file",), {}),
 ]

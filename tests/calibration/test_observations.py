@@ -130,6 +130,12 @@ REFUSED = {
     "unknown unit": ("time [parsnip],s\n1,2\n2,3\n3,4\n", {}, "the unit 'parsnip' is not known"),
     "two units": (TABLE, {"unit": "mm"}, "unit: expected 'um', the unit in the heading"),
     "no scales": (TABLE, {"scales": None}, "'min' has a unit, but the configuration has no scales"),
+    "blanks between columns": (
+        "time s\n1 2\n2 3\n3 4\n",
+        {},
+        "curve.csv:1: expected at least two columns, got one heading, 'time s'; separate columns by a comma, a semicolon "
+        "or a tab",
+    ),
     "few": (TABLE, {"since": 1.5}, "expected at least 3 values from 1.5, got 2"),
     "deviation unit": (TABLE, {"deviation": "1 s"}, "deviation: expected a length, such as 5 mm, got '1 s'"),
     "deviation zero": (TABLE, {"deviation": 0}, "deviation: expected a number above 0, got 0"),

@@ -110,7 +110,9 @@ def _study(
             )
         config = validated(replace(document, data={k: v for k, v in document.data.items() if k != SECTION}))
     else:
-        config = validated(YamlDocument.read(document.folder / experiment.study))
+        with keyed(_key(key, "study")):
+            of_study = YamlDocument.read(document.folder / experiment.study)
+        config = validated(of_study)
     loads = config.macro.loads
     if experiment.load is None and len(loads) > 1:
         told = ", ".join(f"{load:g}" for load in loads)

@@ -193,7 +193,8 @@ def _positive(table: CurveTable, name: str) -> Array:
     if (values <= 0).any():
         k = int(np.argmax(values <= 0))
         raise ConfigurationError(
-            f"{table.path}:{table.lines[k]}: {table.names[column]}: expected a number above 0, got {values[k]:g}"
+            f"{table.path}:{table.lines[k]}: {table.names[column]}: expected a number above 0, got {values[k]:g}; "
+            "remove a row that does not count"
         )
     return values
 

@@ -90,7 +90,9 @@ class CurveTable:
                 f"{path}: expected a line of headings and rows of numbers, got an empty file"
             )
         if len(lines) > MOST_POINTS + 1:
-            raise ConfigurationError(f"{path}: expected at most {MOST_POINTS} rows, got {len(lines) - 1}")
+            raise ConfigurationError(
+                f"{path}: expected at most {MOST_POINTS} rows, got {len(lines) - 1}; keep fewer"
+            )
         rows_text = "".join(line for _, line in lines[1:])
         separator = max(_SEPARATORS, key=lambda sign: (lines[0][1].count(sign), rows_text.count(sign)))
         try:
@@ -107,6 +109,11 @@ class CurveTable:
             raise ConfigurationError(
                 f"{self.path}:{line}: expected a line of headings such as 'time [s], settlement [mm]', got numbers; "
                 "add one above them"
+            )
+        if len(self.headings) < 2 and all(len(row) < 2 for row in self.rows):
+            raise ConfigurationError(
+                f"{self.path}:{line}: expected at least two columns, got one heading, {echo(self.names[0])}; separate "
+                "columns by a comma, a semicolon or a tab"
             )
         for number, row in zip(self.lines, self.rows, strict=True):
             if len(row) != len(self.headings):
