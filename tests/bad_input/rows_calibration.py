@@ -210,8 +210,8 @@ ROWS = [
         ("calibrate", CONFIG, "--out", "out"),
         ("experiments.creep.study: ", "none.yaml: no such file"),
         {
-            CONFIG: "unknowns: {radius: {lower: 0.2, upper: 0.3}}\nexperiments: {creep: {study: none.yaml, observations: "
-            "{creep: {quantity: settlement, file: creep.csv, deviation: 0.01}}}}\n"
+            CONFIG: "unknowns: {radius: {lower: 0.2, upper: 0.3}}\nexperiments: {creep: {study: none.yaml, "
+            "observations: {creep: {quantity: settlement, file: creep.csv, deviation: 0.01}}}}\n"
         },
     ),
     Row("calibrate no file", ("calibrate", "none.yaml"), ("none.yaml: no such file",), {}),

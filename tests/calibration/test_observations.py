@@ -133,8 +133,7 @@ REFUSED = {
     "blanks between columns": (
         "time s\n1 2\n2 3\n3 4\n",
         {},
-        "curve.csv:1: expected at least two columns, got one heading, 'time s'; separate columns by a comma, a semicolon "
-        "or a tab",
+        "curve.csv:1: expected at least two columns, got one heading, 'time s'; separate columns by a comma",
     ),
     "few": (TABLE, {"since": 1.5}, "expected at least 3 values from 1.5, got 2"),
     "deviation unit": (TABLE, {"deviation": "1 s"}, "deviation: expected a length, such as 5 mm, got '1 s'"),
