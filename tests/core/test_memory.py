@@ -42,3 +42,33 @@ def test_large_temporary_arrays_are_not_cleared_by_the_system_again_and_again():
     assert inside < outside / 4
     assert small > outside / 2
     assert megabytes < 200  # twenty arrays of 64 MB were made
+
+
+FORBIDDEN = """
+import ctypes
+import numpy as np
+from porocore.core.parallel.memory import return_freed_memory
+
+for setting, value in ((-1, -1), (-4, 0)):  # as SuperLU_DIST has it
+    ctypes.CDLL(None).mallopt(setting, value)
+
+def kept():
+    before = int(open("/proc/self/statm").read().split()[1])
+    np.ones(50_000_000)
+    return (int(open("/proc/self/statm").read().split()[1]) - before) * 4096 // 2**20
+
+forbidden = kept()
+return_freed_memory()
+np.ones(8)
+print(forbidden, kept())
+"""
+
+
+@pytest.mark.skipif(
+    not os.path.exists("/proc/self/statm"), reason="the size of the process is read from /proc"
+)
+def test_what_a_library_forbade_is_allowed_again():
+    done = subprocess.run([sys.executable, "-c", FORBIDDEN], capture_output=True, text=True, check=True)
+    forbidden, allowed = map(int, done.stdout.split())
+    assert forbidden > 300  # one array of 381 MB
+    assert allowed < 50

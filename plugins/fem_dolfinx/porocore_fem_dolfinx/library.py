@@ -12,6 +12,7 @@ from importlib.util import find_spec
 import h5py  # noqa: F401 - dolfinx 0.5 loads its own HDF5 for every library that comes later; h5py must have found its own
 import numpy as np
 
+from porocore.core.parallel.memory import return_freed_memory
 from porocore.errors import PluginError
 
 try:
@@ -55,6 +56,7 @@ def _check_version() -> None:
 
 
 _check_version()
+return_freed_memory()  # PETSc's libraries have forbidden it
 #: Elements of basix.ufl instead of those of the old UFL.
 MODERN = find_spec("basix.ufl") is not None and VERSION >= (0, 7)
 if MODERN:

@@ -1,4 +1,4 @@
-"""Freed memory that a process keeps while it solves a large problem (freed_memory_kept)."""
+"""Freed memory: kept while a large problem is solved (freed_memory_kept), else returned to the system."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ from threading import Lock
 
 #: Problems of fewer unknowns have no arrays of many megabytes.
 LARGE = 50_000
-#: Numbers of the settings of glibc, see mallopt(3): freed memory beyond so many bytes goes back to the system, arrays
-#: beyond so many bytes come from it one by one.
-_TRIM, _ALONE = -1, -3
-#: Values under which glibc keeps everything, and those to which its own rule comes at last.
-_KEPT, _USUAL = {_TRIM: -1, _ALONE: 2**31 - 1}, {_TRIM: 64 * 2**20, _ALONE: 32 * 2**20}
+#: Numbers of the settings of glibc, see mallopt(3): freed memory beyond so many bytes goes back to the system, so many
+#: bytes are asked for in advance, arrays beyond so many bytes come from the system one by one, and so many at most.
+_TRIM, _AHEAD, _ALONE, _MOST_ALONE = -1, -2, -3, -4
+#: Values under which glibc keeps everything.
+_KEPT = {_TRIM: -1, _ALONE: 2**31 - 1}
+#: Values to which its own rule comes at last, and its first ones of the settings that no rule changes.
+_USUAL = {_TRIM: 64 * 2**20, _AHEAD: 128 * 2**10, _ALONE: 32 * 2**20, _MOST_ALONE: 2**16}
 _lock = Lock()
 _depth = 0
 
@@ -36,6 +38,20 @@ def freed_memory_kept(unknowns: int) -> Iterator[None]:
         yield
     finally:
         _leave(library)
+
+
+def return_freed_memory() -> None:
+    """Let glibc return freed memory to the system again, which some libraries forbid for the whole process.
+
+    SuperLU_DIST does, and it comes with PETSc: the memory of a process was then the largest that it ever needed. Within
+    :func:`freed_memory_kept` nothing changes until its block ends. Another C library is left as it is.
+    """
+    library = _glibc()
+    if library is None:
+        return
+    with _lock:
+        if not _depth:
+            _set(library, _USUAL)
 
 
 @cache
