@@ -87,6 +87,10 @@ def print_unknowns(done: Calibration) -> None:
         told = "yes" if done.identifiable[one.name] else "no"
         table.add_row(one.name, f"{done.values[one.name]:.4g}", interval, pretty(one.unit) or "–", told)
     page().print(table)
+    if not done.quality.explains:
+        typer.echo(
+            f"intervals presume a right model, but the reduced chi-square is {done.quality.reduced:.3g}"
+        )
     if done.posterior is not None:
         print_posterior(done.posterior)
     for words in done.inference.words:

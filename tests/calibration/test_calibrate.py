@@ -19,6 +19,7 @@ from invoked import invoke
 import porocore
 from porocore.calibration.calibrate import _identity, _with_made_up_data
 from porocore.calibration.problem import Unknown
+from porocore.cli.calibrate import print_unknowns
 from porocore.errors import RunFolderError, SolveError
 
 pytest.importorskip("porocore_fem_skfem")
@@ -244,6 +245,15 @@ def test_the_command_prints_the_results(done: porocore.Calibration, base: Path) 
     assert "calibration.json" in told.stdout
     printed = json.loads(invoke(*words, "--json").stdout)
     assert printed["unknowns"] == results(done.path)["unknowns"]
+
+
+def test_intervals_of_data_that_nothing_explains_are_told_as_such(
+    done: porocore.Calibration, capsys: pytest.CaptureFixture[str]
+) -> None:
+    print_unknowns(done)
+    assert "presume" not in capsys.readouterr().out
+    print_unknowns(replace(done, quality=replace(done.quality, chi_square=1e4, freedom=20, chance=0.0)))
+    assert "presume a right model, but the reduced chi-square is 500" in capsys.readouterr().out
 
 
 @pytest.mark.slow
