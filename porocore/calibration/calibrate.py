@@ -110,14 +110,18 @@ def _calibrated(rounds: FitRounds, synthetic: bool, began: float) -> Calibration
     return done
 
 
-def _identity(plan: CalibrationPlan, synthetic: bool) -> str:
-    """Return the hash of studies, data, unknowns and settings of the fit."""
+def _identity(plan: CalibrationPlan, synthetic: bool) -> dict[str, str]:
+    """Return the hashes of all that the answer depends on, by what they are of."""
     curves = [
         [None if c.measured is None else c.measured.tolist(), _listed(c.spread), c.share, c.weights.tolist()]
         for c in plan.curves
     ]
-    unknowns = [repr(each.unknown) for each in plan.unknowns]
-    return json_hash([experiments_identity(plan), curves, unknowns, plan.fit.model_dump(), synthetic])
+    return {
+        "studies": experiments_identity(plan),
+        "data": json_hash([curves, synthetic]),
+        "unknowns": json_hash([repr(each.unknown) for each in plan.unknowns]),
+        "settings of the fit": json_hash(plan.fit.model_dump()),
+    }
 
 
 def _listed(spread: float | Array | None) -> float | list[float] | None:

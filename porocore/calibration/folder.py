@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
 
+from porocore.core.echo import joined
 from porocore.core.files.atomic import require_outside_a_run
 from porocore.core.files.claim import claim_folder, lock_folder
 from porocore.core.files.plain_data import write_json
 from porocore.core.files.reading import read_json
 from porocore.errors import RunFolderError
 
-FORMAT, VERSION = "porocore-calibration", 1
+FORMAT, VERSION = "porocore-calibration", 2
 RECORD = "calibrate.json"
 
 
@@ -25,7 +27,7 @@ class CalibrationFolder:
     path
         The folder, made where there is none.
     identity
-        Hash of the studies, the data, the unknowns and the settings of the fit.
+        Hashes of all that the answer depends on, by words for what they are of.
     resume
         Whether it may hold this calibration already.
 
@@ -35,10 +37,10 @@ class CalibrationFolder:
         It holds another calibration or foreign files, or this one while ``resume`` is not set, or cannot be written.
     """
 
-    def __init__(self, path: Path, identity: str, *, resume: bool = False) -> None:
+    def __init__(self, path: Path, identity: Mapping[str, str], *, resume: bool = False) -> None:
         self.path = path
         self._lock: int | None = None
-        self._expected = {"format": FORMAT, "version": VERSION, "identity": identity}
+        self._expected: dict[str, Any] = {"format": FORMAT, "version": VERSION, "identity": dict(identity)}
         require_outside_a_run(path.absolute())
         claim_folder(
             path,
@@ -61,9 +63,21 @@ class CalibrationFolder:
             raise RunFolderError(f"{record} is damaged ({error}); start again in another --out") from error
         if found != self._expected:
             raise RunFolderError(
-                f"{self.path} holds another calibration: its studies, data, unknowns or settings of the fit are not "
-                "these; choose another --out"
+                f"{self.path} holds another calibration, {self._difference(found)}; choose another --out, or undo the "
+                "change"
             )
+
+    def _difference(self, found: Any) -> str:
+        """Return words for what differs in a record that was read."""
+        known = found.get("identity") if isinstance(found, dict) else None
+        mine = self._expected["identity"]
+        if (
+            not isinstance(known, dict)
+            or {**found, "identity": mine} != self._expected
+            or set(known) != set(mine)
+        ):
+            return "whose record is of another version, or damaged"
+        return f"with other {joined(name for name in mine if known[name] != mine[name])}"
 
     def __enter__(self) -> Self:
         """Take the lock; the system releases it when the process ends, however it ends."""

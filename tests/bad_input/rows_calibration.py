@@ -162,8 +162,8 @@ ROWS = [
     unknown(
         "field of nothing",
         "calibration.unknowns.radius.of: expected a parameter of the cell, which alone may be a field over the body, "
-        "got 'viscosity'",
-        of="viscosity",
+        "got 'load'",
+        of="load",
         field={"along": "y", "at": [0, 1]},
     ),
     row("nothing unknown", "calibration.unknowns: expected at least 1 entry", {"unknowns": {}}),
