@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gc
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from porocore.core.fields.declaration import provided_fields
+from porocore.core.parallel.cycles import CycleCollection
 from porocore.errors import ConfigurationError, MemberError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.law import UndeformedCells
@@ -63,10 +63,14 @@ class MemberSolver(CellSolver[PreparedFamily]):
         Solves the states of one member.
     kept
         Number of prepared members that are kept.
+    collection
+        Frees the others.
     """
 
-    def __init__(self, solver: CellSolver[Any], kept: int = MOST_MEMBERS) -> None:
-        self._solver, self._kept = solver, kept
+    def __init__(
+        self, solver: CellSolver[Any], kept: int = MOST_MEMBERS, collection: CycleCollection | None = None
+    ) -> None:
+        self._solver, self._kept, self._collection = solver, kept, collection or CycleCollection()
 
     def prepare(self, cell: Any, **how: Any) -> PreparedFamily:
         """Return the family, of which no member is prepared yet."""
@@ -155,7 +159,7 @@ class MemberSolver(CellSolver[PreparedFamily]):
             while len(prepared.members) >= self._kept:
                 prepared.members.popitem(last=False)
                 # Factors and meshes refer to one another; Python would find them when some gigabytes are gone.
-                gc.collect()
+                self._collection.offer()
             try:
                 member = prepared.cell.at(parameters)
                 prepared.members[key] = self._solver.prepare(member, **prepared.how)
