@@ -18,7 +18,8 @@ from porocore.testing.expect import holds, near, refused, require, same
 from porocore.testing.surrogate_laws.fitting import Fitting
 
 #: With a learning rate this large the validation loss goes up and down.
-RESTLESS: dict[str, Any] = {"epochs": 3000, "hidden": [10], "learning_rate": 0.5, "patience": 50}
+PATIENCE = 50
+RESTLESS: dict[str, Any] = {"epochs": 3000, "hidden": [10], "learning_rate": 0.5, "patience": PATIENCE}
 #: Epochs of a training that ends as planned.
 SHORT = 100
 #: A network that adds nothing leaves the linear prediction to round-off.
@@ -40,15 +41,20 @@ class NetworkTrainings(Fitting):
         )
         header, arrays = read_archive(path, FORMAT, 1, "")
         best, last = int(header["best_epoch"]), reports[-1]
-        state = f"a learning rate of {RESTLESS['learning_rate']}, patience {RESTLESS['patience']}"
-        same("last epoch", header["epoch"], best + 50, state)
-        same("last report", (last.epoch, last.ends, last.left), (best + 50, best + 50, 0), state)
+        state = f"a learning rate of {RESTLESS['learning_rate']}, patience {PATIENCE}"
+        same("last epoch", header["epoch"], best + PATIENCE, state)
+        same("last report", (last.epoch, last.ends, last.left), (best + PATIENCE, best + PATIENCE, 0), state)
         ends = [(each.epoch, each.ends or 0) for each in reports[:-1]]
-        holds(all(at < end <= at + 50 for at, end in ends), state, "ends at most 50 epochs ahead", ends)
+        holds(
+            all(at < end <= at + PATIENCE for at, end in ends),
+            state,
+            f"ends at most {PATIENCE} epochs ahead",
+            ends,
+        )
         holds(header["best_loss"] < last.validation_loss, state, "a best loss below the last one", header)
         least = min(each.validation_loss for each in reports)
         holds(header["best_loss"] <= least, state, f"a best loss of at most {least:g}", header["best_loss"])
-        network = getattr(fitted._fitted().network, "network", fitted._fitted().network)
+        network = fitted._fitted().network.as_numpy
         kept = [array.ravel() for pair in zip(network.weights, network.biases, strict=True) for array in pair]
         same("weights", np.concatenate(kept), arrays["best_theta"], state)
         holds(
