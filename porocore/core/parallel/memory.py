@@ -21,7 +21,7 @@ _USUAL = {_TRIM: 64 * 2**20, _AHEAD: 128 * 2**10, _ALONE: 32 * 2**20, _MOST_ALON
 #: where the usual ones cost 5 to 10 %.
 _LARGE_ONES = _USUAL | {_TRIM: 512 * 2**20, _ALONE: 256 * 2**20}
 _lock = Lock()
-_depth = 0
+_depth, _ordinary = 0, _USUAL
 
 
 @contextmanager
@@ -50,12 +50,14 @@ def return_freed_memory() -> None:
     hundred megabytes are kept. Within :func:`freed_memory_kept` nothing changes until its block ends. Another C library
     is left as it is.
     """
+    global _ordinary
     library = _glibc()
     if library is None:
         return
     with _lock:
+        _ordinary = _LARGE_ONES
         if not _depth:
-            _set(library, _LARGE_ONES)
+            _set(library, _ordinary)
 
 
 @cache
@@ -81,7 +83,7 @@ def _leave(library: ctypes.CDLL) -> None:
     with _lock:
         _depth -= 1
         if not _depth:
-            _set(library, _USUAL)
+            _set(library, _ordinary)
             library.malloc_trim(0)
 
 
