@@ -2,7 +2,7 @@
 
     python benchmarks/calibration.py --out DIR [--seeds N]
 
-Fit of radius, modulus and viscosity to the settlement of a column, made up with 0.2 % noise: the same bounded search
+Fit of radius, modulus and viscosity to the settlement of a column, made up with 1 % noise: the same bounded search
 with exact slopes, one run with sensitivities for each evaluation, and with forward differences, as general programs for
 inverse problems make them: one run more for each unknown. Both use our own runs. Then --seeds twins of confined and
 unconfined compression under two loads (calibration.yaml), 1 % noise, radius, ν, modulus and viscosity unknown. DIR
