@@ -13,7 +13,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 from bad_row import CONFIG, Row, commands
-from bad_run import fingerprint, run_apart, run_here
+from command_run import fingerprint, run_apart, run_here
 
 HERE = Path(__file__).parent
 ROWS: list[Row] = [
