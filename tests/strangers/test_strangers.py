@@ -1,4 +1,4 @@
-"""The table of strangers' files: every case of every ``cases_*.py`` is answered as it says, and every folder has one."""
+"""The table of strangers' files: every case is answered as it says, and every folder has one."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ from command_run import run_apart, run_here
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE))
-CASES = [case for path in sorted(HERE.glob("cases_*.py")) for case in importlib.import_module(path.stem).CASES]
+CASES = [
+    case for path in sorted(HERE.glob("cases_*.py")) for case in importlib.import_module(path.stem).CASES
+]
 
 
 @pytest.mark.parametrize(
