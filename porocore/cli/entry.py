@@ -27,6 +27,7 @@ from porocore.cli.commands import (
 from porocore.cli.common import command_group
 from porocore.cli.ending import ending
 from porocore.cli.sweep import sweep
+from porocore.core.console import quieten_libraries
 from porocore.core.echo import without_long_words
 from porocore.core.parallel import launched
 from porocore.errors import PorocoreError
@@ -112,4 +113,5 @@ def _options(
 def main() -> None:
     """Entry point of the ``porocore`` command."""
     with ending():
+        quieten_libraries()
         app(prog_name="porocore")

@@ -5,6 +5,7 @@ Everything goes to standard error; standard output is for results.
 
 from __future__ import annotations
 
+import logging
 import sys
 import time
 from bisect import bisect_left
@@ -29,6 +30,11 @@ REPORTS, FIRST_SHOWN, ALIKE, LATELY = 3, 2.0, 2.5, 0.25
 LONGEST = 1000 * 3600.0
 #: Before so many reports, one part in their number goes by the pace since the first: workers end states together.
 FEW = 8
+
+
+def quieten_libraries() -> None:
+    """Keep remarks of libraries, such as matplotlib's on a home that cannot be written, from standard error."""
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
 
 
 class Pace:

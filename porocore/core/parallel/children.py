@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from importlib.machinery import ModuleSpec
 from multiprocessing import current_process, parent_process, resource_tracker
 
+from porocore.core.console import quieten_libraries
 from porocore.core.parallel.threads import one_thread_in_children
 from porocore.errors import PorocoreError
 
@@ -83,6 +84,7 @@ def starting_children() -> Iterator[None]:
 
 def begin_child() -> None:
     """Ignore Ctrl-C, which the parent handles, and end when it has gone, however it went; called first in a child."""
+    quieten_libraries()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

@@ -59,11 +59,14 @@ STYLE: Any = {
 
 
 def styled(make: Callable[P, T]) -> Callable[P, T]:
-    """Run ``make`` under :data:`STYLE` and put the reader's own settings back."""
+    """Run ``make`` under matplotlib's defaults and :data:`STYLE`, and put the reader's own settings back."""
 
     @functools.wraps(make)
     def inside(*args: P.args, **kwargs: P.kwargs) -> T:
-        with matplotlib.rc_context(STYLE):
+        with matplotlib.rc_context():
+            # Not the reader's matplotlibrc: text.usetex, for one, needs a LaTeX that the machine may not have.
+            matplotlib.rcdefaults()
+            matplotlib.rcParams.update(STYLE)
             return make(*args, **kwargs)
 
     return inside
