@@ -59,7 +59,7 @@ ROOMS = {
     ),
 }
 #: A room holds at most so many files and sub-rooms.
-MOST_ENTRIES = 12
+MOST_ENTRIES = 16
 #: Lines of a file, and of a function with its docstring, without its decorators.
 MOST_LINES_OF_A_FILE, MOST_LINES_OF_A_FUNCTION = 300, 60
 #: Characters of the first line of a module's docstring.

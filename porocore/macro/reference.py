@@ -16,6 +16,8 @@ from porocore.core.files.reading import read_json
 from porocore.errors import ConfigurationError, DataError, PorocoreError
 from porocore.interfaces.cell import CellSolver
 from porocore.macro.laws import Closure, make_closure
+from porocore.macro.laws.effective import EffectiveProperties
+from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.laws.pull_back import ConductivityLaw, PulledBack
 from porocore.plugins.border import conductivity_of, solution_of
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
@@ -83,6 +85,25 @@ class CellReference:
             MacroState.zeros(1), rest.mean_grad, still, self.solid_fraction, K, law, deformed
         )
         return np.asarray(found.conductivity[0])
+
+    def coefficients(self, cell: Cell, law: ConductivityLaw, *, pores: bool = True) -> LinearCoefficients:
+        """Return linear poroelasticity of ``cell``, whose reference it is; without ``pores`` it need have none.
+
+        Raises
+        ------
+        ConfigurationError
+            The cell takes up no fluid under pressure.
+        ValueError
+            The cell solver provides no derivatives.
+        """
+        solid = (cell.unstressed if cell.is_family else cell).solid
+        K = self.conductivity_at_rest(law)
+        return LinearCoefficients.from_reference(self.response, self.solid_fraction, solid, K, pores=pores)
+
+    def properties(self, cell: Cell, law: ConductivityLaw) -> EffectiveProperties:
+        """Return the effective properties of ``cell``, whose reference it is; see :meth:`coefficients`."""
+        found = self.coefficients(cell, law, pores=cell.geometry.porosity > 0)
+        return EffectiveProperties.of(found, self.porosity, cell.viscosity)
 
     def closure(self, name: str, material: Solid, law: ConductivityLaw) -> Closure:
         """Return the closure of that name with the constants of this cell."""

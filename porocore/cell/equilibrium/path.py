@@ -96,10 +96,11 @@ def least_shifted(solve: Callable[[float], Array | None], rhs: Array, last: floa
 
 
 def gap(problem: DiscreteSolid, iterate: Iterate) -> float:
-    """Return the smallest relative gap between pore wall and mirror planes; NaN where the domain has none."""
+    """Return the smallest relative gap between pore wall and mirror planes; NaN without planes or without a wall."""
     if problem.mesh.domain == "whole":
         return float("nan")
-    return mirror_gap(problem.mesh, iterate.H, iterate.displacement)
+    found = mirror_gap(problem.mesh, iterate.H, iterate.displacement)
+    return found if np.isfinite(found) else float("nan")
 
 
 def _overlaps(problem: DiscreteSolid, iterate: Iterate) -> bool:

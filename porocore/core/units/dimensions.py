@@ -26,6 +26,11 @@ MULTIPLES = {
     "body-force": "E / length",
     "velocity": "velocity",
     "viscosity": "μ_c",
+    "compliance": "1/E",
+    "energy-density": "E",
+    "permeability": "d²",
+    "conductivity": "d²/μ_c",
+    "diffusivity": "E d²/μ_c",
 }
 
 

@@ -61,14 +61,20 @@ class LinearCoefficients:
 
     @classmethod
     def from_reference(
-        cls, reference: CellResponse, solid_fraction: float, material: Solid, conductivity: Array
+        cls,
+        reference: CellResponse,
+        solid_fraction: float,
+        material: Solid,
+        conductivity: Array,
+        *,
+        pores: bool = True,
     ) -> LinearCoefficients:
         """From the response of the undeformed cell with its tangent (one row), φ_s and K (3, 3).
 
         Raises
         ------
         ConfigurationError
-            1/M_B = −tr Q is not positive: the cell has no pores, or its response a wrong sign.
+            1/M_B = −tr Q is not positive: its response has a wrong sign, or it has no pores although ``pores``.
         ValueError
             The response is not one solved row with its tangent.
         """
@@ -77,7 +83,7 @@ class LinearCoefficients:
         stiffness = (stiffness + stiffness.swapaxes(0, 1)) / 2
         stiffness = (stiffness + stiffness.swapaxes(2, 3)) / 2
         biot, storage, stress = _of_fluid(reference, solid_fraction, material)
-        if storage <= NO_STORAGE:
+        if storage <= NO_STORAGE and (pores or storage < -NO_STORAGE):
             raise ConfigurationError(
                 f"linear poroelasticity: expected 1/M_B = −tr Q > 0, got {storage:.3g}: "
                 + (

@@ -7,18 +7,21 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 
 from porocore.cell.cell import Cell
 from porocore.cell.family.ranges import member_with
 from porocore.core.echo import echo
 from porocore.core.inputs.given_states import given_states
-from porocore.errors import ConfigurationError
+from porocore.errors import ConfigurationError, SolveError
 from porocore.interfaces.cell import CellSolver
+from porocore.macro.laws.effective import EffectiveProperties
+from porocore.macro.reference import CellReference, porosity_before_swelling
 from porocore.plugins.border import conductivity_of, solution_of
 from porocore.plugins.registry import registry
 from porocore.sampling.execution.solved_store import StoringSolver
-from porocore.states import Array, CellResponse
+from porocore.states import Array, CellResponse, Status
 from porocore.study.config.loading import cell_from
 from porocore.study.stages.stage_files import prepare_cell
 from porocore.study.store import chosen_store, solved_states
@@ -56,6 +59,8 @@ class CellProblem:
     >>> response = cell.response([[0, 0, 0], [0, -0.1, 0], [0, 0, 0]], p=0.05)
     >>> response.stress[0].diagonal().round(3)
     array([-0.048, -0.088, -0.048])
+    >>> cell.properties.young_moduli.round(3)  # multiples of E
+    array([0.392, 0.392, 0.392])
     """
 
     def __init__(
@@ -85,6 +90,7 @@ class CellProblem:
         registry().find("cell solver", fem)
         self._solver: CellSolver
         self._solver, self._prepared = prepare_cell(fem, options, self.cell)
+        self._unstored = self._solver
         if known := solved_states(chosen_store(store), fem, options, self.cell):
             self._solver = StoringSolver(self._solver, known)
 
@@ -97,6 +103,28 @@ class CellProblem:
     def conductivity(self) -> Array:
         """K (3, 3) of the undeformed cell, with the cell's viscosity."""
         return conductivity_of(self._solver, self._prepared)
+
+    @cached_property
+    def properties(self) -> EffectiveProperties:
+        """Permeability, stiffness, engineering moduli, Biot's coefficients and c_v of the undeformed cell.
+
+        Dimensionless; :meth:`~porocore.macro.laws.effective.EffectiveProperties.in_units` converts them.
+
+        Raises
+        ------
+        ConfigurationError
+            The solid is not connected across the periodic cell.
+        SolveError
+            The undeformed cell has no solution.
+        """
+        self.cell.require_stiffness()
+        response = self.response(np.zeros((3, 3)))
+        if not response.valid.all():
+            raise SolveError(
+                f"the undeformed cell ended with status '{Status(int(response.status[0])).name}'"
+            )
+        before = porosity_before_swelling(self._unstored, self.cell) if self.cell.solid.swells else None
+        return CellReference("", response, self.conductivity, {}, before).properties(self.cell, "piola")
 
     def response(
         self, grad_u: npt.ArrayLike, p: npt.ArrayLike = 0.0, *, tangent: bool = True

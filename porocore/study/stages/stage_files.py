@@ -158,9 +158,7 @@ def informed_sampler(folder: RunFolder, config: RunConfig) -> Sampler:
 
 def linear_coefficients(reference: CellReference, config: RunConfig) -> LinearCoefficients:
     """Return linear poroelasticity of the run's cell."""
-    cell = config.cell.unstressed if config.cell.is_family else config.cell  # whose reference it is
-    K = reference.conductivity_at_rest(config.conductivity)
-    return LinearCoefficients.from_reference(reference.response, reference.solid_fraction, cell.solid, K)
+    return reference.coefficients(config.cell, config.conductivity)
 
 
 def load_surrogate(folder: RunFolder, config: RunConfig) -> Surrogate:
