@@ -27,12 +27,32 @@ def main() -> None:
     SystemExit
         Always, with the status of the command.
     """
+    _open_streams()
+    _require_a_folder()
     try:
         from porocore.cli.entry import main as command
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         sys.exit(130)
     command()
+
+
+def _open_streams() -> None:
+    """Lead closed standard streams to the null device: what is written there is lost, and no file takes their place."""
+    for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
+        if getattr(sys, name) is None:
+            # The lowest number that is free: that of the stream, unless something has taken it already.
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), mode))
+            os.set_inheritable(number, True)
+
+
+def _require_a_folder() -> None:
+    """Refuse a current folder that was removed, before a library ends the process for it."""
+    try:
+        os.getcwd()
+    except OSError:
+        print("error: the current folder was removed; change to another one (cd)", file=sys.stderr)
+        sys.exit(2)
 
 
 def _leave(status: object) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import sys
 import threading
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import NoReturn
@@ -21,9 +22,11 @@ from porocore.core.parallel import launched, let_the_first_speak
 from porocore.errors import PorocoreError, UnexpectedError
 
 REFUSED, UNEXPECTED = 2, 70
+#: Libraries that print results on standard output.
+_PRINTERS = ("click", "typer", "rich")
 #: Lines of a message, and characters of a line, that are shown.
 MOST_LINES, LONGEST_LINE = 30, 600
-_ROOM = "make room and continue with --resume"
+_ROOM = "make room, and give the command again, with --resume where it has that option"
 _FOLDER = "choose a folder that you may write, with --out"
 _PATH = "give the path of another file or folder"
 #: Advice by error of the system about files and folders.
@@ -40,8 +43,8 @@ _OF_THE_SYSTEM = {
     errno.EISDIR: _PATH,
     errno.ENXIO: _PATH,
     errno.ENODEV: _PATH,
-    errno.EIO: "look after the disk, and continue with --resume",
-    errno.ESTALE: "the file system went away; continue with --resume",
+    errno.EIO: "look after the disk, and give the command again, with --resume where it has that option",
+    errno.ESTALE: "the file system went away; give the command again, with --resume where it has that option",
     errno.EMFILE: "allow more open files (ulimit -n), or use fewer workers",
     errno.ENFILE: "the machine has too many open files; try again later",
 }
@@ -64,10 +67,18 @@ def ending() -> Iterator[None]:
     except OSError as error:
         if error.errno not in _OF_THE_SYSTEM:
             _unexpected(error)
+        if not error.filename and _came_of_printing(error):
+            _stop(f"standard output: {error.strerror}; send it somewhere else", REFUSED)
         where = f"{error.filename}: " if error.filename else ""
         _stop(f"{where}{error.strerror}; {_OF_THE_SYSTEM[error.errno]}", REFUSED)
     except Exception as error:  # noqa: BLE001 - any error is reported
         _unexpected(error)
+
+
+def _came_of_printing(error: BaseException) -> bool:
+    """Return whether an error was raised by a library that prints results."""
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    return bool(frames) and frames[-1].f_globals.get("__name__", "").partition(".")[0] in _PRINTERS
 
 
 def _unexpected(error: BaseException) -> NoReturn:

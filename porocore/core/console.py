@@ -5,6 +5,7 @@ Everything goes to standard error; standard output is for results.
 
 from __future__ import annotations
 
+import io
 import logging
 import sys
 import time
@@ -155,13 +156,26 @@ class Task:
         return text
 
 
+class _Nowhere(io.StringIO):
+    """Stream of a process whose standard error is closed: it takes everything and shows nothing."""
+
+    def write(self, text: str) -> int:
+        return len(text)
+
+
 class Console:
     """Notes, warnings and tasks on a stream, by default standard error; ``clock`` returns seconds."""
 
     def __init__(self, stream: TextIO | None = None, clock: Callable[[], float] = time.monotonic) -> None:
-        self.stream = sys.stderr if stream is None else stream
+        self._stream = stream
         self.clock = clock
         self._live: Progress | None = None
+
+    @property
+    def stream(self) -> TextIO:
+        """The stream; standard error is that of the process that asks, since a console may be pickled."""
+        found = sys.stderr if self._stream is None else self._stream
+        return _Nowhere() if found is None else found
 
     def note(self, text: str) -> None:
         """Print one line."""

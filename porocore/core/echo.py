@@ -28,8 +28,8 @@ def shortened(text: str, most: int) -> str:
 
 
 def joined(names: Iterable[str]) -> str:
-    """Return names as in "a, b and c"."""
-    *head, last = list(names) or [""]
+    """Return names as in "a, b and c"; "none" where there is none."""
+    *head, last = list(names) or ["none"]
     return f"{', '.join(head)} and {last}" if head else last
 
 
@@ -44,7 +44,7 @@ def echo(value: Any, most: int = MOST) -> str:
         Characters of it that are repeated.
     """
     if value is None:
-        return "nothing"
+        return "no value"
     if isinstance(value, str):
         return f"'{cut(value, most)}'"
     if isinstance(value, int) and not isinstance(value, bool) and value.bit_length() > 4 * most:
@@ -80,10 +80,16 @@ def did_you_mean(name: str, names: Iterable[str], *, most: int = 1, cutoff: floa
     return f"did you mean {quoted}?" if close else ""
 
 
-def suggestion(name: str, names: Iterable[str], listed: str) -> str:
-    """Return the advice on an unknown name: a similar one, and ``listed``, such as "the closures are", with all."""
+def choices(names: Iterable[str], listed: str, none: str = "there are none") -> str:
+    """Return ``listed``, such as "the closures are", with all names; where there is no name the sentence ``none``."""
+    known = ", ".join(names)
+    return f"{listed} {known}" if known else none
+
+
+def suggestion(name: str, names: Iterable[str], listed: str, none: str = "there are none") -> str:
+    """Return the advice on an unknown name: a similar one, and all :func:`choices`."""
     names = list(names)
-    return f"{did_you_mean(name, names)} {listed} {', '.join(names)}".lstrip()
+    return f"{did_you_mean(name, names)} {choices(names, listed, none)}".lstrip()
 
 
 def _pruned(value: Any, level: int = 0) -> Any:

@@ -128,10 +128,10 @@ class Registry:
             for o in sorted(self.offers, key=lambda o: o.offer.name)
             if o.kind == kind
         )
-        others = joined(o.kind for o in self.offers if o.offer.name == name)
-        also = f", which is a {others}; choose another by {KINDS[kind].choice}" if others else ""
+        others = [o.kind for o in self.offers if o.offer.name == name]
+        also = f", which is a {joined(others)}; choose another by {KINDS[kind].choice}" if others else ""
         return (
-            f"unknown {kind} {echo(name)}{also}; {advice and f'{advice} '}installed: {installed or 'none'}; "
+            f"unknown {kind} {echo(name)}{also}; {advice and f'{advice} '}installed: {installed}; "
             f"'porocore plugins' shows all{broken}"
         )
 

@@ -25,7 +25,7 @@ WITH_RUN = ("train", "solve", "report", "data info", "data check")
 NO_CONFIGURATION: dict[str, tuple[Content | None, str]] = {
     "missing": (None, "no such file"),
     "folder": (folder, CONFIG),
-    "empty": ("", "got nothing"),
+    "empty": ("", "got an empty file"),
     "words": ("just words", "got a str"),
     "list": ("[1, 2]", "got a list"),
     "not closed": ("cell: {geometry: [", "not valid YAML"),

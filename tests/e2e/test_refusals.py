@@ -70,12 +70,12 @@ def test_every_fault_is_told_at_once_with_its_line(tmp_path):
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("", "expected sections such as 'cell:' and 'macro:', got nothing"),
-        ("just words", "got a str"),
+        ("", "expected sections such as 'cell:' and 'macro:', got an empty file"),
+        ("just words", "got a text"),
         ("cell: {geometry: [", "not valid YAML"),
         ("a: 1\n\ta: 2", "study.yaml:2: not valid YAML"),
         ("!!python/object/apply:os.system ['touch hacked']", "not valid YAML"),
-        (b"\x89HDF\r\n\x1a\n\xff", "expected YAML text in UTF-8, got other bytes"),
+        (b"\x89HDF\r\n\x1a\n\xff", "expected YAML text in UTF-8, got the byte 0x89"),
     ],
 )
 def test_a_file_that_is_no_configuration(text, expected, tmp_path):

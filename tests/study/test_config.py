@@ -225,7 +225,7 @@ def test_a_study_of_an_image_is_read_from_its_run_folder(edit, tmp_path, drop):
         ("radius: 0.25", "radius: 0.5", "cell.geometry.radius", ["0 < radius < 0.5", "got 0.5"]),
         ("radius: 0.25", "radius: 0", "cell.geometry.radius", ["0 < radius < 0.5", "got 0"]),
         ("radius: 0.25", "radius: wide", "cell.geometry.radius", ["expected a number", "got 'wide'"]),
-        ("radius: 0.25", "radius:", "cell.geometry.radius", ["expected a number", "got nothing"]),
+        ("radius: 0.25", "radius:", "cell.geometry.radius", ["expected a number", "got no value"]),
         ("radius: 0.25", "radius: yes", "cell.geometry.radius", ["expected a number", "got true"]),
         ("radius: 0.25", "radios: 0.25", "cell.geometry.radios", ["unknown key", "did you mean 'radius'?"]),
         (
@@ -320,7 +320,7 @@ def test_a_missing_key_points_at_the_section_that_lacks_it(edit):
 
 
 def test_an_empty_section_is_explained(edit):
-    fault(edit(("fem:\n  backend: skfem", "fem:\n #")), " fem: expected a section", "got nothing")
+    fault(edit(("fem:\n  backend: skfem", "fem:\n #")), " fem: expected a section", "got no value")
 
 
 def test_all_faults_come_in_one_message_in_the_order_of_the_file(edit):
@@ -344,7 +344,7 @@ def test_all_faults_come_in_one_message_in_the_order_of_the_file(edit):
 @pytest.mark.parametrize(
     ("text", "parts"),
     [
-        ("", ["expected sections", "got nothing"]),
+        ("", ["expected sections", "got an empty file"]),
         ("- cell", ["expected sections", "got a list"]),
         ("cell: [1", [":1:", "not valid YAML"]),
         ("cell:\n\tmesh: 1", [":2:", "not valid YAML"]),

@@ -116,7 +116,7 @@ def field_number(text: str, config: RunConfig) -> StudyNumber:
     if text not in cell:
         raise ConfigurationError(
             f"expected a parameter of the cell, which alone may be a field over the body, got {echo(text)}; "
-            f"{suggestion(text, [*cell], 'the parameters are')}"
+            f"{suggestion(text, cell, 'the parameters are')}"
         )
     _require_no_regions(text, config)
     return cell[text]

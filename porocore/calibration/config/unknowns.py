@@ -90,11 +90,7 @@ def _planned(
     """Return an unknown, or those of the control values of a field."""
     for one in given.experiments:
         if one not in experiments:
-            advice = (
-                suggestion(one, experiments, "the experiments are")
-                if any(experiments)
-                else "there is one alone"
-            )
+            advice = suggestion(one, filter(None, experiments), "the experiments are", "there is one alone")
             raise ConfigurationError(f"experiments: no experiment is called {echo(one)}; {advice}")
     numbers: dict[str, StudyNumber] = {}
     text, chosen = given.of or name, {one: experiments[one] for one in given.experiments or experiments}

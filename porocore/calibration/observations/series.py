@@ -74,7 +74,7 @@ class SeriesPlace:
     def _entry(self, group: Mapping[str, Array]) -> Array:
         if self.name not in group:
             key, listed = _LISTED[self.group]
-            advice = suggestion(self.name, group, f"the {listed}") if group else f"there is no such {key}"
+            advice = suggestion(self.name, group, f"the {listed}", "the run has none")
             raise ConfigurationError(f"{key}: expected one with this result, got {echo(self.name)}; {advice}")
         return group[self.name]
 

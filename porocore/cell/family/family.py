@@ -97,7 +97,7 @@ class Family(StrictModel):
     def with_parameters(self, parameters: tuple[CellParameter, ...]) -> Self:
         """Return the family of the cell with these parameters, whose base has the numbers of this one."""
         family = self.model_copy()
-        family.__dict__.pop("_generic", None)
+        family.__dict__.pop("_generic_member", None)
         family.__dict__.pop("point_group", None)
         family._parameters, family._values = parameters, None
         return family
@@ -135,11 +135,14 @@ class Family(StrictModel):
         section = getattr(self, key)
         return type(section).model_validate(replaced(section.model_dump(), numbers)) if numbers else section
 
-    @cached_property
+    @property
     def _generic(self) -> Self:
         """Member near the base of a family, without a symmetry by chance; a member is its own."""
-        if not self.is_family:
-            return self
+        # What is kept must not be the cell itself, else two equal ones are compared without end.
+        return self._generic_member if self.is_family else self
+
+    @cached_property
+    def _generic_member(self) -> Self:
         shares = 1e-3 * np.sqrt(np.arange(2, 2 + len(self._parameters)))
         widths = [parameter.upper - parameter.lower for parameter in self._parameters]
         return self._member(tuple((base_values(self._parameters) + shares * widths).tolist()))

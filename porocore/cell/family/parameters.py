@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, get_args, get_origin
 
 import numpy as np
 
-from porocore.core.echo import cut, echo, suggestion
+from porocore.core.echo import cut, echo, joined, suggestion
 from porocore.core.files.yaml_document import Location, dotted
 from porocore.core.inputs.input_space import NAMES
 from porocore.core.models.strict import StrictModel
@@ -169,7 +169,7 @@ def values_in_order(
         require_known(values, names)
         if lacking := [name for name in names if name not in values]:
             raise ConfigurationError(
-                f"{lacking[0]}: no value is given for this parameter of the cell; the parameters are {', '.join(names)}"
+                f"{lacking[0]}: no value is given for this parameter of the cell; the parameters are {joined(names)}"
             )
         given = [values[name] for name in names]
     else:
@@ -214,7 +214,7 @@ def values_of_states(
     require_known(values, names)
     if lacking := [name for name in names if name not in values]:
         raise ConfigurationError(
-            f"{lacking[0]}: no value is given for this parameter of the cell; the parameters are {', '.join(names)}"
+            f"{lacking[0]}: no value is given for this parameter of the cell; the parameters are {joined(names)}"
         )
     columns = [_of_states(name, values[name], n) for name in names]
     return np.stack(columns, axis=1) if columns else np.zeros((n, 0))
@@ -250,9 +250,7 @@ def require_known(
                 "it open"
             )
         if name not in names:
-            advice = (
-                suggestion(str(name), names, "the parameters are") if names else "the cell has no parameters"
-            )
+            advice = suggestion(str(name), names, "the parameters are", "the cell has no parameters")
             raise ConfigurationError(f"{cut(str(name))}: no parameter of the cell has this name; {advice}")
 
 

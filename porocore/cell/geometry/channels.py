@@ -16,6 +16,7 @@ from porocore.cell.geometry.drawing import eighth, split, wedge
 from porocore.cell.geometry.fillet import onto_fillet, opened_volume, rounded_surfaces
 from porocore.cell.geometry.pore_geometry import Unfolding
 from porocore.cell.geometry.rounded_wedge import draw_wedge
+from porocore.core.echo import joined
 from porocore.core.tensors.point_group import CUBIC, PointGroup
 from porocore.core.units.dimensions import Unit
 from porocore.states import Array
@@ -75,7 +76,7 @@ class OrthogonalChannels(DrawnGeometry):
             )
         given = [key for key in ("radius", "axes") if info.data.get(key) != cls.model_fields[key].default]
         if given:
-            raise ValueError(f"radii stand in place of radius and axes; remove {' and '.join(given)}")
+            raise ValueError(f"radii stand in place of radius and axes; remove {joined(given)}")
         if info.data.get("fillet"):
             raise ValueError(
                 "fillets are drawn between channels of one radius only; give radius, or set fillet to 0"

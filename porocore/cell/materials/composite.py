@@ -74,7 +74,7 @@ class Composite:
         """
         for region in self.materials:
             if region not in mesh.region_names:
-                advice = suggestion(region, mesh.region_names, "its regions are")
+                advice = suggestion(region, mesh.region_names, "its regions are", "it has no regions")
                 raise ConfigurationError(
                     f"cell.materials.{region}: the solid has no region of this name; {advice}"
                 )

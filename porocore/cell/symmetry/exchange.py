@@ -8,6 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from porocore.cell.meshing.mesh import CellMesh
+from porocore.core.echo import joined
 from porocore.states import Array, IntArray
 
 #: Tolerance of displacements, in lengths of the cell.
@@ -60,7 +61,7 @@ def axis_order(parity: str, image: str, swaps: Iterable[str]) -> tuple[int, int,
             further[i], further[j] = order[j], order[i]
             if (moved := (further[0], further[1], further[2])) not in found:
                 found.append(moved)
-    raise ValueError(f"'{image}' is no image of '{parity}' under exchanges of {', '.join(swaps)}")
+    raise ValueError(f"'{image}' is no image of '{parity}' under exchanges of {joined(swaps)}")
 
 
 @lru_cache(maxsize=24)

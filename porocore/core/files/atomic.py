@@ -26,6 +26,7 @@ def new_folder(path: Path) -> Path:
         It cannot be made or written, or it is a run folder or in one.
     """
     require_outside_a_run(path)
+    require_no_loose_link(path)
     try:
         path.mkdir(parents=True, exist_ok=True)
         if not os.access(path, os.W_OK | os.X_OK):
@@ -35,6 +36,22 @@ def new_folder(path: Path) -> Path:
             f"{path}: expected a folder that can be written: {error.strerror or error}; choose another --out"
         ) from error
     return path
+
+
+def require_no_loose_link(path: Path, option: str = "--out") -> None:
+    """Refuse a place at or below a symbolic link whose goal does not exist.
+
+    Raises
+    ------
+    RunFolderError
+        It is one.
+    """
+    for place in (path, *path.parents):
+        if place.is_symlink() and not place.exists():
+            raise RunFolderError(
+                f"{path}: {place} is a symbolic link to {os.readlink(place)}, which does not exist; make that folder, "
+                f"or choose another {option}"
+            )
 
 
 def require_outside_a_run(path: Path) -> None:
@@ -63,6 +80,7 @@ def place_for(path: Path, option: str = "--out") -> Path:
     RunFolderError
         It cannot, or something is there that is no file.
     """
+    require_no_loose_link(path, option)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if os.path.lexists(path):

@@ -7,6 +7,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
+from porocore.core.files.atomic import require_no_loose_link
 from porocore.core.files.lock import Locked, take_lock
 from porocore.errors import RunFolderError
 
@@ -96,6 +97,7 @@ def claim_folder(
 
 
 def _require_own_files(path: Path, record: str, work: str, left_by_a_start: Callable[[str], bool]) -> None:
+    require_no_loose_link(path)
     if path.exists() and not path.is_dir():
         raise RunFolderError(f"{path}: expected a folder, got a file; choose another --out")
     present = {entry.name for entry in path.iterdir()} if path.exists() else set()

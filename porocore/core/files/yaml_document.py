@@ -9,13 +9,26 @@ from typing import Any
 
 import yaml
 
-from porocore.core.echo import MOST, cut, echo_path
+from porocore.core.echo import MOST, cut, echo, echo_path
 from porocore.core.files import yaml_loader
 from porocore.core.files.reading import read_text
 from porocore.errors import ConfigurationError
 
 #: Where something stands in a document: keys and list positions, as text.
 Location = tuple[str, ...]
+_TEXT = "tag:yaml.org,2002:str"
+_NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
+#: Words for what YAML reads that is no text.
+_READ_AS = {
+    "bool": "true or false",
+    "null": "no value",
+    "int": "a number",
+    "float": "a number",
+    "timestamp": "a date",
+    "seq": "a list",
+    "map": "a section",
+}
+_KINDS: dict[type, str] = {str: "text", int: "number", float: "number", list: "list"}
 
 
 def dotted(location: Location) -> str:
@@ -46,8 +59,14 @@ class YamlDocument:
 
     @classmethod
     def of(cls, settings: Mapping[str, Any], folder: Path) -> YamlDocument:
-        """Return the document of nested settings; all of them are on line 0."""
-        data = {str(key): value for key, value in settings.items()}
+        """Return the document of nested settings; all of them are on line 0.
+
+        Raises
+        ------
+        ConfigurationError
+            A key is no text.
+        """
+        data = dict(settings)
         return cls(None, data, dict.fromkeys(_locations(data, ()), 0), folder)
 
     @classmethod
@@ -72,13 +91,24 @@ class YamlDocument:
                 f"{where}: not valid YAML: {cut(context + (error.problem or ''), 2 * MOST)}; "
                 "check indentation, colons and quotes on this line and the one above"
             ) from error
+        except yaml.reader.ReaderError as error:
+            line = text.count("\n", 0, error.position) + 1
+            raise ConfigurationError(
+                f"{path}:{line}: expected YAML text, got the control character {chr(int(error.character))!a}; "
+                "remove it"
+            ) from None
         except (yaml.YAMLError, ValueError, RecursionError) as error:
-            raise ConfigurationError(f"{path}: not valid YAML: {' '.join(str(error).split())}") from error
+            raise ConfigurationError(
+                f"{path}: not valid YAML: {cut(' '.join(str(error).split()), 2 * MOST)}; check indentation, colons and "
+                "quotes"
+            ) from None
         if not isinstance(data, dict):
-            found = "nothing" if data is None else f"a {type(data).__name__}"
+            found = "an empty file" if data is None else f"a {_KINDS.get(type(data), 'single value')}"
             raise ConfigurationError(f"{path}: expected sections such as 'cell:' and 'macro:', got {found}")
         lines: dict[Location, int] = {}
-        _record(node, (), lines, path)
+        refused = list(_record(node, (), lines))
+        if refused:
+            raise ConfigurationError("\n".join(f"{path}:{line}: {text}" for line, text in refused))
         return cls(path, data, lines, path.parent)
 
     def __contains__(self, location: Location) -> bool:
@@ -110,7 +140,12 @@ def _locations(value: Any, at: Location) -> Iterator[Location]:
     yield at
     if isinstance(value, Mapping):
         for key, below in value.items():
-            yield from _locations(below, (*at, str(key)))
+            if not isinstance(key, str):
+                raise ConfigurationError(
+                    f"settings: {dotted((*at, str(key)))}: expected a key that is a text, got {echo(key)}; write "
+                    f"{cut(repr(str(key)))}"
+                )
+            yield from _locations(below, (*at, key))
     elif isinstance(value, list | tuple):
         for i, below in enumerate(value):
             yield from _locations(below, (*at, str(i)))
@@ -127,27 +162,64 @@ def _text(path: Path) -> str:
     except IsADirectoryError as error:
         raise ConfigurationError(f"{path}: expected a configuration file, got a folder") from error
     except UnicodeDecodeError as error:
-        raise ConfigurationError(f"{path}: expected YAML text in UTF-8, got other bytes") from error
+        raise ConfigurationError(f"{path}{_other_encoding(error)}") from None
     except OSError as error:
         raise ConfigurationError(f"{echo_path(path)}: cannot be read: {error.strerror or error}") from error
 
 
-def _record(node: Any, location: Location, lines: dict[Location, int], path: Path) -> None:
-    """Note the line of every key below ``node``, which contains no alias of itself."""
+def _other_encoding(error: UnicodeDecodeError) -> str:
+    """Return the line, where there are any, and what is wrong in a text that is no UTF-8."""
+    data, at = error.object, error.start
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return ": expected YAML text in UTF-8, got UTF-16; save the file as UTF-8"
+    line, byte = data.count(b"\n", 0, at) + 1, data[at : at + 1]
+    as_text = byte.decode("cp1252", "replace")
+    meant = f", which is '{as_text}' in Latin-1 (Windows-1252)" if as_text.isprintable() else ""
+    return f":{line}: expected YAML text in UTF-8, got the byte 0x{byte.hex()}{meant}; save the file as UTF-8"
+
+
+def _record(node: Any, location: Location, lines: dict[Location, int]) -> Iterator[tuple[int, str]]:
+    """Note the line of every key below ``node``, which contains no alias of itself.
+
+    Yields
+    ------
+    line, text
+        Of each key that is no text or is given twice.
+    """
     lines.setdefault(location, node.start_mark.line + 1)
     if isinstance(node, yaml.MappingNode):
         own: dict[str, int] = {}
+        before: tuple[Any, Any] | None = None
         for key, value in node.value:
             name, line = str(key.value), key.start_mark.line + 1
+            at = (*location, name)
+            if key.tag != _TEXT:
+                yield line, f"{dotted(at)}: {_no_text(key, value, before if node.flow_style else None)}"
             # Keys merged in by '<<' stand before the node's own and may be overridden.
-            if name in own and own[name] >= node.start_mark.line + 1:
-                raise ConfigurationError(
-                    f"{path}:{line}: {dotted((*location, name))}: "
-                    f"given twice, first on line {own[name]}; keep one"
-                )
+            elif name in own and own[name] >= node.start_mark.line + 1:
+                yield line, f"{dotted(at)}: given twice, first on line {own[name]}; keep one"
             own[name] = line
-            lines[(*location, name)] = line
-            _record(value, (*location, name), lines, path)
+            lines[at], before = line, (key, value)
+            yield from _record(value, at, lines)
     elif isinstance(node, yaml.SequenceNode):
         for i, value in enumerate(node.value):
-            _record(value, (*location, str(i)), lines, path)
+            yield from _record(value, (*location, str(i)), lines)
+
+
+def _no_text(key: Any, value: Any, before: tuple[Any, Any] | None) -> str:
+    """Return what is wrong with a key that YAML does not read as text, and the advice.
+
+    ``before`` are key and value in front of it within the same braces.
+    """
+    _, _, kind = key.tag.rpartition(":")
+    written = cut(str(key.value)) or "?"
+    if before is not None and key.tag in _NUMBERS and not value.value and before[1].tag in _NUMBERS:
+        name, first = cut(str(before[0].value)), cut(str(before[1].value))
+        return (
+            f"a key without a value, since a comma within braces ends an entry; write '{name}: {first}.{written}' if "
+            f"'{name}: {first},{written}' was meant as a decimal number"
+        )
+    return (
+        f"expected a key that is a text, but YAML reads {written} as {_READ_AS.get(kind, 'another kind of value')}; "
+        f"write the key in quotes: '{written}':"
+    )

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from porocore.core.echo import joined
 from porocore.core.inputs.used_values import UsedValues
 from porocore.core.units.results import spoken
 from porocore.errors import ConfigurationError
@@ -68,7 +69,7 @@ class InputSpace:
             )
         if own < 0 or self.names[own:] != self.parameters:
             raise ConfigurationError(
-                f"expected the parameters {', '.join(self.parameters)} as the last inputs, got {', '.join(self.names)}"
+                f"expected the parameters {', '.join(self.parameters)} as the last inputs, got {joined(self.names)}"
             )
         for name in self.names[:own]:
             if name not in NAMES:

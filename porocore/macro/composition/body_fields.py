@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from porocore.core.echo import echo
+from porocore.core.echo import echo, suggestion
 from porocore.core.units.results import spoken
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import BodyMesh
@@ -200,7 +200,7 @@ class BodyFields:
         if region is None:
             return np.ones(n, bool)
         if region not in self.regions:
-            known = f"the regions are {', '.join(self.regions)}" if self.regions else "there are none"
+            known = suggestion(region, self.regions, "the regions are", "it has none")
             raise ConfigurationError(f"macro.regions: the body has no region {echo(region)}; {known}")
         return np.asarray(self._region == 1 + self.regions.index(region))
 

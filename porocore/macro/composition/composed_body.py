@@ -48,10 +48,11 @@ def require_names(setup: ComposedBody, law: NeedsParameters) -> None:
         of = "the cell" if cells[k] is None else f"the cell '{cells[k]}'"
         for name in entries:
             if name not in names and name != AXES:
-                told = (
-                    suggestion(name, names, "the parameters are")
-                    if names
-                    else "there are none; a number of the cell becomes one by {range: [lower, upper]} in its place"
+                told = suggestion(
+                    name,
+                    names,
+                    "the parameters are",
+                    "there are none; a number of the cell becomes one by {range: [lower, upper]} in its place",
                 )
                 raise ConfigurationError(f"{prefix}.{name}: '{name}' is no parameter of {of}; {told}")
 

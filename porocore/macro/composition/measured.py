@@ -195,11 +195,7 @@ def _mesh_data(path: Path, name: str, key: str) -> tuple[Array, Any, Array]:
     with _told_with(key):
         mesh = read_mesh(path)
     if name not in mesh.cell_data:
-        advice = (
-            suggestion(name, list(mesh.cell_data), "its data of elements are")
-            if mesh.cell_data
-            else "it has none"
-        )
+        advice = suggestion(name, mesh.cell_data, "its data of elements are", "it has no data of elements")
         raise ConfigurationError(
             f"{key}.data: {path.name} has no data {echo(name)} of its elements; {advice}"
         )

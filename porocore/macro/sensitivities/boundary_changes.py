@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from porocore.core.echo import echo
+from porocore.core.echo import echo, suggestion
 from porocore.core.formulas.time_function import TimeFunction
 from porocore.errors import ConfigurationError
 from porocore.interfaces.sensitivities import BoundaryChange
@@ -88,8 +88,8 @@ def alone_at(problem: MacroProblem, change: BoundaryChange) -> MacroProblem:
     names = list(problem.boundary)
     if change.surface not in names:
         raise ConfigurationError(
-            f"sensitivities: nothing is prescribed on a surface {echo(change.surface)}; those of macro.boundary are "
-            f"{', '.join(names)}"
+            f"sensitivities: nothing is prescribed on a surface {echo(change.surface)}; "
+            f"{suggestion(change.surface, names, 'those of macro.boundary are', 'macro.boundary is empty')}"
         )
     if change.component not in (0, 1, 2):
         raise ConfigurationError(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from porocore.core.echo import echo
+from porocore.core.echo import echo, suggestion
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.law_changes import PointChanges
@@ -137,7 +137,7 @@ def _having(d: Discretisation, body: BodyFields, change: CellParameterChange) ->
 def _column(law: MacroLaw, change: CellParameterChange) -> int:
     """Return the place of a parameter among those of the law."""
     if change.name not in law.parameters:
-        known = f"the parameters are {', '.join(law.parameters)}" if law.parameters else "there are none"
+        known = suggestion(change.name, law.parameters, "the parameters are")
         raise ConfigurationError(
             f"sensitivities: the law '{law.name}' has no parameter {echo(change.name)}; {known}"
         )

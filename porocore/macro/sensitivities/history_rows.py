@@ -156,7 +156,7 @@ def _require_series(record: HistoryRecorder, weights: HistoryWeights) -> None:
     for group, given, known, width in groups:
         for name, each in given.items():
             if name not in known:
-                advice = suggestion(name, known, "there are") if known else "the run has none"
+                advice = suggestion(name, known, "there are", "the run has none")
                 raise ConfigurationError(f"gradients: weights of {group}: no series {echo(name)}; {advice}")
             _require_shape(f"{group}/{name}", each, (steps, *width, count))
 

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from scipy.spatial import ConvexHull, QhullError
 
+from porocore.core.echo import choices
 from porocore.core.inputs.input_space import NAMES, InputSpace
 from porocore.core.units.results import spoken
 from porocore.interfaces.solution import MacroSolution
@@ -191,7 +192,7 @@ def _columns(inputs: InputSpace, pair: tuple[str, str] | None) -> list[int]:
         pair = ("H22", "p") if {"H22", "p"} <= set(inputs.names) else (inputs.names[0], inputs.names[1])
     for name in pair:
         if name not in inputs.names:
-            raise ValueError(f"'{name}' was not sampled; choose from {', '.join(inputs.names)}")
+            raise ValueError(f"'{name}' was not sampled; {choices(inputs.names, 'the inputs are')}")
     return [inputs.names.index(name) for name in pair]
 
 

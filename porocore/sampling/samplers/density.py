@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from porocore.core.echo import echo
+from porocore.core.echo import echo, suggestion
 from porocore.core.inputs.input_space import InputSpace, value_text
 from porocore.core.models.bounds import MOST_STATES
 from porocore.errors import ConfigurationError
@@ -172,7 +172,8 @@ def _checked_steps(inputs: InputSpace, step: Mapping[str, float], smallest: floa
     for name in step:
         if name not in inputs.names:
             raise ConfigurationError(
-                f"sampling.options.step.{name}: names no sampled input; these are {', '.join(inputs.names)}"
+                f"sampling.options.step.{name}: names no sampled input; "
+                + suggestion(name, inputs.names, "these are")
             )
     steps = []
     for name in inputs.names:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Container, Mapping
 from typing import Any
 
-from porocore.core.echo import echo
+from porocore.core.echo import choices, echo
 from porocore.core.models.bounds import MOST_STATES
 from porocore.errors import ConfigurationError
 
@@ -52,7 +52,7 @@ def refuse_unknown(sampler: str, known: tuple[str, ...], unknown: Mapping[str, A
         raise ConfigurationError(f"sampling.tolerance: {sampler} takes no tolerance; remove it")
     raise ConfigurationError(
         f"sampling.options: unknown option {', '.join(map(echo, sorted(unknown)[:5]))} of {sampler}; "
-        f"the options are {', '.join(known)}"
+        + choices(known, "the options are", "it has none")
     )
 
 

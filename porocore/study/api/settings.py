@@ -53,7 +53,7 @@ def of_named_cell(config: RunConfig, name: str | None) -> RunConfig:
         The study has no cell of this name.
     """
     if name is not None and name not in config.cells:
-        known = suggestion(str(name), config.cells, "the cells are") if config.cells else "it has one"
+        known = suggestion(str(name), config.cells, "the cells are", "it has one cell, without a name")
         raise ConfigurationError(f"cell: the study has no cell {echo(name)}; {known}")
     return config.of_cell(name)
 

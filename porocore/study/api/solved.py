@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from porocore.core.echo import choices
 from porocore.core.units.results import ResultUnits
 from porocore.errors import ConfigurationError, PluginError
 from porocore.interfaces.solution import MacroSolution, Profile, file_name
@@ -249,7 +250,9 @@ class _Named(dict[Any, T]):
     """Solutions by name; a missing name is refused with those that exist."""
 
     def __missing__(self, key: Any) -> T:
-        raise ConfigurationError(f"nothing was solved for {key!r}; there is {', '.join(map(repr, self))}")
+        raise ConfigurationError(
+            f"nothing was solved for {key!r}; {choices(map(repr, self), 'there is', 'no run has ended')}"
+        )
 
 
 class LawsSolved(_Named[Solved]):

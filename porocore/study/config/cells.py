@@ -65,9 +65,7 @@ def cell_faults(config: RunConfig) -> Iterator[tuple[Location, str]]:
     named += [(("sampling", "cells", name), name) for name in config.sampling.cells]
     for at, cell in named:
         if cell not in cells:
-            known = (
-                suggestion(cell, cells, "the cells are") if cells else "there are none; add it under 'cells:'"
-            )
+            known = suggestion(cell, cells, "the cells are", "there are none; add it under 'cells:'")
             yield at, f"{dotted(at)}: there is no cell {echo(cell)}; {known}"
     for name in cells if used <= cells.keys() else ():  # else one of them may be meant
         if name not in used:

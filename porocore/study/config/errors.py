@@ -10,7 +10,7 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import BaseModel, Tag
 from pydantic_core import ErrorDetails
 
-from porocore.core.echo import cut, did_you_mean, echo
+from porocore.core.echo import choices, cut, did_you_mean, echo
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted
 from porocore.core.models.walk import bare, is_section, is_union
 from porocore.errors import ConfigurationError
@@ -282,7 +282,8 @@ def _other_keys(at: Location, root: type[BaseModel], advice: str) -> str:
 
 
 def _nearest(name: str, names: list[str]) -> str:
-    return f"{did_you_mean(name, names) or 'remove it;'} the keys here are {', '.join(names)}"
+    question = did_you_mean(name, names) or "remove it;"
+    return f"{question} {choices(names, 'the keys here are', 'this section has no keys')}"
 
 
 def _under(at: Location) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from porocore.cell.family.parameters import number, require_known
+from porocore.core.echo import joined
 from porocore.core.units.results import ResultUnits
 from porocore.errors import ConfigurationError
 from porocore.interfaces.solution import MacroSolution
@@ -127,7 +128,7 @@ class ParameterSweep:
         require_known(given, self.names)
         if lacking := [name for name in self.names if name not in given]:
             raise ConfigurationError(
-                f"{lacking[0]}: no value is given; the sweep is over {', '.join(self.names)}"
+                f"{lacking[0]}: no value is given; the sweep is over {joined(self.names)}"
             )
         row = np.array([number(name, given[name]) for name in self.names])
         near = np.isclose(self.values, row, rtol=1e-9, atol=0).all(axis=1)

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, Strict, ValidationError
 
-from porocore.core.echo import did_you_mean, echo
+from porocore.core.echo import choices, did_you_mean, echo
 from porocore.core.models.strict import StrictModel
 from porocore.errors import ConfigurationError
 
@@ -46,7 +46,7 @@ class NetworkOptions(StrictModel):
         fields = cls.model_fields
         if key in fields:
             return f"surrogate.options.{key}: expected {fields[key].description}, got {echo(value)}"
-        advice = did_you_mean(key, fields) or f"the options are {', '.join(fields)}"
+        advice = did_you_mean(key, fields) or choices(fields, "the options are", "it has none")
         return f"surrogate.options.{key}: the {backend} surrogate has no such option for this model; {advice}"
 
 

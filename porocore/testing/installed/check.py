@@ -18,7 +18,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
-from porocore.core.echo import did_you_mean
+from porocore.core.echo import choices, did_you_mean
 from porocore.errors import PluginError
 from porocore.plugins.discovery import Offered
 from porocore.plugins.kinds import FIRST_PARTY, KINDS, Kind
@@ -41,7 +41,9 @@ class UnknownLaw(PluginError):
     """
 
     def __init__(self, name: str, laws: Sequence[str]) -> None:
-        near = did_you_mean(law_text(name), laws, most=3, cutoff=0.4) or f"there are {', '.join(laws)}"
+        near = did_you_mean(law_text(name), laws, most=3, cutoff=0.4) or choices(
+            laws, "there are", "it has none"
+        )
         super().__init__(f"--only: there is no law '{law_text(name)}'; {near}")
         self.laws = laws
 
@@ -104,7 +106,7 @@ def find_offers(name: str, kind: Kind | None = None) -> list[Offered]:
         everything = sorted({offered.offer.name for offered in known.offers})
         faults = "".join(f"; the plugin of {b.source}: {b.reason}" for b in known.broken)
         raise PluginError(
-            f"expected the name of an installed plugin, got '{name}'; there are {', '.join(everything)}{faults}"
+            f"expected the name of an installed plugin, got '{name}'; {choices(everything, 'there are')}{faults}"
         )
     return [known.find(k, name) for k in kinds]
 

@@ -1,0 +1,96 @@
+"""Words of messages: no builder ends in an empty list, in nothing or in the class of an exception."""
+
+from __future__ import annotations
+
+import ast
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import porocore
+from porocore.core.echo import choices, cut, did_you_mean, echo, joined, suggestion
+from porocore.study.config.errors import unexpected
+
+ROOT = Path(porocore.__file__).parent
+TEXTS = st.text(max_size=120)
+VALUES = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | TEXTS,
+    lambda below: st.lists(below, max_size=3) | st.dictionaries(TEXTS, below, max_size=3),
+    max_leaves=8,
+)
+
+
+def assert_says_something(text):
+    assert text.strip(), repr(text)
+    assert not text.rstrip().endswith((":", " are", " is", ";", ",", "nothing")), text
+
+
+@settings(deadline=None)
+@given(TEXTS, st.lists(st.text(min_size=1, max_size=20).filter(str.strip), max_size=4))
+def test_the_builders_of_lists_never_end_in_nothing(name, names):
+    for text in (joined(names), choices(names, "the keys are"), suggestion(name, names, "the keys are")):
+        if not names:
+            assert_says_something(text)
+            assert text in ("none", "there are none")
+        assert all(each in text for each in names)
+
+
+@pytest.mark.parametrize("names", [[], (), {}, iter(())])
+def test_no_choices_are_a_sentence(names):
+    assert choices(names, "its regions are", "it has no regions") == "it has no regions"
+
+
+def test_an_unknown_name_beside_a_similar_one():
+    assert suggestion("radus", ["radius"], "the keys are") == "did you mean 'radius'? the keys are radius"
+
+
+@settings(deadline=None)
+@given(VALUES)
+def test_what_came_is_said_on_one_line(value):
+    text = echo(value)
+    assert text
+    assert "\n" not in text
+    assert len(text) <= 90
+    assert text != "nothing"
+
+
+def test_no_value_is_said_so():
+    assert unexpected(("cell", "geometry", "radius"), "a number", None) == (
+        "cell.geometry.radius: expected a number, got no value; at 0.5 a pore or an obstacle would touch its image in "
+        "the next cell"
+    )
+
+
+@settings(deadline=None)
+@given(TEXTS, TEXTS)
+def test_a_question_names_what_it_asks_for(name, other):
+    question = did_you_mean(name, [other])
+    assert question in ("", f"did you mean '{other}'?")
+
+
+@given(TEXTS)
+def test_a_cut_text_is_printable(text):
+    assert cut(text).isprintable()
+
+
+def _ends_in_a_list(text: ast.JoinedStr) -> bool:
+    """True for a text whose last piece joins names that may be none, as a name in capitals never is."""
+    last = text.values[-1]
+    call = last.value if isinstance(last, ast.FormattedValue) else None
+    if not (isinstance(call, ast.Call) and isinstance(call.func, ast.Attribute) and call.func.attr == "join"):
+        return False
+    names = [node.id for node in ast.walk(call) if isinstance(node, ast.Name)]
+    return not any(name.isupper() for name in names)
+
+
+def test_no_message_ends_in_a_list_that_may_be_empty():
+    """Messages say names by ``choices``, ``joined`` and ``suggestion``, which know what to say where there is none."""
+    found = []
+    for path in sorted(ROOT.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Raise):
+                texts = [each for each in ast.walk(node) if isinstance(each, ast.JoinedStr) and each.values]
+                found += [f"{path}:{each.lineno}" for each in texts if _ends_in_a_list(each)]
+    assert found == []
