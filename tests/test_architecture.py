@@ -306,7 +306,9 @@ def test_the_page_of_the_architecture_is_the_tree():
             told.add(name)
         elif len(indent) == 4:
             told.add(above + name)
-    there = {f"{name}/" for name in ROOMS} | {f"{name}.py" for name in ("__init__", *ROOT_MODULES)}
+    there = {f"{name}/" for name in ROOMS} | {
+        f"{name}.py" for name in ("__init__", "__main__", *ROOT_MODULES)
+    }
     there |= {f"{name}/{entry}" for name in ROOMS for entry in entries(CORE / name)}
     assert told == there
 

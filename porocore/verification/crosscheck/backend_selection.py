@@ -59,7 +59,8 @@ def select_backends(fem: Sequence[str] = (), surrogates: Sequence[str] = ()) -> 
     if not chosen.cells:
         why = advice(row for row in (*found.broken, *found.missing) if row.kind in ("cell solver", ""))
         raise PluginError(
-            f"there is nothing to compare: no cell solver takes part; install one: {'; '.join(why) or 'see docs/plugins.md'}"
+            "there is nothing to compare: no cell solver takes part; install one: "
+            + ("; ".join(why) or "see docs/plugins.md")
         )
     if not chosen.broken and max(map(len, (chosen.cells, chosen.bodies, chosen.surrogates))) < 2:
         named = [*dict.fromkeys((*chosen.cells, *chosen.bodies)), *chosen.surrogates]

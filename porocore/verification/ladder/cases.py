@@ -109,7 +109,9 @@ def select_solvers(fem: Sequence[str] = ()) -> SolverSelection:
         return SolverSelection(found.names)
     if not any(found.names.values()):
         why = advice((*found.broken, *found.missing))
-        raise PluginError(f"there is no finite-element backend; install one: {'; '.join(why) or 'see docs/plugins.md'}")
+        raise PluginError(
+            f"there is no finite-element backend; install one: {'; '.join(why) or 'see docs/plugins.md'}"
+        )
     broken = (
         CaseResult("", "", row.distribution, None, f"{row.state}: {row.advice}") for row in found.broken
     )
