@@ -27,6 +27,7 @@ from porocore.cell.meshing.connectivity import pieces, why_disconnected
 from porocore.cell.meshing.estimate import require_few
 from porocore.cell.meshing.mesh import CellMesh, Domain, MeshSettings, Phase, make_mesh
 from porocore.cell.meshing.supercell import block, tiled
+from porocore.cell.meshing.tetrahedra import volume
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.yaml_document import dotted
 from porocore.core.models.strict import CalledByUsers
@@ -176,6 +177,18 @@ class Cell(Family, metaclass=CalledByUsers):
         if known is None:
             return why_disconnected(pieces(make_mesh(self.geometry, self.mesh, "solid", "whole")))
         return known
+
+    @property
+    def mesh_porosity(self) -> float:
+        """Porosity φ_f of the mesh of the solid, to which the responses belong; see also ``geometry.porosity``.
+
+        Raises
+        ------
+        PorocoreError
+            The geometry cannot be meshed.
+        """
+        solid = self._mesh_of_one("solid", "whole")
+        return 1 - volume(solid.points, solid.cells)
 
     def require_pores(self) -> None:
         """Refuse a cell that is solid throughout.

@@ -180,7 +180,7 @@ def _print(found: RepresentativeVolume) -> None:
     """Print the means of each size with the standard deviation of single sub-volumes."""
     from porocore.report.format import number
     from porocore.verification.representative.settling import QUANTITIES
-    from porocore.verification.representative.tables import factor, length_column, titled
+    from porocore.verification.representative.tables import edge_columns, factor, titled
 
     def text(mean: float, deviation: float) -> str:
         if not (math.isfinite(mean) and math.isfinite(deviation)):
@@ -188,15 +188,15 @@ def _print(found: RepresentativeVolume) -> None:
         share = abs(deviation / mean) if mean else math.inf
         return f"{number(mean, 3)} ± {100 * share:.2g} %"
 
-    unit, by_voxel = length_column(found.scan, [each.size for each in found.outlooks])
+    unit, edges = edge_columns(found.scan, [each.size for each in found.outlooks])
     voxel, names = found.scan.voxel, list(QUANTITIES) if found.subvolumes else []
-    headings = ["voxels", *([f"edge [{unit}]"] if unit else []), "φ of voxels"]
+    headings = ["voxels", *(f"{name} [{unit}]" for name in edges), "φ of voxels"]
     headings += ["solved"] if names else []
     headings += [titled(name, voxel, SHORT.get(name)) for name in names]
     table = plain_table(headings, range(len(headings)))
     for each in found.outlooks:
         _, mean, deviation = found.voxels.at(each.size)
-        row = [str(each.size), *([f"{each.size * by_voxel:.4g}"] if unit else []), text(mean, deviation)]
+        row = [str(each.size), *(f"{each.size * by:.4g}" for by in edges.values()), text(mean, deviation)]
         if names:
             solved, tried = found.solved(each.size)
             row.append(f"{solved} of {tried}" if tried else "–")

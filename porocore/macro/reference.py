@@ -203,6 +203,20 @@ def porosity_before_swelling(solver: CellSolver, cell: Cell) -> float:
     return float(response.fluid_volume[0])
 
 
+def porosity_at_rest(solver: CellSolver, prepared: Any, cell: Cell) -> float:
+    """Return φ_f of the undeformed cell, before its solid swells: of the mesh that the responses belong to.
+
+    A solid that is not connected cannot be solved; then, and where the solver gives no fluid volume, it is that of the
+    core's mesh.
+    """
+    if cell.disconnected:
+        return cell.mesh_porosity
+    if cell.solid.swells:
+        return porosity_before_swelling(solver, cell)
+    found = solution_of(solver, prepared, MacroState.zeros(1), tangent=False).response.fluid_volume
+    return cell.mesh_porosity if found is None else float(found[0])
+
+
 def _require_solved(response: CellResponse, cell: Cell) -> None:
     if response.status[0] == Status.converged:
         return

@@ -199,7 +199,7 @@ def test_it_may_be_killed_among_the_cells(done: porocore.Calibration, base: Path
 def test_a_posterior_is_added_later_and_a_killed_one_ends_at_the_same_draws(
     done: porocore.Calibration, tmp_path: Path
 ) -> None:
-    pytest.importorskip("emcee", reason="pip install 'porocore[posterior]'")
+    pytest.importorskip("emcee", reason="pip install emcee")
     wanted = {**STUDY, "calibration": {**STUDY["calibration"], "posterior": {"steps": 1000}}}
     folder = tmp_path / "later"
     shutil.copytree(done.path, folder)

@@ -65,7 +65,8 @@ def test_slopes_of_an_image(tmp_path):
 
 
 def test_a_tiff_stack_has_its_pages_along_z(tmp_path):
-    tifffile = pytest.importorskip("tifffile")
+    import tifffile
+
     pages = np.zeros((4, 4, 4), dtype=np.uint8)  # z, y, x
     pages[1, 2, 3] = 5
     tifffile.imwrite(tmp_path / "stack.tif", pages)

@@ -116,7 +116,7 @@ def test_without_pyvista_the_files_are_written_and_the_message_tells_what_to_ins
     monkeypatch.setattr(pictures, "find_spec", lambda name: None)
     code, _, err = show({"kind": "no-pores"})
     assert code == 2
-    assert "pip install 'porocore[pictures]'" in err
+    assert "pip install pyvista" in err
     assert (tmp_path / "out" / "study_solid.vtu").exists()
     assert not (tmp_path / "out" / "study.png").exists()
 

@@ -370,6 +370,22 @@ def test_the_command_prints_a_table_in_units_and_one_object(tmp_path, solves, mo
     assert len(solves) == 2 * (4 + 4 + 1)
 
 
+def test_the_three_extents_of_a_subvolume_are_named_where_they_differ(tmp_path, solves):
+    """Voxels of 12 × 12 × 15 µm: six of them are 72 × 72 × 90 µm and not 78 µm, the cube root of their volume."""
+    sizes = ", voxel_size: [12 um, 12 um, 15 um]"
+    configuration(tmp_path, np.tile(tile(), (2, 2, 2)), more=sizes)
+    words = ("cell", "rev", tmp_path / "scan.yaml", "--sizes", "6,8,12", "--element", "1.5", "--no-store")
+    done = invoke(*words, "--workers", "1", "--out", tmp_path / "out")
+    assert done.exit_code == 0, done.output
+    assert "6 voxels, 72 x 72 x 90 µm, suffice for 5 %" in done.stdout
+    assert "voxels of 12 x 12 x 15 µm" in done.stderr
+    row = next(line.split() for line in done.stdout.splitlines() if line.strip().startswith("6 "))
+    assert row[1:4] == ["72", "72", "90"]
+    table = (tmp_path / "out/sizes.csv").read_text().splitlines()
+    assert table[0].startswith("size [voxels],edge along x [µm],along y [µm],along z [µm],solved")
+    assert [float(x) for x in table[1].split(",")[1:4]] == pytest.approx([72, 72, 90])
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [

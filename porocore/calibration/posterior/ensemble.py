@@ -51,8 +51,7 @@ def require_emcee() -> Any:
         return import_module("emcee")
     except ImportError as error:
         raise ConfigurationError(
-            f"needs emcee, which cannot be imported here ({error}); pip install 'porocore[posterior]', or "
-            "remove the section"
+            f"needs emcee, which cannot be imported here ({error}); pip install emcee, or remove the section"
         ) from error
 
 

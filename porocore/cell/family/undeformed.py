@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from itertools import chain
 from typing import TYPE_CHECKING
@@ -14,7 +13,6 @@ from pydantic.fields import FieldInfo
 
 from porocore.cell.materials.energy import SWELLING
 from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.cell.meshing.tetrahedra import volume
 from porocore.core.models.walk import Place, walk
 from porocore.core.units.dimensions import Unit
 from porocore.interfaces.rest_data import ParameterKind, RestData, rest_count
@@ -127,7 +125,7 @@ def rest_data(cell: Cell, states: MacroState, responses: CellResponse) -> RestDa
     return RestData(
         states.with_parameters(dry),
         responses,
-        np.array([_porosity(cell.at(values)) for values in theta]) if stressed else fluid,
+        np.array([cell.at(values).mesh_porosity for values in theta]) if stressed else fluid,
         kinds,
         young,
         poisson,
@@ -138,9 +136,3 @@ def rest_data(cell: Cell, states: MacroState, responses: CellResponse) -> RestDa
 
 def _swells(parameter: CellParameter) -> bool:
     return parameter.path[-1] == SWELLING
-
-
-def _porosity(member: Cell) -> float:
-    """Return φ_f of the mesh of a member whose fluid volume at rest is another one, since it is stressed."""
-    solid = member.make_mesh("solid", "whole")
-    return 1 - volume(solid.points, solid.cells) / math.prod(solid.periods)

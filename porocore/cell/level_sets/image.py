@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Callable
-from importlib.util import find_spec
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -35,7 +34,7 @@ def read_image(path: Path, crop: Crop | None = None) -> npt.NDArray[np.integer[A
     Raises
     ------
     ConfigurationError
-        The file is no image with whole numbers, the part is not within it, or tifffile is missing.
+        The file is no image with whole numbers, or the part is not within it.
     """
     found = _read(path, lambda shape, dtype: _check(path, shape, dtype, crop), crop)
     return found.astype(np.int64) if found.dtype == bool else found
@@ -58,7 +57,7 @@ def open_values(path: Path) -> npt.NDArray[Any]:
     Raises
     ------
     ConfigurationError
-        The file is no image of numbers in three dimensions, or tifffile is missing.
+        The file is no image of numbers in three dimensions.
     """
 
     def check(shape: tuple[int, ...], dtype: Any) -> None:
@@ -77,11 +76,6 @@ def _read(path: Path, check: Callable[[tuple[int, ...], Any], None], crop: Crop 
     suffix = path.suffix.lower()
     if suffix not in (".npy", *TIFF):
         raise ConfigurationError(f"{path}: expected an image as .npy, .tif or .tiff, got '{path.suffix}'")
-    if suffix in TIFF and find_spec("tifffile") is None:
-        raise ConfigurationError(
-            f"{path}: TIFF images need tifffile, which is not installed: pip install 'porocore[images]', or save the "
-            "image as .npy"
-        )
     try:
         return (_read_npy if suffix == ".npy" else _read_tiff)(path, check, crop)
     except ConfigurationError:

@@ -122,7 +122,7 @@ def fields(
 
     Writes a .vtu file of the whole cell for ParaView with the micro displacement, F, J, the strain energy density and
     stresses. Draws the micro displacement on the deformed cell and the strain energy density on the undeformed one.
-    Pictures need pyvista (pip install 'porocore[pictures]') and no display.
+    Pictures need pyvista (pip install pyvista) and no display.
     """
     kept = chosen_store(store, no_store)
     path, settings = read_config(config, fem, cell_only=True)
@@ -161,7 +161,7 @@ def show(
 
     Prints porosity, number and quality of the elements, how solid and fluid are connected from cell to cell, and
     if opposite faces match. Writes both phases as .vtu files for ParaView, and a picture.
-    Pictures need pyvista (pip install 'porocore[pictures]') and no display.
+    Pictures need pyvista (pip install pyvista) and no display.
     """
     path, settings = read_config(config, None, cell_only=True)
     with interruptible(), located(path):

@@ -48,8 +48,8 @@ def export(dataset: Dataset, out: Path, *, derivatives: bool = False) -> Path:
         arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
     except ImportError as error:
         raise PluginError(
-            f"--out with .parquet needs pyarrow, which cannot be imported here ({error}); pip install "
-            "'porocore[parquet]', or choose .csv"
+            f"--out with .parquet needs pyarrow, which cannot be imported here ({error}); pip install pyarrow, "
+            "or choose .csv"
         ) from error
     columns = table(dataset, derivatives=derivatives)
     with atomic_path(out) as part:

@@ -59,7 +59,7 @@ class DaskBackend(WorkerBackend):
         except ImportError as error:
             raise PluginError(
                 f"executor 'dask' needs dask.distributed, which cannot be imported here ({error}); pip install "
-                "'porocore[dask]'"
+                "distributed"
             ) from error
         self._cluster: Any = None
         self._script_left_out = ExitStack()

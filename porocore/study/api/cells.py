@@ -17,7 +17,7 @@ from porocore.core.inputs.given_states import given_states
 from porocore.errors import ConfigurationError, SolveError
 from porocore.interfaces.cell import CellSolver
 from porocore.macro.laws.effective import EffectiveProperties
-from porocore.macro.reference import CellReference, porosity_before_swelling
+from porocore.macro.reference import CellReference, porosity_at_rest
 from porocore.plugins.border import conductivity_of, solution_of
 from porocore.plugins.registry import registry
 from porocore.sampling.execution.solved_store import StoringSolver
@@ -54,8 +54,8 @@ class CellProblem:
     --------
     >>> from porocore import CellProblem
     >>> cell = CellProblem({"mesh": {"size": 0.5, "fluid_size": 0.5}}, fem="skfem")
-    >>> round(cell.porosity, 4)
-    0.4123
+    >>> round(cell.porosity, 4), round(cell.geometric_porosity, 4)
+    (0.4122, 0.4123)
     >>> response = cell.response([[0, 0, 0], [0, -0.1, 0], [0, 0, 0]], p=0.05)
     >>> response.stress[0].diagonal().round(3)
     array([-0.048, -0.088, -0.048])
@@ -89,14 +89,19 @@ class CellProblem:
         self.cell = member_with(described, parameters) if parameters else described
         registry().find("cell solver", fem)
         self._solver: CellSolver
-        self._solver, self._prepared = prepare_cell(fem, options, self.cell)
-        self._unstored = self._solver
+        self._unstored, self._prepared = prepare_cell(fem, options, self.cell)
+        self._solver = self._unstored
         if known := solved_states(chosen_store(store), fem, options, self.cell):
-            self._solver = StoringSolver(self._solver, known)
+            self._solver = StoringSolver(self._unstored, known)
 
     @cached_property
     def porosity(self) -> float:
-        """Volume share of the pores, φ_f."""
+        """Volume share φ_f of the pores of the mesh, to which conductivity and responses belong."""
+        return porosity_at_rest(self._unstored, self._prepared, self.cell)
+
+    @property
+    def geometric_porosity(self) -> float:
+        """Volume share of the pores as the geometry is described; the mesh approaches it as its size falls."""
         return self.cell.geometry.porosity
 
     @cached_property
@@ -123,7 +128,7 @@ class CellProblem:
             raise SolveError(
                 f"the undeformed cell ended with status '{Status(int(response.status[0])).name}'"
             )
-        before = porosity_before_swelling(self._unstored, self.cell) if self.cell.solid.swells else None
+        before = self.porosity if self.cell.solid.swells else None
         return CellReference("", response, self.conductivity, {}, before).properties(self.cell, "piola")
 
     def response(

@@ -274,4 +274,4 @@ class Solutions(_Named[LawsSolved]):
 
 
 def _missing(package: str) -> PluginError:
-    return PluginError(f"{package} is not installed; install it with: pip install 'porocore[notebooks]'")
+    return PluginError(f"{package} is not installed; install it with: pip install {package}")

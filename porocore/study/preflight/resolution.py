@@ -43,7 +43,7 @@ def resolution(cell: Cell, length: float | None = None) -> Iterator[str]:
             continue
         elements, voxels = thickness / lattice_edges(geometry, size)[0], thickness / voxel.min()
         yield (
-            f"  {name}, by the largest ball in it: some {voxels:.2g} voxels or {thickness:.2g} of the cell, "
+            f"  {name}, by the largest ball in it: some {_voxels(geometry, thickness)} or {thickness:.2g} of the cell, "
             f"{count_text(elements)} of mesh.{key}"
         )
         if elements < FEWEST and voxels >= SEEN:
@@ -55,10 +55,17 @@ def resolution(cell: Cell, length: float | None = None) -> Iterator[str]:
     yield from (f"note: {note}" for note in disagreements(cell, tried=True))
 
 
+def _voxels(geometry: Voxels, length: float) -> str:
+    """Return a length of the cell in voxels; where they are no cubes, in the shortest of their edges."""
+    voxel = voxel_edges(geometry)
+    count = f"{length / voxel.min():.2g} voxels"
+    return count if np.ptp(voxel) <= SAME * voxel.min() else f"{count} along {'xyz'[voxel.argmin()]}"
+
+
 def _edge_text(geometry: Voxels, size: float, length: float | None) -> str:
     """Return the real edge of the elements of a size, and between which sizes the mesh is the same."""
     edge, coarser = lattice_edges(geometry, size)
-    voxels = f"{edge / voxel_edges(geometry).min():.2g} voxels"
+    voxels = _voxels(geometry, edge)
     if length is not None:
         voxels += f", {length_text(edge * length)}"
     if abs(edge - size) < SAME * size:

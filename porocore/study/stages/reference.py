@@ -16,7 +16,7 @@ from porocore.cell.family.undeformed import UnstressedFamily
 from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
 from porocore.macro.boundary.drainage import undrained
-from porocore.macro.reference import CellReference, porosity_before_swelling
+from porocore.macro.reference import CellReference, porosity_at_rest
 from porocore.plugins.border import conductivity_of, solution_of
 from porocore.sampling.execution.solved_store import StoringSolver
 from porocore.states import CellSlopes, MacroState, Status
@@ -127,16 +127,13 @@ def solve_cell(
     unstored, solver = solver, solver if known is None else StoringSolver(solver, known)
     if (disconnected := config.cell.disconnected) and p == 0 and not np.any(grad_u):
         return {
-            "porosity": config.cell.geometry.porosity,
+            "porosity": config.cell.mesh_porosity,
             "conductivity": conductivity,
             "solid": f"disconnected: {disconnected}",
             "seconds": {"set_up": time.perf_counter() - began},
         }
-    if config.cell.solid.swells:  # another cell than the one whose states are stored
-        porosity = porosity_before_swelling(unstored, config.cell)
-    else:
-        volume = solution_of(solver, prepared, MacroState.zeros(1), tangent=False).response.fluid_volume
-        porosity = config.cell.geometry.porosity if volume is None else float(volume[0])
+    # A cell before it swells is another one than that whose states are stored.
+    porosity = porosity_at_rest(unstored if config.cell.solid.swells else solver, prepared, config.cell)
     ready = time.perf_counter()
     saved_at_rest, saved = (0.0 if known is None else known.saved), list[float]()
     with told(known, "cell", tell, saved.append):

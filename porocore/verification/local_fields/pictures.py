@@ -142,7 +142,7 @@ def require_pyvista() -> None:
     """
     if find_spec("pyvista") is None:
         raise PorocoreError(
-            "pictures of local fields need pyvista, which is not installed: pip install 'porocore[pictures]', or leave "
+            "pictures of local fields need pyvista, which is not installed: pip install pyvista, or leave "
             "them out with --no-pictures"
         )
 
@@ -184,7 +184,7 @@ def draw_views(vtu: Path, views: list[View], scratch: Path) -> None:
     """
     if find_spec("pyvista") is None:
         raise PorocoreError(
-            f"pictures need pyvista, which is not installed: pip install 'porocore[pictures]'; {vtu} is written and "
+            f"pictures need pyvista, which is not installed: pip install pyvista; {vtu} is written and "
             "opens in ParaView"
         )
     jobs = scratch / "jobs.json"

@@ -26,7 +26,7 @@ from porocore.report.figures.style import (
 )
 from porocore.verification.representative.results import RepresentativeVolume
 from porocore.verification.representative.settling import QUANTITIES
-from porocore.verification.representative.tables import factor, length_column, titled
+from porocore.verification.representative.tables import edge_columns, factor, titled
 
 #: Shift of what lies beside another at one size, as a share of the width.
 BESIDE = 0.012
@@ -123,12 +123,14 @@ def _sizes(axes: Axes, study: RepresentativeVolume, *, bottom: bool, top: bool) 
     axes.set_xticklabels([str(size) for size in shown])
     if bottom:
         axes.set_xlabel("edge of the sub-volume [voxels]")
-    unit, by_voxel = length_column(study.scan, sizes)
+    unit, edges = edge_columns(study.scan, sizes)
     if top and unit:
+        cube = len(edges) == 1
+        by_voxel = float(np.prod(list(edges.values()))) ** (1 / len(edges))
         above = axes.secondary_xaxis("top")
         above.xaxis.set_major_locator(FixedLocator(shown))
         above.xaxis.set_minor_locator(NullLocator())
         above.xaxis.set_minor_formatter(NullFormatter())
         above.set_xticklabels([f"{size * by_voxel:.3g}" for size in shown])
         above.tick_params(colors=BLACK)
-        above.set_xlabel(f"edge [{unit}]")
+        above.set_xlabel(f"edge [{unit}]" if cube else f"cube root of its volume [{unit}]")

@@ -45,8 +45,8 @@ class Scan:
         First voxel, and the one after the last, along x, y, z, between which the sub-volumes lie.
     elements
         Sizes of the tetrahedra of the solid and of the fluid [voxels].
-    voxel
-        Cube root of the volume of a voxel [m]; None: not known.
+    voxel_edges
+        Edges of a voxel along x, y, z, or the one of a cube [m]; none: not known.
     """
 
     cell: Cell
@@ -54,7 +54,7 @@ class Scan:
     values: npt.NDArray[Any]
     region: tuple[tuple[int, int], ...]
     elements: tuple[float, float]
-    voxel: float | None
+    voxel_edges: tuple[float, ...]
 
     @classmethod
     def open(cls, config: RunConfig, plan: SubvolumePlan) -> Scan:
@@ -86,12 +86,18 @@ class Scan:
             if plan.element is None
             else (plan.element, plan.element)
         )
-        voxel = None
+        voxel: tuple[float, ...] = ()
         if geometry.voxel_size is not None:
-            voxel = math.cbrt(math.prod(np.broadcast_to(geometry.voxel_size, 3)))
+            voxel = tuple(np.atleast_1d(geometry.voxel_size).tolist())
         elif config.scales is not None:
-            voxel = config.scales.pore / length
+            voxel = (config.scales.pore / length,)
+        voxel = voxel[:1] if len(set(voxel)) == 1 else voxel
         return cls(config.cell, geometry, values, part if plan.within_crop else whole, elements, voxel)
+
+    @property
+    def voxel(self) -> float | None:
+        """Cube root of the volume of a voxel [m]; None: not known."""
+        return math.cbrt(math.prod(np.broadcast_to(self.voxel_edges, 3))) if self.voxel_edges else None
 
     @property
     def extents(self) -> tuple[int, ...]:
@@ -102,7 +108,7 @@ class Scan:
         """Yield the image and the elements for reading."""
         shape, extents = (" x ".join(map(str, each)) for each in (self.values.shape, self.extents))
         of = "" if shape == extents else f", of which {extents} are used"
-        length = "" if self.voxel is None else f" of {length_text(self.voxel)}"
+        length = f" of {length_text(*self.voxel_edges)}" if self.voxel_edges else ""
         yield f"image {Path(self.geometry.path).name} of {shape} voxels{length}{of}, repeat: {self.geometry.repeat}"
         solid, fluid = self.elements
         yield f"elements of {solid:.3g} voxels in the solid and {fluid:.3g} in the fluid"
@@ -111,9 +117,9 @@ class Scan:
         """Return the edge of the cell that is made of a sub-volume [voxels]."""
         return _cell_edge(self.geometry, size)
 
-    def length(self, size: int) -> float | None:
-        """Return the edge of a sub-volume in metres, of voxels that are no cubes the cube root of its volume."""
-        return None if self.voxel is None else size * self.voxel
+    def extents_of(self, size: int) -> tuple[float, ...]:
+        """Return the extents of a sub-volume along x, y, z in metres, or the one of a cube; none where not known."""
+        return tuple(size * edge for edge in self.voxel_edges)
 
     def too_small(self, size: int) -> str:
         """Return why a sub-volume is too small for a cell; empty if it is not."""

@@ -39,12 +39,16 @@ def titled(name: str, voxel: float | None, words: str | None = None) -> str:
     return f"{words} [{unit}]" if unit else words
 
 
-def length_column(scan: Scan, sizes: list[int]) -> tuple[str, float]:
-    """Return the unit of the edges of sub-volumes, and its factor of voxels; no unit where voxels have no length."""
-    if scan.voxel is None:
-        return "", 1.0
-    unit, per_metre = length_unit(max(sizes) * scan.voxel)
-    return unit, per_metre * scan.voxel
+def edge_columns(scan: Scan, sizes: list[int]) -> tuple[str, dict[str, float]]:
+    """Return the unit of the edges of sub-volumes, and its factor of voxels by the name of the edge.
+
+    There are three edges where voxels are no cubes, and none where they have no length.
+    """
+    if not scan.voxel_edges:
+        return "", {}
+    unit, per_metre = length_unit(max(sizes) * max(scan.voxel_edges))
+    names = ("edge",) if len(scan.voxel_edges) == 1 else ("edge along x", "along y", "along z")
+    return unit, {name: per_metre * edge for name, edge in zip(names, scan.voxel_edges, strict=True)}
 
 
 def write_tables(folder: Path, study: RepresentativeVolume) -> tuple[Path, Path]:
@@ -60,8 +64,8 @@ def write_tables(folder: Path, study: RepresentativeVolume) -> tuple[Path, Path]
 
 def _write_sizes(path: Path, study: RepresentativeVolume) -> Path:
     voxel, settling = study.scan.voxel, study.settling
-    unit, by_voxel = length_column(study.scan, [each.size for each in study.outlooks])
-    head = ["size [voxels]", *([f"edge [{unit}]"] if unit else []), "solved", "sub-volumes"]
+    unit, edges = edge_columns(study.scan, [each.size for each in study.outlooks])
+    head = ["size [voxels]", *(f"{name} [{unit}]" for name in edges), "solved", "sub-volumes"]
     head += [f"porosity of voxels, {what}" for what in ("sub-volumes", "mean", "standard deviation")]
     for name in QUANTITIES:
         of = QUANTITIES[name].title
@@ -70,7 +74,7 @@ def _write_sizes(path: Path, study: RepresentativeVolume) -> Path:
     rows = []
     for each in study.outlooks:
         count, mean, deviation = study.voxels.at(each.size)
-        row: list[Any] = [each.size, *([each.size * by_voxel] if unit else []), *study.solved(each.size)]
+        row: list[Any] = [each.size, *(each.size * by for by in edges.values()), *study.solved(each.size)]
         row += [int(count), mean, deviation]
         for name in QUANTITIES:
             count, mean, deviation = settling.scatter[name].at(each.size)

@@ -135,8 +135,8 @@ def _worst(study: RepresentativeVolume, size: int) -> tuple[float, str]:
 
 
 def _metres(study: RepresentativeVolume, size: int) -> str:
-    length = study.scan.length(size)
-    return "" if length is None else f", {length_text(length)},"
+    extents = study.scan.extents_of(size)
+    return f", {length_text(*extents)}," if extents else ""
 
 
 def _place(each: Subvolume) -> str:

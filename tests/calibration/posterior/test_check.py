@@ -16,7 +16,7 @@ NOISE, LOWER, UPPER = 0.2, -1.4, 3.0
 @pytest.fixture
 def misfit():
     """One unknown, whose sign the data do not see: two modes, at ±1."""
-    pytest.importorskip("emcee", reason="pip install 'porocore[posterior]'")
+    pytest.importorskip("emcee", reason="pip install emcee")
     model = Formula((Unknown("angle", 1.0, LOWER, UPPER),), lambda v: np.cos(v[0]) * T)
     return misfit_of(model, [1.0], NOISE)
 

@@ -21,7 +21,7 @@ SETTINGS, SHORT = PosteriorSettings(steps=3000), PosteriorSettings(steps=1000)
 
 
 def posterior_of(misfit, settings=SETTINGS):
-    pytest.importorskip("emcee", reason="pip install 'porocore[posterior]'")
+    pytest.importorskip("emcee", reason="pip install emcee")
     found = infer(misfit, misfit.at(misfit.start), rays=0)
     return sample_posterior(misfit, found.points, found.best, settings)
 

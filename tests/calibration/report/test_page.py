@@ -106,7 +106,7 @@ def test_one_unknown_has_no_plane_and_no_correlations(undrawn):
 
 
 def test_a_posterior_has_medians_a_picture_and_its_error(undrawn):
-    pytest.importorskip("emcee", reason="pip install 'porocore[posterior]'")
+    pytest.importorskip("emcee", reason="pip install emcee")
     misfit = misfit_of(Consolidation(SEEN, T), [1.2, 0.8], 0.001, NOISE, times=T)
     found = infer(misfit, misfit.at(misfit.start), rays=0)
     posterior = sample_posterior(misfit, found.points, found.best, PosteriorSettings(steps=200))
