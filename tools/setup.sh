@@ -12,6 +12,8 @@ library_packages="libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxft2
 dolfinx_packages="python3-dolfinx-real python3-dev gcc libopenblas0-pthread mpi-default-bin"
 # What VTK draws with where there is no display.
 picture_packages="libegl1 libgl1-mesa-dri"
+# What lays out the pages that are tested, with the font that their words are drawn in.
+page_packages="chromium fonts-dejavu-core"
 
 # As in debian12.
 release=$(. /etc/os-release 2>/dev/null && echo "${ID:-}${VERSION_ID:-}") || release=unknown
@@ -78,6 +80,8 @@ if [ "$(base_of "$python")" = "$(base_of $system)" ] && command -v apt-get >/dev
         install "the tests run on dolfinx too" $dolfinx_packages
         # shellcheck disable=SC2086
         install "the tests draw pictures without a display" $picture_packages
+        # shellcheck disable=SC2086
+        install "the tests lay out pages" $page_packages
         # Its torch comes without CUDA.
         [ "$release" != debian13 ] || install "the tests run on torch too" python3-torch
     fi

@@ -50,6 +50,8 @@ class StepReport:
     work: StepWork | None = None
     #: Lines for the log.
     notes: tuple[str, ...] = ()
+    #: Largest displacement in the direction +y.
+    heave: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from porocore.report.format import measured, number
 from porocore.report.loading_mode import LoadingMode, force_name, reactions
 from porocore.report.metrics import goes_back
 from porocore.report.words.components import symmetric
-from porocore.report.words.settlement import has_suction, nothing_settles
+from porocore.report.words.settlement import has_suction, heaves, nothing_settles
 from porocore.states import Array
 
 #: Name, quantity and dimensionless value of a row.
@@ -97,11 +97,12 @@ def dimensional_rows(
 
 
 def _settlement_rows(found: dict[str, Any], linear: dict[str, Any] | None) -> list[Row]:
-    """Return the final settlement with its times, and the largest where that is another; heave if nothing settles."""
+    """Return heave if there is any, and the final settlement with its times, and the largest where that is another."""
+    heave: Row = ("largest displacement along +y", "displacement", found["largest_heave"])
     if nothing_settles(found) and found["largest_heave"]:
-        return [("largest displacement along +y", "displacement", found["largest_heave"])]
+        return [heave]
     laws = {"": found} | ({} if linear is None else {", linear": linear})
-    rows: list[Row] = []
+    rows = [heave] if heaves(found) else []
     if any(goes_back(law, "final_settlement") for law in laws.values()):
         for name, law in laws.items():
             rows.append((f"largest settlement{name}", "displacement", law["largest_settlement"]))

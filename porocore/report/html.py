@@ -41,7 +41,7 @@ from porocore.report.words.held_out import (
     worst_percent_in_body,
 )
 from porocore.report.words.parameters import parameter_rows
-from porocore.report.words.settlement import case_sentences
+from porocore.report.words.settlement import case_sentences, settling_or_heaving
 from porocore.report.words.statuses import solved_sentence, solved_shares, visited_sentence, visited_shares
 
 #: Pictures that stand in the page alone.
@@ -124,6 +124,7 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
         **_body_parts(context, pictures),
         cells=[_cell_parts(each, pictures) for each in context.of_each_cell],
         settles=context.loading_mode.settles,
+        **settling_or_heaving(metrics, context.loading_mode.settles),
         end_words=end_words,
         no_relaxation=no_relaxation,
         whole=whole_words(context.cases[0].nonlinear.copies),
@@ -131,7 +132,7 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
         time_unit=f" [{context.units.name('time')}]" if context.units.given else "",
         differences=[law_differences(case) for case in context.cases],
         compared=COMPARED,
-        cases=[_case_pictures(case, context.units, pictures, context.loading_mode) for case in context.cases],
+        cases=[_case_pictures(case, context, pictures) for case in context.cases],
         total_seconds=sum(stage.seconds for stage in context.stages),
         saved_seconds=sum(stage.saved for stage in context.stages),
     )
@@ -230,16 +231,21 @@ def _surrogate_parts(surrogate: SurrogateSummary, pictures: Pictures) -> dict[st
     }
 
 
-def _case_pictures(
-    case: LoadCase, units: ResultUnits, pictures: Pictures, mode: LoadingMode
-) -> dict[str, list[Picture]]:
+def _case_pictures(case: LoadCase, context: ReportContext, pictures: Pictures) -> dict[str, list[Picture]]:
     """Return profiles along the axis of a column, pictures of any other body."""
+    units, mode = context.units, context.loading_mode
     load, under, settles = plain(case.load), f"load{case.load!r}", mode.settles
     histories = [
         pictures.svg(
             f"history{'_log' if log_time else ''}_{under}",
             figures.history_figure(
-                case.nonlinear, case.linear, *case.others, log_time=log_time, settles=settles, units=units
+                case.nonlinear,
+                case.linear,
+                *case.others,
+                log_time=log_time,
+                settles=settles,
+                units=units,
+                published=context.published is not None,
             ),
             f"{'Settlement or heave, p' if settles else 'P'}ore pressure and drained volume against "
             f"{'logarithmic ' if log_time else ''}time, load {load}",

@@ -267,6 +267,7 @@ def case_metrics(case: LoadCase) -> dict[str, Any]:
         "time_to_95_percent_ratio": ratio("time_to_95_percent"),
         "time_to_99_percent_ratio": ratio("time_to_99_percent"),
         "largest_settlement_ratio": ratio("largest_settlement"),
+        "largest_heave_ratio": ratio("largest_heave"),
         "drained_ratio": ratio("drained"),
         "drained_paper_ratio": ratio("drained_paper"),
         "largest_drained_ratio": ratio("largest_drained"),

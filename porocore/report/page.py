@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 
 from porocore.core.files.atomic import atomic_path
 from porocore.core.parallel.calls import CallProcesses, Tell
+from porocore.report.citation import citations
 from porocore.report.figures.style import png_bytes, svg_bytes
 from porocore.report.format import difference, duration, in_unit, measured, number, percent, plain, unit
 from porocore.report.words.settlement import largest_rows
@@ -139,7 +140,7 @@ def environment(*packages: str) -> jinja2.Environment:
     )
     filters = (number, plain, percent, duration, difference, in_unit, measured, is_flagged, largest_rows)
     made.filters |= {each.__name__: each for each in filters}
-    made.globals["unit"] = unit
+    made.globals |= {"unit": unit, "citations": citations}
     return made
 
 

@@ -39,7 +39,7 @@ def test_stands_alone_and_runs_nothing(html, page):
 
 def test_has_all_sections(page):
     sections = [section["id"] for section in page.all("section")]
-    assert sections == ["summary", "cell", "sampling", "surrogate", "macro", "times", "provenance"]
+    assert sections == ["summary", "cell", "sampling", "surrogate", "macro", "times", "provenance", "cite"]
 
 
 def test_figures_are_whole_images_with_a_text(page):

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from report_page import Page
 
+from porocore.report.citation import citations
 from porocore.report.context import (
     DirectCost,
     Stage,
@@ -70,7 +73,7 @@ def replace_outside(context, share):
 
 def test_says_how_far_the_conductivity_rises(context, page):
     found = re.search(
-        r"as in the paper.*At t = (\S+), K_ref,22 is (\S+)(?: to (\S+))? in the body, and K_t,22 is "
+        r"F̄ of the solid.*At t = (\S+), K_ref,22 is (\S+)(?: to (\S+))? in the body, and K_t,22 is "
         r"(\S+)(?: to (\S+))?\. In the undeformed cell, both are 1\.94",
         page.words,
     )
@@ -249,6 +252,32 @@ def test_closures_stand_side_by_side_and_direct_solves_say_what_they_cost(contex
     alone = Page(render(context))
     assert "Comparison of the laws" not in alone.words
     assert "Cost of direct FE²" not in alone.words
+
+
+def test_the_paper_is_spoken_of_in_the_report_of_the_benchmark_alone(context, unpictured):
+    """Every user's report had a column and three sentences on the paper's own measure of the drained volume."""
+    of_the_benchmark = Page(render(context)).words
+    for words in (
+        "The paper is that of Dehghani and Zilian",
+        "the paper’smeasure",
+        "compare with the paper only",
+    ):
+        assert words in of_the_benchmark, words
+    words, cite = Page(render(replace(context, published=None))).words.split("How to cite Please")
+    assert "paper" not in words
+    assert "doi:10.1007/s00466-022-02262-y" in cite
+
+
+def test_every_page_says_how_to_cite_as_citation_cff_does():
+    software, paper = citations()
+    document = yaml.safe_load((Path(__file__).parents[2] / "CITATION.cff").read_text(encoding="utf-8"))
+    (article,) = document["references"]
+    names = [f"{each['given-names'][0]}. {each['family-names']}" for each in article["authors"]]
+    assert software == f"{document['authors'][0]['name']}: porocore, version {document['version']}"
+    assert paper == (
+        f"{' and '.join(names)}: {article['title']}. {article['journal']} {article['volume']}, "
+        f"{article['start']}–{article['end']} ({article['year']}), doi:{article['doi']}"
+    )
 
 
 @pytest.mark.usefixtures("undrawn")

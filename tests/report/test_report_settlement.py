@@ -136,6 +136,31 @@ def test_heave_is_told_where_nothing_settles(column):
     assert told == "Under the load −0.2 no point of the body moves in the direction −y."
 
 
+def test_a_body_that_rises_is_told_by_its_heave(context, column, unpictured):
+    """The table of a gel that swelled by 0.65 mm said "settlement 0 mm"."""
+    up, dipping = moving_up(column(), 0.25, 0.0), moving_up(column(law="linear"), 0.2, 0.0)
+    page = Page(render(replace(context, published=None, cases=(LoadCase(up, dipping),)))).text
+    assert "largestheaveat t" in page
+    assert "nonlinear0.2500" in page
+    assert "ratio1.250" in page
+    assert "finalsettlement" not in page
+    # One that dips a little at first has a settlement too, and one that bulges a little has none of these columns.
+    dip = replace(up, history=replace(up.history, settlement=np.full_like(up.history.heave, 0.01)))
+    text = Page(render(replace(context, published=None, cases=(LoadCase(dip, dipping),)))).text
+    assert "largestheaveat t" in text
+    assert "finalsettlement" in text
+    told = case_sentences(case_metrics(LoadCase(dip, dipping)))
+    assert told[0].startswith("The largest heave, in the direction +y, is 0.2500 at t = ")
+    bulging = column()
+    for share, shown in ((0.2, True), (0.01, False)):
+        heave = share * bulging.history.settlement
+        bulged = LoadCase(replace(bulging, history=replace(bulging.history, heave=heave)), None)
+        told = case_sentences(case_metrics(bulged))
+        assert ("The largest heave" in told[-1]) == shown
+        assert told[0].startswith("Under the load −0.2 the final settlement")
+        assert "largestheave" not in Page(render(replace(context, cases=(bulged,)))).text
+
+
 def test_suction_is_told_unless_it_is_small(column):
     pressure = float(column().history.pressure_max.max())
     for share, shown in ((-0.5, True), (-0.01, False)):

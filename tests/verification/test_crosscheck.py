@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from browser import too_wide
 from crosscheck_runs import distribution, run, write_case
 
 from porocore.plugins import registry
@@ -135,6 +136,7 @@ def test_the_page_stands_alone(agreed):
     assert f"All {len(document['comparisons'])} comparisons pass" in page
     assert page.count('<span class="pass">') == len(document["comparisons"])
     assert '<span class="fail">' not in page
+    assert too_wide(page) == []
 
 
 @pytest.mark.parametrize(("wrong", "quantity"), [("poisson", "∂P_E/∂H"), ("viscosity", "K")])

@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
+from browser import too_wide
 from typer.testing import CliRunner
 
 from porocore.cli.entry import app
@@ -63,6 +64,7 @@ def test_the_pages_say_what_was_found():
     page = html(ROWS, FIGURES[:2], {"column": 60.0})
     assert "seven &lt;b&gt;" in page
     assert 'src="figures/figure-02a.png"' in page
+    assert too_wide(page) == []
 
 
 def test_the_document_has_a_row_for_every_claim():

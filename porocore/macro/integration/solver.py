@@ -195,8 +195,8 @@ def _newton(d: Discretisation, law: MacroLaw, linearisations: Linearisations) ->
 def _report(
     record: HistoryRecorder, step: Step, time: float, work: StepWork, notes: tuple[str, ...]
 ) -> StepReport:
-    settlement = float(record.column("settlement")[-1])
-    return StepReport(time, record.d.problem.time.end, step.iterations, settlement, work, notes)
+    settlement, heave = (float(record.column(name)[-1]) for name in ("settlement", "heave"))
+    return StepReport(time, record.d.problem.time.end, step.iterations, settlement, work, notes, heave)
 
 
 def _fields_at(d: Discretisation, body: BodyFields, time: float) -> CellsAtPoints:

@@ -26,7 +26,7 @@ from porocore.report.figures.style import (
     styled,
 )
 from porocore.report.metrics import solution_metrics, time_within
-from porocore.report.words.settlement import nothing_settles, only_suction
+from porocore.report.words.settlement import only_suction, rises
 from porocore.states import Array
 
 MARKS = ((0.95, "o"), (0.99, "D"))
@@ -48,12 +48,14 @@ HEAVE = _Panel("heave max$(u_2)$", "displacement", lambda history: history.heave
 PRESSURE = _Panel("largest pore pressure $p$", "pressure", lambda history: history.pressure_max)
 SUCTION = _Panel("least pore pressure $p$", "pressure", lambda history: history.pressure_min)
 DRAINED = _Panel("drained volume", "volume", lambda history: history.drained)
+#: The publication's own measure of it.
+PAPER = _Panel("", "volume", lambda history: history.drained_paper)
 
 
 def _panels(solutions: Sequence[MacroSolution], settles: bool) -> list[_Panel]:
-    """Return what is drawn: heave where nothing settles, the least pressure where there is only suction."""
+    """Return what is drawn: heave of a body that rises by all laws, the least pressure where there is only suction."""
     found = [solution_metrics(each) for each in solutions]
-    heaves = all(map(nothing_settles, found)) and any(law["largest_heave"] for law in found)
+    heaves = all(map(rises, found))
     pressure = SUCTION if all(map(only_suction, found)) else PRESSURE
     return [*([HEAVE if heaves else SETTLEMENT] if settles else []), pressure, DRAINED]
 
@@ -66,6 +68,7 @@ def history_figure(
     log_time: bool = False,
     settles: bool = True,
     units: ResultUnits | None = None,
+    published: bool = False,
 ) -> Figure:
     """Draw histories of one load, the cell's law against linear poroelasticity.
 
@@ -81,13 +84,11 @@ def history_figure(
         Whether the settlement is a result; one that is prescribed is not drawn.
     units
         Of the axes; dimensionless by default.
+    published
+        Draw the publication's own measure of the drained volume too, dotted.
 
-    Returns
-    -------
-    Figure
-        Panels above each other: largest settlement, largest pore pressure, drained volume (what has left through the
-        boundary solid or dashed, the paper's measure dotted). Where nothing settles the first is the largest heave,
-        where no pressure is positive the second is the least one.
+    The panels are largest settlement, largest pore pressure, drained volume. Where the body moves further up than down
+    the first is the largest heave, where no pressure is positive the second is the least one.
     """
     units = units or ResultUnits()
     figure = new_figure(5.4, 7.6 if settles else 5.4)
@@ -96,11 +97,14 @@ def history_figure(
     panels = _panels([each for each, *_ in curves], settles)
     for solution, colour, style, label in curves:
         _draw(rows, panels, solution, log_time, units, {"color": colour, "ls": style, "label": label})
+        if published:
+            how = {"color": colour, "ls": DOTTED, "lw": 2.4, "alpha": 0.75}
+            _draw(rows[-1:], [PAPER], solution, log_time, units, how)
     drawn = [each.history for each, *_ in curves]
     marked = any(
         time_within(each.time, each.settlement, share) is not None for each in drawn for share, _ in MARKS
     )
-    _shared_legend(rows[-1], MARKS if SETTLEMENT in panels and marked else ())
+    _shared_legend(rows[-1], MARKS if SETTLEMENT in panels and marked else (), published)
     for axes, panel in zip(rows, panels, strict=True):
         axes.set_ylabel(axis_label(panel.label, panel.quantity, units))
     rows[-1].set_xlabel(axis_label("time $t$", "time", units) + (", logarithmic" if log_time else ""))
@@ -133,8 +137,6 @@ def _draw(
         axes.plot(time[shown] * by, values[shown], **how)
         for share, mark in MARKS if panel is SETTLEMENT else ():
             _mark(axes, time * by, values, share, mark, how["color"])
-    paper = history.drained_paper[shown] * units.factor("volume")
-    rows[-1].plot(history.time[shown] * by, paper, color=how["color"], ls=DOTTED, lw=2.4, alpha=0.75)
 
 
 def _curves(
@@ -148,9 +150,10 @@ def _curves(
     ]
 
 
-def _shared_legend(axes: Axes, marks: Sequence[tuple[float, str]]) -> None:
+def _shared_legend(axes: Axes, marks: Sequence[tuple[float, str]], published: bool) -> None:
     """Add empty grey curves, whose legend explains the strokes and markers that all laws share."""
-    axes.plot([], [], color="0.35", ls=DOTTED, lw=2.4, label="drained, the paper's measure")
+    if published:
+        axes.plot([], [], color="0.35", ls=DOTTED, lw=2.4, label="drained, the paper's measure")
     for share, marker in marks:
         axes.plot([], [], color="0.35", ls="", marker=marker, ms=5, label=f"{100 * share:.0f} % of final")
 

@@ -115,7 +115,7 @@ def mesh_rows(mesh: Mapping[str, str]) -> list[tuple[str, str]]:
 
 #: Transformation of K, by whether it rotates with the solid.
 _TRANSFORMED = {
-    False: "transformed with the mean deformation gradient F̄ of the solid, as in the paper: K_t = F̄⁻¹ K F̄⁻ᵀ",
+    False: "transformed with the mean deformation gradient F̄ of the solid: K_t = F̄⁻¹ K F̄⁻ᵀ",
     True: "transformed with the mean deformation gradient F̄ = R̄ Ū of the solid, and it rotates with the solid: "
     "K_t = Ū⁻¹ K Ū⁻¹",
 }
@@ -137,8 +137,8 @@ def conductivity_sentence(case: LoadCase, cell: CellSummary, body: BodyCells | N
         turned = cell.law == "piola" and not is_isotropic(K)
         found = (
             f"The conductivity K of the undeformed pore is {_TRANSFORMED[turned]}. The figures show K_t. "
-            "The flux of the fluid through reference area is −K_ref ∇p with K_ref = det F̄ K_t: K_t is the paper's "
-            "conductivity, and K_ref decides how fast the body drains. In this model, "
+            "The flux of the fluid through reference area is −K_ref ∇p with K_ref = det F̄ K_t: K_t is the "
+            "conductivity of the deformed body, and K_ref decides how fast the body drains. In this model, "
             "compression along an axis raises K_t and K_ref along this axis, although the pores become narrower. "
             "Extension lowers them. The time of consolidation depends on K_ref along the axes along which the body "
             "drains."

@@ -9,9 +9,10 @@ from porocore.report.metrics import REMNANT, goes_back, is_gone
 
 #: A settlement below this share of the heave, or a pressure below this share of the suction, is round-off.
 ROUND_OFF = 1e-6
+#: A heave below this share of the settlement is not told beside it.
+LEAST_HEAVE = 0.05
 #: A suction is told where it is more than this share of the largest pressure. The undershoot of a front is less.
 LEAST_SUCTION = 0.05
-#: Of values that are not kept at every step in the whole body.
 
 
 def case_sentences(metrics: dict[str, Any], settles: bool = True) -> list[str]:
@@ -31,12 +32,35 @@ def case_sentences(metrics: dict[str, Any], settles: bool = True) -> list[str]:
         told = _peak_sentences(metrics, laws)
     else:
         told = _final_sentences(metrics)
+    if told and any(heaves(law) for law in laws) and not all(nothing_settles(law) for law in laws):
+        heave = f"The largest heave, in the direction +y, is {_heave(laws)}.{_compared(metrics['largest_heave_ratio'])}"
+        told = [heave, *told] if rises(laws[0]) else [*told, heave]
     return [*told, *_suction_sentence(laws)]
 
 
 def nothing_settles(law: dict[str, Any]) -> bool:
     """Return True if no point of the body moves in the direction −y."""
     return bool(abs(law["largest_settlement"]) <= ROUND_OFF * abs(law["largest_heave"]))
+
+
+def heaves(law: dict[str, Any]) -> bool:
+    """Return True if the largest displacement in the direction +y is not small beside the largest settlement."""
+    return bool(law["largest_heave"] > LEAST_HEAVE * abs(law["largest_settlement"]))
+
+
+def rises(law: dict[str, Any]) -> bool:
+    """Return True if the body moves further in the direction +y than in the direction −y."""
+    return bool(law["largest_heave"] > abs(law["largest_settlement"]))
+
+
+def settling_or_heaving(cases: list[dict[str, Any]], settles: bool) -> dict[str, bool]:
+    """Return by the names ``settling`` and ``heaving`` whether the table has columns of settlement and of heave.
+
+    ``settles`` says whether the settlement is a result.
+    """
+    laws = [law for m in cases for law in (m["nonlinear"], *m["others"], m["linear"]) if law is not None]
+    heaving = settles and any(map(rises, laws))
+    return {"heaving": heaving, "settling": settles and not (heaving and all(map(nothing_settles, laws)))}
 
 
 def only_suction(law: dict[str, Any]) -> bool:
@@ -119,8 +143,11 @@ def _heave_sentence(metrics: dict[str, Any], laws: list[dict[str, Any]]) -> str:
     begin = f"Under the load {plain(metrics['load'])} no point of the body moves in the direction −y."
     if not laws[0]["largest_heave"]:
         return begin
-    heave = _by_law(laws, "largest_heave", "time_of_largest_heave")
-    return f"{begin} The largest displacement in the direction +y is {heave}."
+    return f"{begin} The largest displacement in the direction +y is {_heave(laws)}."
+
+
+def _heave(laws: list[dict[str, Any]]) -> str:
+    return _by_law(laws, "largest_heave", "time_of_largest_heave")
 
 
 def _suction_sentence(laws: list[dict[str, Any]]) -> list[str]:

@@ -285,7 +285,10 @@ def body_progress(
         reached, work = step.time, forecast.work
         for line in step.notes:
             console.note(f"{title}: {line}")
-        update(f"settlement {length * step.settlement:.4g}{of_length}{step_in_words(step.work)}")
+        name, moved = (
+            ("heave", step.heave) if step.heave > abs(step.settlement) else ("settlement", step.settlement)
+        )
+        update(f"{name} {length * moved:.4g}{of_length}{step_in_words(step.work)}")
 
     with console.task(title, unit.strip(), "t = ", clock) as task:
         yield show, update

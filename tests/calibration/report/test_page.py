@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from browser import too_wide
 from calibration_models import Consolidation, Formula, data_of, misfit_of
 from report_page import ODD, Page
 
@@ -60,6 +61,10 @@ def unseen():
 def seen():
     misfit = misfit_of(Consolidation(SEEN, T), [1.2, 0.8], 0.001, NOISE, times=T)
     return CalibrationContents("Seen", misfit.data, infer(misfit, misfit.at(misfit.start), rays=8))
+
+
+def test_no_table_is_cut_off(unseen, undrawn):
+    assert too_wide(render(unseen)) == []
 
 
 def test_the_page_of_an_unseen_direction(unseen, undrawn):
