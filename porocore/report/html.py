@@ -19,7 +19,7 @@ from porocore.report.figures.profiles import chosen_times, is_column, profile_at
 from porocore.report.figures.series import Panel, end_of_rise, panels
 from porocore.report.format import plain
 from porocore.report.law_differences import COMPARED, law_differences
-from porocore.report.loading_mode import LoadingMode, end_words, no_relaxation, reactions
+from porocore.report.loading_mode import end_words, no_relaxation, reactions
 from porocore.report.metrics import LoadCase, case_metrics
 from porocore.report.page import Picture, Pictures, environment
 from porocore.report.text import (
