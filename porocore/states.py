@@ -159,6 +159,14 @@ class MacroState(Batch):
         """Return the undeformed states, with the parameters and places of these."""
         return replace(self, grad_u=np.zeros_like(self.grad_u), p=np.zeros_like(self.p))
 
+    def in_own_axes(self) -> MacroState:
+        """Return the states as their cells see them, Rᵀ H R and p, at places without axes."""
+        if self.place is None or self.place.axes is None:
+            return self
+        R = self.place.axes
+        turned = np.asarray(R.swapaxes(1, 2) @ self.grad_u @ R)
+        return replace(self, grad_u=turned, place=replace(self.place, axes=None))
+
     def with_parameters(self, values: npt.ArrayLike | None) -> MacroState:
         """Return the states at the parameters (m,), the same for all, or (n, m); None takes them away."""
         if values is None:

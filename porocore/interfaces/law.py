@@ -23,11 +23,25 @@ from porocore.states import Array, CellResponse, CellSlopes, MacroState
 
 @dataclass(frozen=True, eq=False)
 class LawMemory(Batch):
-    """State of a law at the last accepted time, for n points."""
+    """State of a law at the last accepted time, for n points.
+
+    What a step takes up is the change of the fluid volume, a number that does not depend on the axes or the parameters
+    by which the next step sees the points.
+
+    Attributes
+    ----------
+    states
+        (H, p; θ) and places; a law that sees the points in the axes of their material sees the tensors in the present
+        ones, and the cell stood in ``states.place.axes`` of these (None: it still does).
+    mean_grad : (n, 3, 3)
+        <∇_Y u¹>_s.
+    fluid_volume : (n,)
+        φ, fluid volume per reference volume, from which the storage of the next step is counted.
+    """
 
     states: MacroState
-    mean_grad: Array  #: (n, 3, 3)  <∇_Y u¹>_s
-    fluid_volume: Array | None = None  #: (n,)  φ, for a law that counts what is stored from it
+    mean_grad: Array
+    fluid_volume: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +90,8 @@ class MacroResponse(Batch):
     stress : (n, 3, 3)
         P_E, total first Piola–Kirchhoff, tension positive.
     storage : (n,)
-        Fluid volume taken up per reference volume since the memory's time (negative: squeezed out).
+        Fluid volume taken up per reference volume since the memory's time (negative: squeezed out), which is the change
+        of the memory's fluid volume.
     flux : (n, 3)
         q = Ḡw, relative fluid flux through reference area.
     memory

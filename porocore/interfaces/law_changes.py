@@ -44,17 +44,14 @@ class MemoryChanges(Batch):
     Attributes
     ----------
     grad_u : (n, 3, 3, k)
-        Of H.
-    p : (n, k)
-        Of p.
+        Of H, for a law whose φ is no function of the state, but summed over the steps.
     mean_grad : (n, 3, 3, k)
-        Of <∇u¹>_s, for a law that counts the storage from it.
+        Of <∇u¹>_s, for such a law.
     fluid_volume : (n, k)
-        Of φ, for a law that counts the storage from it.
+        Of φ, for any other.
     """
 
     grad_u: Array
-    p: Array
     mean_grad: Array | None = None
     fluid_volume: Array | None = None
 
@@ -62,7 +59,7 @@ class MemoryChanges(Batch):
     def zeros(cls, n: int, k: int) -> MemoryChanges:
         """Return the changes of n points that nothing changes."""
         tensors = np.zeros((n, 3, 3, k))
-        return cls(tensors, np.zeros((n, k)), tensors, np.zeros((n, k)))
+        return cls(tensors, tensors, np.zeros((n, k)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +75,9 @@ class ResponseChanges(Batch):
     flux : (n, 3, k)
         Of q.
     fluid_volume : (n, k)
-        Of φ, for a law whose memory keeps it; its derivatives by (H, p) are those of the storage.
+        Of φ, for a law of which it is a function of the state; its derivatives by (H, p) are those of the storage.
     mean_grad : (n, 3, 3, k)
-        Of <∇u¹>_s, for a law whose storage is counted from it.
+        Of <∇u¹>_s, for a law that sums φ over the steps.
     mean_grad_grad_u : (n, 3, 3, 3, 3)
         Derivative of <∇u¹>_s by H, for such a law.
     mean_grad_p : (n, 3, 3)
@@ -128,7 +125,7 @@ class ResponseChanges(Batch):
             self.storage + stored,
             flux + np.matmul(tangent.flux_grad_p, grad_p),
         )
-        return total, MemoryChanges(grad_u, p, mean_grad, fluid)
+        return total, MemoryChanges(grad_u, mean_grad, fluid)
 
 
 def add_scaled(total: Array, values: Array, factors: Array) -> None:

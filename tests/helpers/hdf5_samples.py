@@ -87,7 +87,7 @@ def _discretisation() -> Any:
 
 
 def _at_rest(n: int) -> LawMemory:
-    return LawMemory(MacroState.zeros(n), np.zeros((n, 3, 3)))
+    return LawMemory(MacroState.zeros(n), np.zeros((n, 3, 3)), np.zeros(n))
 
 
 #: A law whose answers are in its memory.

@@ -36,7 +36,7 @@ def work_over_cycle(law: ClosedLaw, cycle: Cycle, steps: int = 128) -> float:
     points = [cycle(2 * np.pi * k / steps) for k in range(steps)]
     H, p, H_s, p_s = (np.array(column) for column in zip(*points, strict=True))
     states = MacroState(H, p)
-    memory: LawMemory = law.closure.memory(states, law.cell_law.predict(states))
+    memory: LawMemory = law.closure.memory(states, law.cell_law.predict(states), np.zeros(steps))
     response = law.respond(states, np.zeros((steps, 3)), memory)
     tangent = response.tangent
     assert tangent is not None

@@ -63,7 +63,7 @@ def points(law):
     n = 7
     states = MacroState(0.1 * rng.standard_normal((n, 3, 3)), 0.1 * rng.standard_normal(n))
     old = MacroState(0.1 * rng.standard_normal((n, 3, 3)), 0.1 * rng.standard_normal(n))
-    memory = LawMemory(old, law.cell_law.predict(old).mean_grad)
+    memory = LawMemory(old, law.cell_law.predict(old).mean_grad, np.zeros(len(old)))
     return states, rng.standard_normal((n, 3)), memory
 
 

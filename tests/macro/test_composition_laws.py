@@ -140,7 +140,7 @@ def test_what_cannot_be_bound_is_refused():
     with pytest.raises(
         ConfigurationError, match="has the parameters radius, stiffness, but no values were given"
     ):
-        law.respond(rest, np.zeros((1, 3)), LawMemory(rest, np.zeros((1, 3, 3))))
+        law.respond(rest, np.zeros((1, 3)), LawMemory(rest, np.zeros((1, 3, 3)), np.zeros(1)))
 
 
 def test_pores_that_shrink_at_rest_give_off_their_fluid():
@@ -281,7 +281,9 @@ def test_parameters_that_are_missing_are_said():
         ConfigurationError, match="has the parameters radius, stiffness, but no values were given"
     ):
         law.respond(
-            MacroState.zeros(1), np.zeros((1, 3)), LawMemory(MacroState.zeros(1), np.zeros((1, 3, 3)))
+            MacroState.zeros(1),
+            np.zeros((1, 3)),
+            LawMemory(MacroState.zeros(1), np.zeros((1, 3, 3)), np.zeros(1)),
         )
     with pytest.raises(ValueError, match="call initial_at"):
         law.initial(2)

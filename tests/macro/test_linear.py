@@ -7,7 +7,6 @@ import pytest
 
 from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.errors import ConfigurationError
-from porocore.interfaces.law import LawMemory
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.states import CellResponse, CellTangent, MacroState
 from porocore.testing.synthetic.response import cubic_reference
@@ -82,7 +81,7 @@ def test_law_is_linear_with_its_tangent(coefficients):
     law, n = LinearPoroelasticity(coefficients), 5
     old, new = (MacroState(rng.standard_normal((n, 3, 3)), rng.standard_normal(n)) for _ in range(2))
     grad_p = rng.standard_normal((n, 3))
-    r = law.respond(new, grad_p, LawMemory(old, np.zeros((n, 3, 3))))
+    r = law.respond(new, grad_p, law.respond(old, grad_p, law.initial(n)).memory)
     t = r.tangent
     stress = np.einsum("nijkl,nkl->nij", t.stress_grad_u, new.grad_u) + t.stress_p * new.p[:, None, None]
     storage = np.einsum("nij,nij->n", t.storage_grad_u, new.grad_u - old.grad_u)

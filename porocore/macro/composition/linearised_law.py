@@ -26,6 +26,8 @@ class RestCoefficients(Batch):
         States at rest, with parameters and places.
     stress : (n, 3, 3)
         P₀ at rest, other than zero where a swelling is held.
+    fluid_volume : (n,)
+        φ₀ at rest.
     stiffness : (n, 9, 9)
         C_eff.
     biot : (n, 9)
@@ -38,6 +40,7 @@ class RestCoefficients(Batch):
 
     points: MacroState
     stress: Array
+    fluid_volume: Array
     stiffness: Array
     biot: Array
     storage: Array
@@ -52,6 +55,7 @@ class RestCoefficients(Batch):
         return cls(
             MacroState.zeros(n),
             np.zeros((n, 3, 3)),
+            c.fluid_volume * ones,
             np.multiply.outer(ones, c.stiffness.reshape(9, 9)),
             np.multiply.outer(ones, c.biot.reshape(9)),
             c.storage * ones,
@@ -62,8 +66,8 @@ class RestCoefficients(Batch):
 class LinearisedLaw(MacroLaw):
     """A law linearised at H = 0 and p = 0, at each point with its own parameters and place.
 
-    P = P₀ + C_eff:H − α p, φ = φ₀ + α:H + p/M_B and q = −K ∇p. Where the parameters change with time, so do the
-    coefficients, P₀ and φ₀. The mean gradient <∇u¹>_s is not carried.
+    P = P₀ + C_eff:H − α p, φ = φ₀ + α:H + p/M_B and q = −K ∇p. Where the parameters or the axes change with time, so do
+    the coefficients, P₀ and φ₀. The mean gradient <∇u¹>_s is not carried.
 
     Parameters
     ----------
@@ -86,11 +90,12 @@ class LinearisedLaw(MacroLaw):
 
     def initial(self, n: int) -> LawMemory:
         """Return the memory at rest."""
-        return LawMemory(MacroState.zeros(n), np.zeros((n, 3, 3)))
+        return self.initial_at(MacroState.zeros(n))
 
     def initial_at(self, points: MacroState) -> LawMemory:
         """Return the memory at rest, with the parameters and places of the points."""
-        return replace(self.initial(len(points)), states=points.at_rest())
+        rest = points.at_rest()
+        return LawMemory(rest, np.zeros((len(rest), 3, 3)), self.coefficients(rest).fluid_volume)
 
     def respond(
         self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
@@ -98,18 +103,13 @@ class LinearisedLaw(MacroLaw):
         """Return the linear response; see :class:`MacroLaw`."""
         n, c = len(states), self.coefficients(states)
         H, p = states.grad_u.reshape(n, 9), states.p
-        before = self.coefficients(memory.states)
-        taken_up = _fluid(c, states) - _fluid(before, memory.states)
-        if before is not c:
-            still = self.law.initial_at(before.points)
-            grown = self.law.respond(c.points, np.zeros((n, 3)), still, tangent=False)
-            taken_up = taken_up + grown.storage
+        fluid = c.fluid_volume + np.einsum("ni,ni->n", c.biot, H) + c.storage * p
         stress = (c.stiffness @ H[:, :, None])[..., 0] - p[:, None] * c.biot
         return MacroResponse(
             stress=c.stress + stress.reshape(n, 3, 3),
-            storage=taken_up,
+            storage=fluid - memory.fluid_volume,
             flux=-(c.conductivity @ grad_p[:, :, None])[..., 0],
-            memory=LawMemory(states, np.zeros((n, 3, 3))),
+            memory=LawMemory(states, np.zeros((n, 3, 3)), fluid),
             deformation=np.eye(3) + states.grad_u,
             volume_ratio=np.ones(n),
             transformed_conductivity=c.conductivity,
@@ -146,18 +146,16 @@ class LinearisedLaw(MacroLaw):
             raise ConfigurationError(
                 f"the law '{self.name}' gives no derivatives by parameters of the cell; choose a law of a closure"
             )
-        found, c, old = self.respond(states, grad_p, memory), *map(self.coefficients, (states, memory.states))
+        found, c = self.respond(states, grad_p, memory), self.coefficients(states)
         by, (n, k) = changes.modulus, changes.modulus.shape
         borne = found.stress.reshape(n, 9) + states.p[:, None] * c.biot
-        stored = (old.storage * memory.states.p - c.storage * states.p)[:, None] * by
-        gone = (
-            np.einsum("ni,nik->nk", old.biot, before.grad_u.reshape(n, 9, k))
-            + old.storage[:, None] * before.p
-        )
+        fluid = -(c.storage * states.p)[:, None] * by
+        assert before.fluid_volume is not None
         return found, ResponseChanges(
             stress=(borne[..., None] * by[:, None, :]).reshape(n, 3, 3, k),
-            storage=stored - gone,
+            storage=fluid - before.fluid_volume,
             flux=-found.flux[..., None] * changes.viscosity[:, None, :],
+            fluid_volume=fluid,
         )
 
     def coefficients(self, states: MacroState) -> RestCoefficients:
@@ -167,7 +165,8 @@ class LinearisedLaw(MacroLaw):
                 return known
         rest = states.at_rest()
         n = len(rest)
-        found = self.law.respond(rest, np.zeros((n, 3)), self.law.initial_at(rest))
+        before = self.law.initial_at(rest)
+        found = self.law.respond(rest, np.zeros((n, 3)), before)
         tangent = found.tangent
         assert tangent is not None
         C = tangent.stress_grad_u
@@ -177,6 +176,7 @@ class LinearisedLaw(MacroLaw):
         coefficients = RestCoefficients(
             rest,
             found.stress,
+            before.fluid_volume,
             C.reshape(n, 9, 9),
             alpha.reshape(n, 9),
             np.array(tangent.storage_p),
@@ -184,12 +184,6 @@ class LinearisedLaw(MacroLaw):
         )
         self._known = [coefficients, *self._known[:1]]
         return coefficients
-
-
-def _fluid(c: RestCoefficients, states: MacroState) -> Array:
-    """Return α:H + p/M_B (n,), the fluid taken up since rest."""
-    H = states.grad_u.reshape(len(states), 9)
-    return np.asarray(np.einsum("ni,ni->n", c.biot, H) + c.storage * states.p)
 
 
 def coefficients_of_elements(law: MacroLaw, cells: ElementCells, profile: int = 0) -> RestCoefficients:

@@ -82,14 +82,14 @@ class RegionLaw(MacroLaw):
 
     def initial(self, n: int) -> LawMemory:
         """Return the memory at rest of n points of the rest of the body."""
-        return _with_states(self.laws[0].initial(n), MacroState.zeros(n))
+        return self.laws[0].initial(n)
 
     def initial_at(self, points: MacroState) -> LawMemory:
         """Return the memory at rest, by the law of each point's region."""
         parts = [
             (rows, law.initial_at(self._seen(points[rows], k))) for k, law, rows in self._regions(points)
         ]
-        return _with_states(_joined(LawMemory, parts, len(points)), points.at_rest())
+        return replace(_joined(LawMemory, parts, len(points)), states=points.at_rest())
 
     def respond(
         self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
@@ -112,7 +112,7 @@ class RegionLaw(MacroLaw):
             for parts, response in zip(found, responses, strict=True):
                 parts.append((rows, response))
         joined = [_joined(MacroResponse, parts, len(states)) for parts in found]
-        return [replace(each, memory=_with_states(each.memory, states)) for each in joined]
+        return [replace(each, memory=replace(each.memory, states=states)) for each in joined]
 
     def respond_to_changes(
         self,
@@ -135,7 +135,7 @@ class RegionLaw(MacroLaw):
             responses.append((rows, response))
             found.append((rows, derivatives))
         whole = _joined(MacroResponse, responses, n)
-        whole = replace(whole, memory=_with_states(whole.memory, states))
+        whole = replace(whole, memory=replace(whole.memory, states=states))
         return whole, _joined(ResponseChanges, found, n)
 
     def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
@@ -150,7 +150,7 @@ class RegionLaw(MacroLaw):
             parts.append((rows, old if new is None else new))
         if not changed:
             return None
-        return _with_states(_joined(LawMemory, parts, len(memory.states)), memory.states)
+        return replace(_joined(LawMemory, parts, len(memory.states)), states=memory.states)
 
     def reasons(self, states: MacroState) -> list[str]:
         """Return the reasons that the laws know; see :class:`MacroLaw`."""
@@ -200,14 +200,6 @@ class RegionLaw(MacroLaw):
 def _chosen(batch: T, rows: IntArray, n: int) -> T:
     """Return some of n points of a batch, and the batch itself where these are all."""
     return batch if len(rows) == n else batch[rows]
-
-
-def _with_states(memory: LawMemory, states: MacroState) -> LawMemory:
-    """Return the memory of points with these states, with a fluid volume whether their laws count from it or not."""
-    fluid = memory.fluid_volume
-    return replace(
-        memory, states=states, fluid_volume=np.full(len(states), np.nan) if fluid is None else fluid
-    )
 
 
 def _joined(kind: type[T], parts: Sequence[tuple[IntArray, T]], n: int) -> T:

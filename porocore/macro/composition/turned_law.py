@@ -18,7 +18,8 @@ class TurnedLaw(LawWrapper):
 
     With the rotation R of a point, whose columns are the material axes, the law is asked for Rᵀ H R, p and Rᵀ ∇p; it
     answers P, q and K, of which the body sees R P Rᵀ, R q and R K Rᵀ. Points without axes are left alone. Memories are
-    in the axes of the body, so that a point may turn with time.
+    in the axes of the body, so that a point may turn with time; the law sees them in the present axes, with the turn
+    between these and those of their own time.
     """
 
     def __init__(self, law: MacroLaw) -> None:
@@ -27,8 +28,7 @@ class TurnedLaw(LawWrapper):
 
     def states_in(self, states: MacroState) -> MacroState:
         """Return the states in the axes of the material, at places that have no others."""
-        R = _axes(states)
-        return states if R is None else _in_material(states, R)
+        return states.in_own_axes()
 
     def gradient_in(self, grad_p: Array, states: MacroState) -> Array:
         """Return Rᵀ ∇_X p."""
@@ -40,7 +40,14 @@ class TurnedLaw(LawWrapper):
         R = _axes(states)
         if R is None:
             return memory
-        return replace(memory, states=_in_material(memory.states, R), mean_grad=_in(memory.mean_grad, R))
+        before, place = _axes(memory.states), memory.states.place
+        turn = None if before is None or before is R else R.swapaxes(1, 2) @ before
+        states = replace(
+            memory.states,
+            grad_u=_in(memory.states.grad_u, R),
+            place=None if place is None else replace(place, axes=turn),
+        )
+        return replace(memory, states=states, mean_grad=_in(memory.mean_grad, R))
 
     def memory_changes_in(self, before: MemoryChanges, states: MacroState) -> MemoryChanges:
         """Return the derivatives of the memory in the axes of the material."""
@@ -117,11 +124,6 @@ def _fourth_rank_back(tensor: Array, R: Array) -> Array:
     # T ↦ R T Rᵀ of tensors as rows of 9.
     pairs = np.einsum("nia,njb->nijab", R, R).reshape(n, 9, 9)
     return np.asarray(pairs @ tensor.reshape(n, 9, 9) @ pairs.swapaxes(1, 2)).reshape(n, 3, 3, 3, 3)
-
-
-def _in_material(states: MacroState, R: Array) -> MacroState:
-    place = None if states.place is None else replace(states.place, axes=None)
-    return replace(states, grad_u=_in(states.grad_u, R), place=place)
 
 
 def _tangent_in_body(tangent: MacroTangent, R: Array) -> MacroTangent:

@@ -29,7 +29,7 @@ from porocore.macro.integration.recorder import PROFILE, HistoryRecorder
 from porocore.macro.integration.stepping import Stepper
 from porocore.states import Array, MacroState
 
-FORMAT, VERSION = "porocore-macro-checkpoint", 5
+FORMAT, VERSION = "porocore-macro-checkpoint", 6
 #: What is kept of the time stepping.
 STEPPER: dict[str, Any] = {"time": float, "halvings": int, "streak": int, "proposed": float}
 #: No step is halved more often: 2 to this power is still a number.

@@ -153,7 +153,7 @@ class Closure(ABC):
             stress=stress,
             storage=storage,
             flux=pore.flux,
-            memory=self.memory(at.states, at.cell),
+            memory=self.memory(at.states, at.cell, at.memory.fluid_volume + storage),
             deformation=pore.F,
             volume_ratio=pore.J,
             transformed_conductivity=pore.transformed,
@@ -161,9 +161,15 @@ class Closure(ABC):
             tangent=tangent,
         )
 
-    def memory(self, states: MacroState, cell: CellResponse) -> LawMemory:
-        """Return the memory that the next step begins from."""
-        return LawMemory(states, cell.mean_grad)
+    def memory(self, states: MacroState, cell: CellResponse, summed: Array) -> LawMemory:
+        """Return the memory that the next step begins from.
+
+        Parameters
+        ----------
+        summed : (n,)
+            φ_f of the undeformed cell and the storage of all steps, which is φ unless a closure has one of the state.
+        """
+        return LawMemory(states, cell.mean_grad, summed)
 
     def check(self, cell: CellResponse, law: str) -> None:
         """Refuse a cell law whose prediction lacks what this closure reads.

@@ -18,7 +18,7 @@ NO_STORAGE = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class LinearCoefficients:
-    """Coefficients of linear poroelasticity, P_E = P₀ + C_eff:E − α p, storage = α:E + p/M_B, q = −K ∇p.
+    """Coefficients of linear poroelasticity, P_E = P₀ + C_eff:E − α p, φ = φ₀ + α:E + p/M_B, q = −K ∇p.
 
     With C the elasticity of the solid and M, Q the tangents of <∇u¹>_s at rest (Dehghani & Zilian)::
 
@@ -47,6 +47,8 @@ class LinearCoefficients:
         P₀ [E], 0 unless the solid swells.
     mean_grad : (3, 3)
         <∇u¹>_s at rest [-], 0 unless the solid swells.
+    fluid_volume : float
+        φ₀ at rest [-], which matters only where a point's coefficients change.
     """
 
     stiffness: Array
@@ -58,6 +60,7 @@ class LinearCoefficients:
     mean_grad_p: Array
     stress: Array = field(default_factory=lambda: np.zeros((3, 3)))
     mean_grad: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    fluid_volume: float = 0.0
 
     @classmethod
     def from_reference(
@@ -83,6 +86,7 @@ class LinearCoefficients:
         stiffness = (stiffness + stiffness.swapaxes(0, 1)) / 2
         stiffness = (stiffness + stiffness.swapaxes(2, 3)) / 2
         biot, storage, stress = _of_fluid(reference, solid_fraction, material)
+        fluid = 1 - solid_fraction if reference.fluid_volume is None else float(reference.fluid_volume[0])
         if storage <= NO_STORAGE and (pores or storage < -NO_STORAGE):
             raise ConfigurationError(
                 f"linear poroelasticity: expected 1/M_B = −tr Q > 0, got {storage:.3g}: "
@@ -103,6 +107,7 @@ class LinearCoefficients:
             Q,
             stress,
             reference.mean_grad[0] if material.swells else np.zeros((3, 3)),
+            fluid,
         )
 
     @property
@@ -179,7 +184,9 @@ class LinearPoroelasticity(MacroLaw):
 
     def initial(self, n: int) -> LawMemory:
         """Return the memory at rest."""
-        return LawMemory(MacroState.zeros(n), np.broadcast_to(self.coefficients.mean_grad, (n, 3, 3)).copy())
+        c = self.coefficients
+        mean_grad = np.broadcast_to(c.mean_grad, (n, 3, 3)).copy()
+        return LawMemory(MacroState.zeros(n), mean_grad, np.full(n, c.fluid_volume))
 
     def respond(
         self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
@@ -187,15 +194,15 @@ class LinearPoroelasticity(MacroLaw):
         """See :class:`MacroLaw`; the mean gradient at rest and M:H + Q p are carried for the profiles."""
         c, n = self.coefficients, len(states)
         H, p = states.grad_u.reshape(n, 9), states.p[:, None]
-        step = (states.grad_u - memory.states.grad_u).reshape(n, 9)
+        fluid = c.fluid_volume + H @ c.biot.reshape(9) + c.storage * states.p
         mean_grad = np.add(H @ c.mean_grad_grad_u.reshape(9, 9).T, p * c.mean_grad_p.reshape(9), dtype=float)
         return MacroResponse(
             stress=(H @ c.stiffness.reshape(9, 9).T - p * c.biot.reshape(9) + c.stress.ravel()).reshape(
                 n, 3, 3
             ),
-            storage=step @ c.biot.reshape(9) + c.storage * (states.p - memory.states.p),
+            storage=fluid - memory.fluid_volume,
             flux=-grad_p @ c.conductivity.T,
-            memory=LawMemory(states, c.mean_grad + mean_grad.reshape(n, 3, 3)),
+            memory=LawMemory(states, c.mean_grad + mean_grad.reshape(n, 3, 3), fluid),
             deformation=np.eye(3) + states.grad_u,
             volume_ratio=np.ones(n),
             transformed_conductivity=np.broadcast_to(c.conductivity, (n, 3, 3)),
@@ -215,11 +222,13 @@ class LinearPoroelasticity(MacroLaw):
         found, c = self.respond(states, grad_p, memory), self.coefficients
         by = changes.modulus
         borne = (found.stress + states.p[:, None, None] * c.biot)[..., None]
-        stored = c.storage * ((memory.states.p - states.p)[:, None] * by - before.p)
+        fluid = -c.storage * states.p[:, None] * by
+        assert before.fluid_volume is not None
         return found, ResponseChanges(
             stress=borne * by[:, None, None, :],
-            storage=stored - np.einsum("ij,nijk->nk", c.biot, before.grad_u),
+            storage=fluid - before.fluid_volume,
             flux=-found.flux[..., None] * changes.viscosity[:, None, :],
+            fluid_volume=fluid,
         )
 
     def _tangent(self, n: int) -> MacroTangent:

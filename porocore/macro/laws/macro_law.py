@@ -79,7 +79,7 @@ class ClosedLaw(MacroLaw):
         if self._rest is None:
             raise ValueError(f"expected the parameters {', '.join(self.parameters)}; call initial_at")
         rest = replace(self._rest, tangent=None, extrema=None)[np.zeros(n, dtype=np.int64)]
-        return self.closure.memory(MacroState.zeros(n), rest)
+        return self.closure.memory(MacroState.zeros(n), rest, self._porosity(None, n))
 
     def initial_at(self, points: MacroState) -> LawMemory:
         """Return the memory at rest, of a cell law with parameters by its response to each point's own.
@@ -95,13 +95,18 @@ class ClosedLaw(MacroLaw):
         if len(rest):
             self.closure.check(prediction_of(self.cell_law, rest[:1]), type(self.cell_law).__name__)
         found = prediction_of(self.cell_law, rest, tangent=False)
-        return self.closure.memory(rest, replace(found, extrema=None))
+        porosity = self._porosity(self._cells(rest.parameters), len(rest))
+        return self.closure.memory(rest, replace(found, extrema=None), porosity)
 
     def porosity(self, parameters: Array) -> Array:
         """Return φ_f (n,) of the undeformed cells with ``parameters`` (n, m), of a cell law that has some."""
         cells = self._cells(parameters)
         assert cells is not None
         return cells.porosity
+
+    def _porosity(self, cells: UndeformedCells | None, n: int) -> Array:
+        """Return φ_f (n,) of the undeformed cells of n points."""
+        return np.full(n, 1 - self.closure.solid_fraction_of(cells))
 
     def _cells(self, parameters: Array | None) -> UndeformedCells | None:
         """Return the undeformed cells with ``parameters`` (n, m); None where all are that of the closure's constants.
@@ -178,7 +183,7 @@ class ClosedLaw(MacroLaw):
         return cells, None if before is cells else before
 
     def _predicted(self, states: MacroState, memory: LawMemory, tangent: bool) -> CellResponse:
-        found = self.cell_law.predict_from(memory.states, states, tangent=tangent)
+        found = self.cell_law.predict_from(memory.states.in_own_axes(), states, tangent=tangent)
         return check_prediction(self.cell_law, found, states)
 
     def _closed(self, at: ClosurePoints, tangent: bool) -> MacroResponse:
@@ -249,4 +254,4 @@ class AdaptiveLaw(ClosedLaw):
         self.cell_law, self._known = refined, []
         self._begin()
         known = replace(prediction_of(refined, memory.states, tangent=False), outside_training_range=None)
-        return self.closure.memory(memory.states, known)
+        return self.closure.memory(memory.states, known, memory.fluid_volume)

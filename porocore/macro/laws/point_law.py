@@ -92,8 +92,8 @@ class Law:
     law
         Macroscopic law.
     porosity
-        φ_f, fluid volume of the undeformed cell, for a law that counts only changes of it; of a law with parameters a
-        function of their values (n, m) that returns one for each row.
+        φ_f, fluid volume of the undeformed cell; of a law with parameters a function of their values (n, m) that returns
+        one for each row.
     units
         Units of the study, which responses do not have: ``law.units.factor("stress")`` takes their stress to its unit.
     ranges
@@ -226,7 +226,6 @@ class Law:
                 f"before: expected the response at the same {n} states, got one at {len(before)}"
             )
         memory = self._law.initial_at(states) if before is None else before.memory
-        known = before.fluid_volume if before is not None else memory.fluid_volume
         # The flux under a unit gradient along an axis is a column of −K_ref, and so are its derivatives.
         units = [np.broadcast_to(axis, (n, 3)) for axis in np.eye(3)] if tangent else [np.zeros((n, 3))]
         found = self._law.respond_to_each(states, units, memory, tangent=tangent)
@@ -234,7 +233,7 @@ class Law:
         tangents = [response.tangent for response in found if response.tangent is not None]
         return LawResponse(
             stress=first.stress,
-            fluid_volume=(self._at_rest(states) if known is None else known) + first.storage,
+            fluid_volume=first.memory.fluid_volume,
             conductivity=first.transformed_conductivity * first.volume_ratio[:, None, None],
             deformation=first.deformation,
             outside_training_range=first.outside_training_range,

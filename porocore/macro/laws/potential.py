@@ -44,11 +44,6 @@ class PotentialClosure(Closure):
         """Return the response at n points; NaN where det F̄ ≤ 0 or det(I + H) ≤ 0.
 
         A cell that changes with time takes up fluid by its φ; the cells before are not needed.
-
-        Raises
-        ------
-        ValueError
-            The memory was made by a closure that keeps no fluid volume.
         """
         return self._closed(at, self.pull_back(at.states, at.cell, at.grad_p, at.cells), tangent)
 
@@ -72,8 +67,6 @@ class PotentialClosure(Closure):
 
     def _closed(self, at: ClosurePoints, pore: PulledBack, tangent: bool) -> MacroResponse:
         cell, before = at.cell, at.memory.fluid_volume
-        if before is None:
-            raise ValueError("expected a memory with the fluid volume; make it by ClosedLaw.initial")
         assert cell.stress is not None
         assert cell.fluid_volume is not None
         stress = np.where(pore.missing, np.nan, cell.stress)
@@ -81,8 +74,9 @@ class PotentialClosure(Closure):
         slopes = self._tangent(pore, cell.tangent, self.solid_fraction_of(at.cells)) if tangent else None
         return self._response(at, pore, stress, storage, slopes)
 
-    def memory(self, states: MacroState, cell: CellResponse) -> LawMemory:
-        """Return the memory with the fluid volume, from which the next storage is counted."""
+    def memory(self, states: MacroState, cell: CellResponse, summed: Array | None = None) -> LawMemory:
+        """Return the memory with φ of the cell in this state."""
+        assert cell.fluid_volume is not None
         return LawMemory(states, cell.mean_grad, cell.fluid_volume)
 
     @staticmethod

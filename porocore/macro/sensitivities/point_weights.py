@@ -50,19 +50,18 @@ class MemoryWeights(Batch):
     """Weights of what a :class:`~porocore.interfaces.law_changes.MemoryChanges` has, without the unknowns' axis."""
 
     grad_u: Array
-    p: Array
     mean_grad: Array
     fluid_volume: Array
 
     @classmethod
     def zeros(cls, n: int) -> MemoryWeights:
         """Return the weights of nothing."""
-        return cls(np.zeros((n, 3, 3)), np.zeros(n), np.zeros((n, 3, 3)), np.zeros(n))
+        return cls(np.zeros((n, 3, 3)), np.zeros((n, 3, 3)), np.zeros(n))
 
     def of_states(self, tangent: MacroTangent, fixed: ResponseChanges) -> PointWeights:
         """Return the weights of H and p, on which the memory depends; transposes :meth:`ResponseChanges.moved`."""
-        n = len(self.p)
-        grad_u, p = self.grad_u, self.p
+        n = len(self.fluid_volume)
+        grad_u, p = self.grad_u, np.zeros(n)
         if fixed.fluid_volume is not None:
             grad_u = grad_u + self.fluid_volume[:, None, None] * tangent.storage_grad_u
             p = p + self.fluid_volume * tangent.storage_p

@@ -11,8 +11,8 @@ from porocore.interfaces.law_changes import MemoryChanges, PointChanges, Respons
 from porocore.macro.sensitivities.point_weights import MemoryWeights, PointWeights
 from porocore.states import Array, MacroState
 
-#: Numbers of a memory: H, p, <∇u¹>_s and φ.
-MEMORY = 9 + 1 + 9 + 1
+#: Numbers of a memory: H, <∇u¹>_s and φ.
+MEMORY = 9 + 9 + 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class UnitDerivatives:
         With its tangent.
     fixed
         Derivatives by the unit changes of the points.
-    storage_memory : (n, 20)
+    storage_memory : (n, 19)
         Derivatives of the storage by the numbers of the memory.
     """
 
@@ -45,7 +45,7 @@ class UnitDerivatives:
 
     def of_memory_changes(self, memory: MemoryWeights) -> Array:
         """Return the same where the memory of the state alone counts."""
-        n, fixed = len(memory.p), self.fixed
+        n, fixed = len(memory.fluid_volume), self.fixed
         found = np.zeros_like(fixed.storage)
         if fixed.fluid_volume is not None:
             found = found + memory.fluid_volume[:, None] * fixed.fluid_volume
@@ -57,9 +57,7 @@ class UnitDerivatives:
         """Return the weights of the memory from which the step began."""
         n = len(weights.storage)
         found = weights.storage[:, None] * self.storage_memory
-        return MemoryWeights(
-            found[:, :9].reshape(n, 3, 3), found[:, 9], found[:, 10:19].reshape(n, 3, 3), found[:, 19]
-        )
+        return MemoryWeights(found[:, :9].reshape(n, 3, 3), found[:, 9:18].reshape(n, 3, 3), found[:, 18])
 
 
 class UnitChanges:
@@ -107,9 +105,8 @@ class UnitChanges:
         everywhere = np.broadcast_to(rows, (n, *rows.shape))
         before = MemoryChanges(
             everywhere[:, :9].reshape(n, 3, 3, -1),
-            everywhere[:, 9],
-            everywhere[:, 10:19].reshape(n, 3, 3, -1),
-            everywhere[:, 19],
+            everywhere[:, 9:18].reshape(n, 3, 3, -1),
+            everywhere[:, 18],
         )
         response, found = law.respond_to_changes(states, grad_p, memory, self._points(n, c + MEMORY), before)
         return UnitDerivatives(response, _first(found, c), np.ascontiguousarray(found.storage[:, c:]))

@@ -43,7 +43,6 @@ class ClayLaw(MacroLaw):
         self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
     ) -> MacroResponse:
         """See :class:`~porocore.interfaces.law.MacroLaw`; NaN where det F ≤ 0."""
-        assert memory.fluid_volume is not None
         n = len(states)
         F = np.eye(3) + states.grad_u
         J = determinant(F)
