@@ -8,6 +8,8 @@ from functools import partial
 
 import numpy as np
 import pytest
+from anisotropic_cell import AXES, FIELDS, anisotropic_law, block
+from anisotropic_cell import linear_law as anisotropic_linear_law
 from sensitivity_bodies import LAYERS, UNKNOWNS, column, law, layers, pressed
 
 from porocore.cell.materials.neo_hookean import NeoHookean
@@ -20,8 +22,11 @@ from porocore.interfaces.sensitivities import (
     HistoryWeights,
     InitialPressureChange,
     LoadChange,
+    ModulusChange,
+    ViscosityChange,
 )
 from porocore.macro.composition.bound_law import BoundLaw
+from porocore.macro.composition.linearised_law import LinearisedLaw
 from porocore.macro.composition.region_law import RegionLaw
 from porocore.macro.laws import AdaptiveLaw, make_closure
 from porocore.plugins.registry import registry
@@ -235,3 +240,18 @@ def flagged(cell, states, *, tangent=True):
     """Responses of a cell that is not to be trusted."""
     found = PorousFamilyLaw.predict(cell, states, tangent=tangent)
     return replace(found, outside_training_range=np.ones(len(states), bool))
+
+
+@pytest.mark.parametrize("name", ["potential", "mean-gradient", "linear", "linear of a family"])
+def test_fields_and_axes_that_change_in_time_have_gradients(make_solver, name):
+    family = name in ("potential", "linear of a family")
+    parameters = ("porosity", "swelling") if family else ()
+    closure = "mean-gradient" if name == "mean-gradient" else "potential"
+    given = anisotropic_linear_law() if name == "linear" else anisotropic_law(*parameters, closure=closure)
+    changes = [LoadChange(), InitialPressureChange(), ModulusChange(), ViscosityChange()]
+    if name == "potential":
+        changes += [CellParameterChange("porosity"), CellParameterChange("swelling", factor=True)]
+    if name == "linear of a family":
+        given = LinearisedLaw(given)
+    problem = block({key: FIELDS[key] for key in parameters} | {"axes": AXES})
+    compare(make_solver, problem, given, changes)

@@ -8,6 +8,8 @@ from functools import partial
 
 import numpy as np
 import pytest
+from anisotropic_cell import AXES, anisotropic_law, block
+from anisotropic_cell import linear_law as anisotropic_linear_law
 from sensitivity_bodies import LAYERS, TIME, UNKNOWNS, column, law, layers, pressed
 
 from porocore.cell.materials.neo_hookean import NeoHookean
@@ -322,3 +324,43 @@ def flagged(cell, limit, states, *, tangent=True):
     """Responses of a cell that is not to be trusted below a strain."""
     found = PorousFamilyLaw.predict(cell, states, tangent=tangent)
     return replace(found, outside_training_range=states.grad_u[:, 1, 1] < limit)
+
+
+# ---- fields and axes that change in time -----------------------------------------------------------
+
+ALL = ("porosity", "swelling", "mobility")
+CHANGING = {
+    "potential": (anisotropic_law(*ALL), ALL),
+    "mean-gradient": (anisotropic_law("porosity", "mobility", closure="mean-gradient"), ALL[::2]),
+    "linear": (anisotropic_linear_law(), ()),
+    "linear of a family": (LinearisedLaw(anisotropic_law(*ALL)), ALL),
+}
+
+
+@pytest.mark.parametrize("name", CHANGING)
+def test_fields_and_axes_that_change_in_time_have_derivatives(make_solver, name):
+    given, parameters = CHANGING[name]
+    unknowns = {
+        "traction": (BoundaryChange("y+", "traction", 1), -0.03),
+        "initial": (InitialPressureChange(), 0.001),
+    }
+    if parameters:
+        unknowns["modulus"] = (ModulusChange(), 1.0, True)
+    if name == "potential":
+        unknowns["porosity"] = (CellParameterChange("porosity"), 0.0)
+        unknowns["swelling"] = (CellParameterChange("swelling", factor=True), 1.0)
+
+    def problem(traction, initial, modulus=1.0, porosity=0.0, swelling=1.0):
+        """In units of the modulus, in which fluid flows the more easily the larger it is."""
+        fields = {
+            "porosity": f"0.22 + 0.05*t*x + {porosity!r}",
+            "swelling": f"{swelling!r}*0.004*t*y",
+            "mobility": modulus,
+        }
+        return block(
+            {key: fields[key] for key in parameters} | {"axes": AXES},
+            traction=traction / modulus,
+            initial={"pressure": initial / modulus},
+        )
+
+    check(make_solver, problem, given, unknowns, together=True, modulus="modulus")

@@ -13,12 +13,13 @@ from porocore.core.files.store import ResultStore
 from porocore.errors import PorocoreError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.law import CellLaw
+from porocore.macro.composition.turned_law import TurnedLaw
 from porocore.macro.laws import ClosedLaw, MeanGradientClosure, PotentialClosure
 from porocore.macro.laws.direct import GRID, DirectCellLaw
 from porocore.sampling.execution import CellPool
 from porocore.sampling.execution.members import MemberSolver
 from porocore.sampling.execution.solved_store import SolvedStore
-from porocore.states import CellResponse, MacroState, Status
+from porocore.states import BodyPlace, CellResponse, MacroState, Status
 from porocore.testing.synthetic import family
 from porocore.testing.synthetic.cell import SOLID_FRACTION, respond
 from porocore.testing.synthetic.response import CONDUCTIVITY
@@ -279,3 +280,15 @@ def test_each_point_has_the_cell_of_its_parameters():
         np.testing.assert_allclose(getattr(found, name), getattr(expected, name), atol=1e-12)
         np.testing.assert_array_equal(getattr(again, name), getattr(found, name))
     np.testing.assert_array_equal(found.stress[4], family.respond(states[4:]).stress[0])
+
+
+def test_a_cell_that_turns_starts_from_its_own_last_state(law, diary):
+    """Stretched by 0.1 along y; then its axes turn by a right angle, and it is stretched by 0.11 along its own x."""
+    turned, still = TurnedLaw(ClosedLaw(law, CLOSURE)), np.zeros((1, 3))
+    quarter = np.array([[[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]])
+    region = np.zeros(1, dtype=np.int64)
+    first = replace(along(0.1), place=BodyPlace(region, np.eye(3)[None]))
+    memory = turned.respond(first, still, turned.initial_at(first)).memory
+    turned.respond(replace(along(0.11), place=BodyPlace(region, quarter)), still, memory)
+    assert [start for *_, start in diary.solves] == [None, pytest.approx(0.1)]
+    assert diary.solves[1][0] == pytest.approx(0.0)

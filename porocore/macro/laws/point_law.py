@@ -92,8 +92,8 @@ class Law:
     law
         Macroscopic law.
     porosity
-        φ_f, fluid volume of the undeformed cell; of a law with parameters a function of their values (n, m) that returns
-        one for each row.
+        φ_f, fluid volume of the undeformed cell; of a law with parameters a function of their values (n, m), with one
+        for each row.
     units
         Units of the study, which responses do not have: ``law.units.factor("stress")`` takes their stress to its unit.
     ranges
@@ -103,11 +103,11 @@ class Law:
     --------
     >>> from porocore import Law
     >>> from porocore.testing.synthetic.response import linear_law
-    >>> law = Law(linear_law(), porosity=0.41)
+    >>> law = Law(linear_law(), porosity=0.4123)
     >>> pressed = [np.diag([0.0, -0.01, 0.0]), np.diag([0.0, -0.02, 0.0])]
     >>> found = law.response(pressed, p=[0.002, 0.0])
     >>> found.stress[:, 1, 1].round(5), found.fluid_volume.round(5), found.conductivity[0].diagonal()
-    (array([-0.00603, -0.00888]), array([0.40276, 0.39414]), array([1.94, 1.94, 1.94]))
+    (array([-0.00603, -0.00888]), array([0.40506, 0.39644]), array([1.94, 1.94, 1.94]))
     >>> found.tangent.stress_grad_u.shape, found.outside_training_range
     ((2, 3, 3, 3, 3), array([False, False]))
 

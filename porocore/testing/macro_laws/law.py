@@ -1,4 +1,4 @@
-"""Suite of macroscopic laws (MacroLawSuite): exact tangent, promise of a constant one, points apart.
+"""Suite of macroscopic laws (MacroLawSuite): exact tangent, promise of a constant one, stored fluid.
 
 .. code-block:: python
 
@@ -113,6 +113,16 @@ class MacroLawSuite(Suite):
                 state = f"{states_text(states)}, constant_tangent = True"
                 found = getattr(tangent, field.name)
                 near(field.name, found, np.broadcast_to(wanted, found.shape), state, within=within)
+
+    def test_what_is_taken_up_is_the_change_of_the_stored_fluid(self, law: MacroLaw) -> None:
+        """The next step counts from the fluid volume of the memory, whatever axes and parameters it has."""
+        (states, grad_p), memory = self.random(9), self.before(law, 10)
+        found = law.respond(states, grad_p, memory, tangent=False)
+        stored = found.memory.fluid_volume
+        within = ROUND_OFF * float(np.abs(stored).max())
+        near(
+            "the storage", found.storage, stored - memory.fluid_volume, states_text(states), within=within
+        )
 
     def test_points_do_not_depend_on_one_another(self, law: MacroLaw) -> None:
         """Each alone, and in another order."""

@@ -70,6 +70,16 @@ class TestConstantAtEachPoint(Law):
         return replace(response, tangent=replace(response.tangent, flux_grad_p=flux))
 
 
+class TestForgetsItsFluid(Law):
+    """The fluid volume of the memory is that of the state before."""
+
+    caught_by = "test_what_is_taken_up_is_the_change_of_the_stored_fluid"
+
+    @staticmethod
+    def alter(response, states, memory):
+        return replace(response, memory=replace(response.memory, fluid_volume=memory.fluid_volume))
+
+
 class TestPointsKnowEachOther(Law):
     caught_by = "test_points_do_not_depend_on_one_another"
 
