@@ -62,7 +62,9 @@ def closure_error(
     porosity = np.broadcast_to(1 - closure.solid_fraction_of(cells), n)
     at_start = CellResponse(mean_grad=rest, status=exact.status, stress=rest, fluid_volume=porosity)
     at_end = ClosurePoints(states, exact, still, closure.memory(at_rest, at_start, porosity), cells)
-    returned = ClosurePoints(at_rest, at_start, still, closure.memory(states, exact, exact.fluid_volume), cells)
+    returned = ClosurePoints(
+        at_rest, at_start, still, closure.memory(states, exact, exact.fluid_volume), cells
+    )
     there, back = (closure.respond(points, tangent=False) for points in (at_end, returned))
 
     components = exact.stress.reshape(n, 9)

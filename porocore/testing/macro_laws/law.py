@@ -120,9 +120,7 @@ class MacroLawSuite(Suite):
         found = law.respond(states, grad_p, memory, tangent=False)
         stored = found.memory.fluid_volume
         within = ROUND_OFF * float(np.abs(stored).max())
-        near(
-            "the storage", found.storage, stored - memory.fluid_volume, states_text(states), within=within
-        )
+        near("the storage", found.storage, stored - memory.fluid_volume, states_text(states), within=within)
 
     def test_points_do_not_depend_on_one_another(self, law: MacroLaw) -> None:
         """Each alone, and in another order."""
