@@ -30,6 +30,7 @@ from porocore.cell.meshing.supercell import block, tiled
 from porocore.cell.meshing.tetrahedra import volume
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.yaml_document import dotted
+from porocore.core.models.name import Name
 from porocore.core.models.strict import CalledByUsers
 from porocore.core.tensors.point_group import PointGroup
 from porocore.core.units.dimensions import Dimension, Unit
@@ -38,7 +39,7 @@ from porocore.states import Array
 
 Cells = Annotated[int, Field(ge=1, le=8)]
 #: Name of a region; a number is the name of a tag.
-Region = Annotated[str, BeforeValidator(lambda name: str(name) if isinstance(name, int) else name)]
+Region = Annotated[Name, BeforeValidator(lambda name: str(name) if isinstance(name, int) else name)]
 
 
 class Cell(Family, metaclass=CalledByUsers):

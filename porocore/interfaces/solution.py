@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from porocore.core.hdf5 import Contents, atomic_hdf5, opened
 from porocore.core.hdf5.contents import numbered
+from porocore.core.hdf5.writing import link_to, name_of_link
 from porocore.errors import DataError
 from porocore.interfaces.element_cells import ElementCells
 from porocore.states import Array, MacroState
@@ -228,7 +229,7 @@ class MacroSolution:
                 file[f"history/{file_name(f.name)}"] = getattr(self.history, f.name)
             for kind in SERIES:
                 for name, values in getattr(self, kind).items():
-                    file[f"{kind}/{name}"] = values
+                    file[f"{kind}/{link_to(name)}"] = values
             for i, profile in enumerate(self.profiles):
                 for f in fields(Profile):
                     file[f"profiles/{i}/{file_name(f.name)}"] = getattr(profile, f.name)
@@ -268,7 +269,10 @@ class MacroSolution:
                 tuple(read_profile(file, name) for name in numbered(file, "profiles")),
                 _text(file, "backend"),
                 **{
-                    kind: {name: file.array(f"{kind}/{name}", "steps", *width) for name in file.members(kind)}
+                    kind: {
+                        name_of_link(link): file.array(f"{kind}/{link}", "steps", *width)
+                        for link in file.members(kind)
+                    }
                     for kind, width in SERIES.items()
                 },
                 linear_solver=_text(file, "linear_solver"),

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from porocore.core.formulas.time_function import TimeFunction, Value, require_later
 from porocore.core.models.bounds import MOST_STEPS, MOST_TIMES
+from porocore.core.models.name import Name
 from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import Dimension
 from porocore.core.units.results import spoken
@@ -175,19 +176,19 @@ class MacroSetup(StrictModel):
 
     body: AnyBody = Box()
     """Shape of the body."""
-    surfaces: dict[str, Patch] = Field(default={})
+    surfaces: dict[Name, Patch] = Field(default={})
     """Parts of a surface by names of their own, which no longer belong to that surface."""
     fields: Fields = Field(default={})
     """Values of the cell's parameters by name, as a number, a formula of x, y, z and t or a section; and ``axes``."""
-    regions: dict[str, AnyRegion] = Field(default={})
+    regions: dict[Name, AnyRegion] = Field(default={})
     """Parts of the body by name, each with parameters and material axes of its own; elsewhere those of the body."""
-    boundary: dict[str, Boundary]
+    boundary: dict[Name, Boundary]
     """What is prescribed on each surface; one that is not listed is free of traction and impermeable."""
     body_force: Annotated[tuple[Value, Value, Value], Dimension("body-force")] = (0.0, 0.0, 0.0)
     """Components of the body force, per reference volume of the mixture."""
     initial: InitialState = InitialState()
     """What the body begins with; it need not be in equilibrium."""
-    probes: dict[str, Annotated[tuple[float, float, float], Dimension("displacement")]] = Field(default={})
+    probes: dict[Name, Annotated[tuple[float, float, float], Dimension("displacement")]] = Field(default={})
     """Material points [x, y, z] by name, whose displacement and pressure are recorded."""
     time: TimePlan = TimePlan()
     """Time steps, the ramp of the load, and when fields are kept."""

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import base64
-import re
-import unicodedata
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import jinja2
 import markupsafe
 from matplotlib.figure import Figure
 
-from porocore.core.files.atomic import atomic_path
+from porocore.core.files.atomic import atomic_path, file_stem
+from porocore.core.files.plain_data import stable_hash
 from porocore.core.parallel.calls import CallProcesses, Tell
 from porocore.report.citation import citations
 from porocore.report.figures.style import png_bytes, svg_bytes
@@ -65,12 +64,15 @@ class Pictures:
         Processes that draw; None: this one does.
     suffix
         End of the name of each figure.
+    stems
+        Names of the figures by those of their files, which differ even where they are alike in small ASCII letters.
     """
 
     folder: Path | None = None
     tell: Callable[[str], None] = lambda name: None
     processes: CallProcesses | None = None
     suffix: str = ""
+    stems: dict[str, str] = field(default_factory=dict)
 
     def svg(self, name: str, figure: Figure, text: str) -> Picture:
         """Return a figure of lines and markers; its files are called ``name``."""
@@ -82,7 +84,7 @@ class Pictures:
 
     def _picture(self, name: str, figure: Figure, form: str, text: str) -> Picture:
         name += self.suffix
-        path = None if self.folder is None else self.folder / file_stem(name)
+        path = None if self.folder is None else self.folder / self._stem(name)
         if self.processes is None:
             self.tell(name)
             drawn = draw(figure, form, path)
@@ -95,6 +97,12 @@ class Pictures:
             return found
 
         return Picture(form, wait, text)
+
+    def _stem(self, name: str) -> str:
+        """Return the name of the files of a figure, with a hash where another figure has the same."""
+        stem = file_stem(name)
+        taken = self.stems.setdefault(stem.lower(), name) != name
+        return f"{stem}-{stable_hash(name, length=8)}" if taken else stem
 
 
 def draw(figure: Figure, form: str, path: Path | None) -> bytes:
@@ -114,12 +122,6 @@ def load_elsewhere(tell: Tell) -> None:
 def draw_elsewhere(tell: Tell, figure: Figure, form: str, path: Path | None) -> bytes:
     """Draw a figure of another process; see :func:`draw`."""
     return draw(figure, form, path)
-
-
-def file_stem(name: str) -> str:
-    """Return a name as that of a file: ASCII letters, numbers and signs that no system minds."""
-    plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
-    return re.sub(r"[^A-Za-z0-9._=-]+", "-", plain).strip("-")
 
 
 def environment(*packages: str) -> jinja2.Environment:

@@ -14,12 +14,14 @@ import numpy as np
 import pytest
 from report_page import ODD, Page
 
+from porocore.core.files.atomic import file_stem
 from porocore.core.parallel.calls import CallProcesses
 from porocore.errors import RunFolderError
+from porocore.report.figures.style import named, new_figure, svg_bytes
 from porocore.report.html import render, write_report
 from porocore.report.loading_mode import LoadingMode
 from porocore.report.metrics import LoadCase
-from porocore.report.page import Pictures, file_stem
+from porocore.report.page import Pictures
 
 
 def test_stands_alone_and_runs_nothing(html, page):
@@ -131,6 +133,26 @@ def test_every_figure_of_the_page_is_a_file_too(context, tmp_path):
 )
 def test_names_of_figures_are_names_of_files(name, stem):
     assert file_stem(name) == stem
+
+
+def test_figures_of_different_names_have_different_files():
+    pictures = Pictures()
+    stems = [pictures._stem(name) for name in ("fit_中", "fit_水", "fit_a/b", "fit_a b", "fit_A b", "fit_中")]
+    assert len({stem.lower() for stem in stems}) == 5
+    assert stems[0] == stems[-1] == "fit_"
+    assert stems[2] == "fit_a-b"
+
+
+@pytest.mark.parametrize("name", ["$\\x$", "cost $5 and $6", "_hidden", "a\\frac{b", "中", "$"])
+def test_a_name_is_drawn_as_it_is(name, recwarn):
+    figure = new_figure(2, 2)
+    axes = figure.add_subplot()
+    axes.plot([0, 1], label=f"{named(name)} $u_1$")
+    axes.set_xlabel(named(name))
+    (text,) = axes.legend().get_texts()
+    assert name in text.get_text().replace(r"\$", "$")
+    svg_bytes(figure)
+    assert not recwarn.list
 
 
 def disk_full(*_):

@@ -154,7 +154,7 @@ def test_samples_of_one_input_and_of_an_unknown_one():
     x, status = np.linspace(-0.4, 0.04, 9)[:, None], np.zeros(9, int)
     figure = samples_figure(inputs, x, status, training=status == 0)
     assert legend(figure) == ["converged (9)"]
-    with pytest.raises(ValueError, match="'p' was not sampled; choose from H22"):
+    with pytest.raises(ValueError, match="'p' was not sampled; the inputs are H22"):
         samples_figure(inputs, x, status, pair=("H22", "p"))
 
 

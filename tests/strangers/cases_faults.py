@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import csv
 import os
 import pickle
 import subprocess
@@ -10,11 +11,13 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from command_run import PROGRAM, Ended
 from stranger_case import Case
 
 from porocore import Study
+from porocore.macro.series import write_series
 
 
 def _shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
@@ -74,6 +77,32 @@ def _module_is_a_program(folder: Path, done: Ended | None) -> None:
     assert found.stdout.startswith("porocore ")
 
 
+def _solved_and_read_again(*names: str) -> Callable[[Path, Ended | None], None]:
+    """The check that studies are solved, read again by another object, and tabled, with the names as they are."""
+
+    def check(folder: Path, done: Ended | None) -> None:
+        for name in names:
+            first = Study(f"{name}.yaml", out=name, progress=False)
+            load = first.config.macro.loads[0]
+            solved = first.solve()[load].nonlinear.solution
+            again = Study(f"{name}.yaml", out=name, progress=False).solve()[load].nonlinear.solution
+            assert set(again.probes) == set(first.config.macro.probes)
+            assert set(again.inflow) == {
+                n for n, b in first.config.macro.boundary.items() if b.pressure is not None
+            }
+            for probe, values in solved.probes.items():
+                np.testing.assert_array_equal(again.probes[probe], values)
+            for surface, values in solved.inflow.items():
+                np.testing.assert_array_equal(again.inflow[surface], values)
+            table = write_series(folder / f"{name}.csv", again, first.units)
+            with table.open(encoding="utf-8", newline="") as file:
+                head = next(csv.reader(file))
+            for probe in first.config.macro.probes:
+                assert f"{probe}: u_2 [-]" in head
+
+    return check
+
+
 _BASE = (Path(__file__).parent / "stderr_closed" / "base.yaml").read_text(encoding="utf-8")
 
 
@@ -97,16 +126,45 @@ CASES = [
         for name, line, key, says in (
             ("boolkey", 4, "yes", ("YAML reads yes as true or false", f"{_IN_QUOTES}'yes':")),
             ("nullkey", 4, "~", ("YAML reads ~ as no value", f"{_IN_QUOTES}'~':")),
-            ("intkeys", 4, "1", ("YAML reads 1 as a number", f"{_IN_QUOTES}'1':")),
+            ("intkeys", 4, "1", ("unknown key; remove it; the keys here are title, cell,",)),
             ("ykey", 15, "macro.probes.on", ("YAML reads on as true or false", f"{_IN_QUOTES}'on':")),
             (
-                "nonames2",
-                17,
-                "macro.boundary.1",
-                ("nonames2.yaml:22: macro.boundary.4: ", f"{_IN_QUOTES}'4':"),
+                "commadec2",
+                2,
+                "cell.geometry.25",
+                ("if 'radius: 0,25' was meant as a number, write 'radius: 0.25'",),
             ),
-            ("commadec2", 2, "cell.geometry.25", ("write 'radius: 0.25' if 'radius: 0,25' was meant",)),
         )
+    ),
+    # Tags of a mesh name its surfaces, with quotes or without.
+    Case("yaml_key_no_text", ("check", "nonames2.yaml"), says=("no faults",)),
+    Case(
+        "names_in_hdf5",
+        ("check", "probeempty.yaml"),
+        2,
+        ("probeempty.yaml:24: macro.probes.'': expected a name, got ''; give it one letter at least",),
+    ),
+    Case(
+        "names_in_hdf5",
+        ("check", "probelong.yaml"),
+        2,
+        (
+            "probelong.yaml:24: macro.probes.xxx",
+            "expected a name of at most 200 characters, got 300; shorten it",
+        ),
+    ),
+    Case(
+        "names_in_hdf5",
+        ("check", "probenl.yaml"),
+        2,
+        (r"probenl.yaml:24: macro.probes.a\nb: expected a name without line breaks and control characters",),
+    ),
+    Case("names_in_hdf5", "probes a and a/u are solved", check=_solved_and_read_again("probetwo")),
+    Case(
+        "names_in_hdf5",
+        "names with a slash, of a dot and from a mesh are solved",
+        check=_solved_and_read_again("probeslash", "probedot", "surfslash", "spaces"),
+        slow=True,
     ),
     Case("stderr_closed", "a run without standard error", check=_runs_in_silence, slow=True),
     Case("stderr_closed", "Study.sample() without standard error", check=_python_samples_in_silence),

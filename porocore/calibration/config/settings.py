@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from porocore.calibration.problem import Scale
 from porocore.core.echo import echo
 from porocore.core.models.bounds import LARGEST_NUMBER, LARGEST_SEED
+from porocore.core.models.name import Name
 from porocore.core.models.strict import StrictModel
 
 #: Points of one curve at most, and control values of one field.
@@ -24,7 +25,6 @@ def _no_switch(value: object) -> object:
 #: A plain number, or a text with a unit, whose quantity another key decides.
 Value = Annotated[float | Annotated[str, Field(max_length=120, min_length=1)], BeforeValidator(_no_switch)]
 Positive = Annotated[float, Field(gt=0, le=LARGEST_NUMBER)]
-Name = Annotated[str, Field(min_length=1, max_length=200)]
 Kind = Literal[
     "settlement", "heave", "displacement", "force", "pressure", "pressure_min", "drained", "inflow"
 ]
@@ -160,7 +160,7 @@ class ObservationSettings(StrictModel):
 
 
 #: Curves by name.
-Observations = Annotated[dict[str, ObservationSettings], Field(min_length=1)]
+Observations = Annotated[dict[Name, ObservationSettings], Field(min_length=1)]
 
 
 class ExperimentSettings(StrictModel):
@@ -216,9 +216,9 @@ class CalibrationSettings(StrictModel):
     """Heading of the report; empty: that of the study."""
     unknowns: Annotated[dict[Name, UnknownSettings], Field(min_length=1, max_length=50)]
     """Numbers that are fitted, by names."""
-    observations: Annotated[dict[str, ObservationSettings], Field(max_length=100)] = Field(default={})
+    observations: Annotated[dict[Name, ObservationSettings], Field(max_length=100)] = Field(default={})
     """Measured curves by name, where there is one experiment: the study in which the section stands."""
-    experiments: Annotated[dict[str, ExperimentSettings], Field(max_length=100)] = Field(default={})
+    experiments: Annotated[dict[Name, ExperimentSettings], Field(max_length=100)] = Field(default={})
     """Tests by name, where there are several, or in a file of its own."""
     fit: FitSettings = FitSettings()
     """Search of the unknowns."""

@@ -11,6 +11,7 @@ from porocore.calibration.plan import FittedField
 from porocore.calibration.posterior.posterior import Posterior
 from porocore.calibration.problem import CurveData, Unknown
 from porocore.core.units.quantities import pretty
+from porocore.report.figures.style import named
 from porocore.states import Array, IntArray
 
 
@@ -82,7 +83,7 @@ class CalibrationContents:
 
 def labelled(name: str, unit: str) -> str:
     """Return the label of an axis: a name without underscores, and the unit in brackets; a dash without one."""
-    return f"{name.replace('_', ' ')} [{pretty(unit) or '–'}]"
+    return f"{named(name.replace('_', ' '))} [{pretty(unit) or '–'}]"
 
 
 def unknown_label(unknown: Unknown) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from porocore.calibration.inference.infer import Inference
-from porocore.report.figures.style import new_figure, styled
+from porocore.report.figures.style import named, new_figure, styled
 
 #: Unknowns at most whose correlations are written into the figure.
 MOST_NUMBERS = 10
@@ -15,7 +15,7 @@ MOST_NUMBERS = 10
 @styled
 def correlation_figure(inference: Inference) -> Figure:
     """Draw the correlations of the coordinates to first order, without priors, each with its number."""
-    names = [one.name.replace("_", " ") for one in inference.unknowns]
+    names = [named(one.name.replace("_", " ")) for one in inference.unknowns]
     correlations = inference.without_priors.correlations
     count = len(names)
     numbers = count <= MOST_NUMBERS

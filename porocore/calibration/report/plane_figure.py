@@ -21,6 +21,7 @@ from porocore.report.figures.style import (
     VERMILLION,
     legend_above,
     lighter,
+    named,
     new_figure,
     styled,
 )
@@ -56,7 +57,7 @@ def plane_figure(inference: Inference, truth: Array | None = None) -> Figure:
     # The first path is wider, since both cover each other in a valley.
     for index, colour, width in zip(plane.indices, (lighter(PURPLE, 0.35), ORANGE), (3.0, 1.1), strict=True):
         path = inference.data_intervals[index].coordinates[:, plane.indices]
-        name = inference.unknowns[index].name.replace("_", " ")
+        name = named(inference.unknowns[index].name.replace("_", " "))
         axes.plot(
             *_values(pair, path), ".-", ms=3 + width, lw=width, color=colour, label=f"profile of {name}"
         )

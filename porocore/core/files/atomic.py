@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import errno
 import os
+import re
+import unicodedata
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -15,6 +17,12 @@ from porocore.errors import RunFolderError
 LONGEST_NAME = 230
 #: A folder with a file of this name holds a run.
 RUN_RECORD = "run.json"
+
+
+def file_stem(name: str) -> str:
+    """Return a name as that of a file: ASCII letters, numbers and signs that no system minds."""
+    plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
+    return re.sub(r"[^A-Za-z0-9._=-]+", "-", plain).strip("-")
 
 
 def new_folder(path: Path) -> Path:

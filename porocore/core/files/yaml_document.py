@@ -16,8 +16,6 @@ from porocore.errors import ConfigurationError
 
 #: Where something stands in a document: keys and list positions, as text.
 Location = tuple[str, ...]
-_TEXT = "tag:yaml.org,2002:str"
-_NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
 #: Words for what YAML reads that is no text.
 _READ_AS = {
     "bool": "true or false",
@@ -32,8 +30,8 @@ _KINDS: dict[type, str] = {str: "text", int: "number", float: "number", list: "l
 
 
 def dotted(location: Location) -> str:
-    """Return a location as messages name it, ``cell.geometry.radius``; a long key is cut."""
-    return ".".join(cut(part) for part in location)
+    """Return a location as messages name it, ``cell.geometry.radius``; a long key is cut, and an empty one is ''."""
+    return ".".join(cut(part) or "''" for part in location)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +64,7 @@ class YamlDocument:
         ConfigurationError
             A key is no text.
         """
-        data = dict(settings)
+        data = _with_text_keys(settings, ())
         return cls(None, data, dict.fromkeys(_locations(data, ()), 0), folder)
 
     @classmethod
@@ -136,15 +134,28 @@ class YamlDocument:
         return value
 
 
+def _with_text_keys(value: Any, at: Location) -> Any:
+    """Return nested settings whose keys that are whole numbers are text, as in a file; others are refused."""
+    if isinstance(value, Mapping):
+        found = {}
+        for key, below in value.items():
+            name = str(key)
+            if not isinstance(key, str | int) or isinstance(key, bool):
+                raise ConfigurationError(
+                    f"settings: {dotted((*at, name))}: expected a key that is a text, got {echo(key)}; write "
+                    f"{cut(repr(name))}"
+                )
+            found[name] = _with_text_keys(below, (*at, name))
+        return found
+    if isinstance(value, list):
+        return [_with_text_keys(below, (*at, str(i))) for i, below in enumerate(value)]
+    return value
+
+
 def _locations(value: Any, at: Location) -> Iterator[Location]:
     yield at
     if isinstance(value, Mapping):
         for key, below in value.items():
-            if not isinstance(key, str):
-                raise ConfigurationError(
-                    f"settings: {dotted((*at, str(key)))}: expected a key that is a text, got {echo(key)}; write "
-                    f"{cut(repr(str(key)))}"
-                )
             yield from _locations(below, (*at, key))
     elif isinstance(value, list | tuple):
         for i, below in enumerate(value):
@@ -193,8 +204,10 @@ def _record(node: Any, location: Location, lines: dict[Location, int]) -> Iterat
         for key, value in node.value:
             name, line = str(key.value), key.start_mark.line + 1
             at = (*location, name)
-            if key.tag != _TEXT:
-                yield line, f"{dotted(at)}: {_no_text(key, value, before if node.flow_style else None)}"
+            if key.tag != yaml_loader.TEXT:
+                yield line, f"{dotted(at)}: {_no_text(key)}"
+            elif node.flow_style and before is not None and (meant := _decimal(before, key, value)):
+                yield line, f"{dotted(at)}: {meant}"
             # Keys merged in by '<<' stand before the node's own and may be overridden.
             elif name in own and own[name] >= node.start_mark.line + 1:
                 yield line, f"{dotted(at)}: given twice, first on line {own[name]}; keep one"
@@ -206,20 +219,27 @@ def _record(node: Any, location: Location, lines: dict[Location, int]) -> Iterat
             yield from _record(value, (*location, str(i)), lines)
 
 
-def _no_text(key: Any, value: Any, before: tuple[Any, Any] | None) -> str:
-    """Return what is wrong with a key that YAML does not read as text, and the advice.
-
-    ``before`` are key and value in front of it within the same braces.
-    """
+def _no_text(key: Any) -> str:
+    """Return what is wrong with a key that YAML does not read as text, and the advice."""
     _, _, kind = key.tag.rpartition(":")
     written = cut(str(key.value)) or "?"
-    if before is not None and key.tag in _NUMBERS and not value.value and before[1].tag in _NUMBERS:
-        name, first = cut(str(before[0].value)), cut(str(before[1].value))
-        return (
-            f"a key without a value, since a comma within braces ends an entry; write '{name}: {first}.{written}' if "
-            f"'{name}: {first},{written}' was meant as a decimal number"
-        )
     return (
         f"expected a key that is a text, but YAML reads {written} as {_READ_AS.get(kind, 'another kind of value')}; "
         f"write the key in quotes: '{written}':"
+    )
+
+
+def _decimal(before: tuple[Any, Any], key: Any, value: Any) -> str:
+    """Return the advice on a number with a decimal comma within braces, of which YAML makes two entries; empty: none.
+
+    ``before`` are the key and the value in front of ``key``.
+    """
+    if value.value or not (
+        key.style is None and key.value.isdigit() and before[1].tag in yaml_loader.NUMBERS
+    ):
+        return ""
+    name, number = cut(before[0].value), cut(f"{before[1].value},{key.value}")
+    return (
+        f"a key without a value, since a comma within braces ends an entry; if '{name}: {number}' was meant as a "
+        f"number, write '{name}: {number.replace(',', '.')}'"
     )

@@ -14,11 +14,16 @@ MOST_BYTES, MOST_NODES, DEEPEST, LONGEST_NUMBER = 1_000_000, 50_000, 30, 60
 TOO_MANY = f"more than {MOST_NODES} keys and values, aliases spelt out"
 #: Written so, a number is hardly meant as YAML reads it: 1:30 is 90, and 010 is 8.
 _OTHER_BASE = re.compile(r"[-+]?(\d[\d_]*(:[\d.]+)+|0[0-7_]+)")
-_NUMBERS = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float")
+#: Tags of whole and other numbers, and of text.
+NUMBERS, TEXT = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float"), "tag:yaml.org,2002:str"
+#: A whole number that is written in one way only.
+_PLAIN = re.compile(r"0|-?[1-9]\d{0,17}")
 
 
 def load(text: str) -> tuple[yaml.Node | None, Any]:
     """Return the root node of a document with its line numbers, and the plain data that it stands for.
+
+    A key that is a plain whole number is text.
 
     Raises
     ------
@@ -63,13 +68,13 @@ class _BoundedLoader(yaml.SafeLoader):
         return node
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
-        if node.tag in _NUMBERS and len(node.value) > LONGEST_NUMBER:
+        if node.tag in NUMBERS and len(node.value) > LONGEST_NUMBER:
             raise _fault(node, f"a number of {len(node.value)} characters; at most {LONGEST_NUMBER} are read")
         try:
             found = super().construct_object(node, deep)
         except (ValueError, OverflowError, TypeError) as error:
             raise _fault(node, f"{error} ('{cut(str(node.value))}')") from None
-        if node.tag in _NUMBERS and _OTHER_BASE.fullmatch(node.value):
+        if node.tag in NUMBERS and _OTHER_BASE.fullmatch(node.value):
             base = 60 if ":" in node.value else 8
             raise _fault(
                 node,
@@ -98,6 +103,9 @@ def _count(node: yaml.Node, known: dict[int, int], above: set[int]) -> int:
     children: list[yaml.Node] = []
     if isinstance(node, yaml.MappingNode):
         children = [part for pair in node.value for part in pair]
+        for key, _ in node.value:
+            if key.tag == NUMBERS[0] and _PLAIN.fullmatch(key.value):
+                key.tag = TEXT  # a tag of a mesh names a region or a surface, with quotes or without
     elif isinstance(node, yaml.SequenceNode):
         children = node.value
     above.add(id(node))

@@ -8,8 +8,8 @@ from typing import Any
 
 from h5py import h5d, h5g, h5l, h5o, h5t, h5z
 
-#: Groups within groups; names in one group of what porocore writes; characters of a name.
-DEEPEST, LONGEST_NAME = 6, 255
+#: Groups within groups; bytes of the name of a member, which may stand for one that a user gave (``link_to``).
+DEEPEST, LONGEST_NAME = 6, 2400
 #: Filters that come with every HDF5 and read no more than they say.
 FILTERS = (h5z.FILTER_DEFLATE, h5z.FILTER_SHUFFLE, h5z.FILTER_FLETCHER32)
 #: What compressed numbers may become larger by; a file that says more is none of results.

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote, unquote
 from uuid import uuid4
 
 import h5py
@@ -20,6 +21,22 @@ from porocore.core.hdf5.seal import seal_of
 
 #: Files that any HDF5 since 1.10 reads; older layouts would double the size of small ones.
 LIBVER = ("v110", "v110")
+
+
+def link_to(name: str) -> str:
+    """Return a name that a user gave as that of one member of a group: no path, printable, and never empty.
+
+    ``/``, ``%``, what is not printable and a name of dots alone stand as in addresses of the web, ``a%2Fb``; an empty
+    name is ``%``. All others are as they are. :func:`name_of_link` returns the name.
+    """
+    dots = not name.strip(".")
+    hidden = (quote(c, safe="") if c in "/%" or not c.isprintable() else "%2E" if dots else c for c in name)
+    return "".join(hidden) or "%"
+
+
+def name_of_link(link: str) -> str:
+    """Return the name that :func:`link_to` wrote."""
+    return "" if link == "%" else unquote(link)
 
 
 @contextmanager

@@ -29,6 +29,7 @@ from porocore.report.figures.style import (
     axis_label,
     legend_above,
     lighter,
+    named,
     new_figure,
     styled,
 )
@@ -124,7 +125,7 @@ def regions_in_section(among: Sequence[Section], cells: ElementCells, units: Res
     count = len(cells.regions) + 1
     colours = ListedColormap([_colour(number) for number in range(count)])
     _image(axes, section, section.image(cells.region), units, norm=Normalize(-0.5, count - 0.5), cmap=colours)
-    names = ["elsewhere", *cells.regions]
+    names = ["elsewhere", *map(named, cells.regions)]
     figure.legend(
         handles=[Patch(fc=_colour(k), ec=GREY, lw=0.6, label=names[k]) for k in present[best]],
         loc="outside upper left",
@@ -271,7 +272,9 @@ def body_fields(solution: MacroSolution, body: BodyCells, pictures: Pictures) ->
     if cells.regions and line is None:
         drawn = regions_in_section(among, cells, units)
         found.append(pictures.png("body_regions", drawn, f"Regions of the body {where}"))
-    shown = [(name, body.field(name), name, body.quantities.get(name, "")) for name in cells.parameters]
+    shown = [
+        (name, body.field(name), named(name), body.quantities.get(name, "")) for name in cells.parameters
+    ]
     if body.porosity is not None:
         shown.append(("porosity", [(0.0, body.porosity)], r"porosity at rest $\varphi_f$", ""))
     K = body.conductivity[:, 1, 1]

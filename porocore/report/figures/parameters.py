@@ -18,6 +18,7 @@ from porocore.report.figures.style import (
     axis_label,
     legend_above,
     lighter,
+    named,
     new_figure,
     styled,
 )
@@ -164,7 +165,7 @@ def _decades(values: Array) -> tuple[float, float]:
 
 def parameter_label(parameter: ParameterRange, units: ResultUnits) -> str:
     """Return the label of an axis of a parameter."""
-    return axis_label(parameter.name, parameter.quantity, units)
+    return axis_label(named(parameter.name), parameter.quantity, units)
 
 
 def _shares(values: Array, weights: Array | None, edges: Array, whole: float) -> Array:

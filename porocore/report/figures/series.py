@@ -17,6 +17,7 @@ from porocore.report.figures.style import (
     TIME_COLOURS,
     axis_label,
     legend_above,
+    named,
     new_figure,
     styled,
 )
@@ -57,16 +58,17 @@ class Panel:
 
 def panels(solution: MacroSolution) -> Iterator[Panel]:
     """Yield panels of pressures and displacements of probes, forces and inflows, as far as there are any."""
-    probes = solution.probes
+    probes, compression, inflow = (
+        {named(name): values for name, values in kind.items()}
+        for kind in (solution.probes, solution.compression, solution.inflow)
+    )
     displacements = {f"{name} $u_{i + 1}$": v[:, i] for name, v in probes.items() for i in range(3)}
     pressures, forces = {n: v[:, 3] for n, v in probes.items()}, "forces of held or moved surfaces"
     for panels_of_kind in (
         [Panel("pore pressure $p$", "pressure", "pressure at the probes", pressures)],
         [Panel("displacement", "displacement", "displacement of the probes", displacements)],
         [
-            Panel(
-                "compressive force", "force", forces, dict(solution.compression), "positive in compression"
-            ),
+            Panel("compressive force", "force", forces, compression, "positive in compression"),
             Panel(
                 "force on the body", "force", f"other {forces}", _others(solution), "positive along the axis"
             ),
@@ -77,7 +79,7 @@ def panels(solution: MacroSolution) -> Iterator[Panel]:
                 "flow",
                 "inflow through surfaces of given pressure"
                 + (" and their images in the whole body" if solution.copies > 1 else ""),
-                dict(solution.inflow),
+                inflow,
                 "positive into the body",
             )
         ],
@@ -98,7 +100,7 @@ def _others(solution: MacroSolution) -> dict[str, Array]:
         for i, axis in enumerate("xyz"):
             values = force[:, i]
             if pressed is None or not _same(np.abs(values), np.abs(pressed)):
-                found[f"{name}, along {axis}"] = values
+                found[f"{named(name)}, along {axis}"] = values
     return found
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import io
+import warnings
 from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar
 
@@ -97,6 +98,11 @@ def axis_label(words: str, quantity: str, units: ResultUnits) -> str:
     return f"{words}{by} [{units.name(quantity)}]"
 
 
+def named(name: str) -> str:
+    """Return a name that a user gave as a text of a figure: no formula, and none that a legend leaves out."""
+    return (" " if name.startswith("_") else "") + name.replace("$", r"\$")
+
+
 def lighter(colour: str, share: float = 0.62) -> tuple[float, float, float]:
     """Return ``colour`` mixed with white."""
     red, green, blue = (1 - (1 - share) * (1 - c) for c in to_rgb(colour))
@@ -134,6 +140,9 @@ def _saved(figure: Figure, form: str, dpi: int, metadata: Any) -> bytes:
             if type(axis.get_major_formatter()) is ScalarFormatter:
                 axis.set_major_formatter(PlainTicks())
     buffer = io.BytesIO()
-    figure.savefig(buffer, format=form, dpi=dpi, metadata=metadata)
+    with warnings.catch_warnings():
+        # A name in a script that the font lacks is drawn as boxes; tables and files have it whole.
+        warnings.filterwarnings("ignore", r"Glyph \d+", UserWarning)
+        figure.savefig(buffer, format=form, dpi=dpi, metadata=metadata)
     figure.set_layout_engine(None)
     return buffer.getvalue()

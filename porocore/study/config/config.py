@@ -19,6 +19,7 @@ from porocore.core.echo import cut, echo, suggestion
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.yaml_document import Location, dotted
 from porocore.core.inputs.input_space import InputSpace
+from porocore.core.models.name import Name
 from porocore.core.models.strict import StrictModel
 from porocore.core.units.results import OutputUnits, ResultUnits
 from porocore.core.units.scales import Scales
@@ -83,7 +84,7 @@ class RunConfig(StrictModel):
     """Scales that make values with units dimensionless; plain numbers are dimensionless."""
     output_units: OutputUnits | None = None
     """Units of the results, which need scales; SI units by default."""
-    scenarios: dict[str, Scales] = Field(default={})
+    scenarios: dict[Name, Scales] = Field(default={})
     """Further scales by name; the report gives the main results in SI units for each."""
     #: Of the study of one of several cells: the whole study, and the name of the cell.
     _part_of: tuple[RunConfig, str | None] | None = PrivateAttr(default=None)

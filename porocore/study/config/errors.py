@@ -113,7 +113,7 @@ def _text(document: YamlDocument, at: Location, group: list[ErrorDetails], root:
         # Of a section with kinds the keys of another kind are no advice.
         advice = instead_of(at[-1]) or ("" if len(place) > len(at) else belongs_to(at[-1], root))
         return f"{key}: unknown key; {_other_keys(place, root, advice)}"
-    if error["loc"] and error["loc"][-1] == "[key]":
+    if kind != "value_error" and error["loc"] and error["loc"][-1] == "[key]":
         names = _options(_hint(root, at[:-1])[0], keys=True)
         return f"{key}: unknown key; {_nearest(at[-1], names)}"
     if kind == "missing":

@@ -24,6 +24,7 @@ from porocore.report.figures.style import (
     NONLINEAR,
     ORANGE,
     axis_label,
+    named,
     new_figure,
     styled,
 )
@@ -65,7 +66,7 @@ def sweep_figure(sweep: ParameterSweep) -> Figure:
 def parameter_label(sweep: ParameterSweep, k: int) -> str:
     """Return the label of the axis of a parameter."""
     swept = sweep.plan.swept[k]
-    return sweep.units.titled(swept.name.replace("_", " "), swept.quantity)
+    return sweep.units.titled(named(swept.name.replace("_", " ")), swept.quantity)
 
 
 def _places(sweep: ParameterSweep, k: int) -> Array:

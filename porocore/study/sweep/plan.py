@@ -13,6 +13,7 @@ import numpy as np
 
 from porocore.cell.family.parameters import number, possible_parameters, require_known
 from porocore.core.echo import echo, joined
+from porocore.core.files.atomic import file_stem
 from porocore.errors import ConfigurationError
 from porocore.study.config.config import RunConfig
 from porocore.study.sweep.family import family_over, quantities_of, rounded
@@ -110,7 +111,7 @@ class SweepPlan:
     @property
     def suffix(self) -> str:
         """End of the name of the family's folder, behind that of the study, such as ``-over-radius``."""
-        return f"-over-{'-'.join(each.name for each in self.swept)}"
+        return f"-over-{'-'.join(file_stem(each.name) for each in self.swept)}"
 
     @cached_property
     def points(self) -> tuple[SweepPoint, ...]:

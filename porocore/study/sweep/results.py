@@ -11,6 +11,7 @@ import numpy as np
 
 from porocore.cell.family.parameters import number, require_known
 from porocore.core.echo import joined
+from porocore.core.files.atomic import file_stem
 from porocore.core.units.results import ResultUnits
 from porocore.errors import ConfigurationError
 from porocore.interfaces.solution import MacroSolution
@@ -194,7 +195,7 @@ class ParameterSweep:
 
 def point_files(folder: RunFolder, plan: SweepPlan, point: SweepPoint) -> RunFolder:
     """Return the files of the run with the solutions of one point."""
-    return folder.of_body(f"{FOLDER}/{point.name}", plan.at(point))
+    return folder.of_body(f"{FOLDER}/{file_stem(point.name)}", plan.at(point))
 
 
 def _of_the_cell(member: Array | None, surrogate: Surrogate) -> Iterator[tuple[str, float]]:
