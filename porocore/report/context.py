@@ -12,6 +12,7 @@ from porocore.core.inputs.input_space import InputSpace
 from porocore.core.units.results import ResultUnits
 from porocore.core.units.scales import Scales
 from porocore.macro.laws.closure_error import ClosureError
+from porocore.macro.laws.effective import EffectiveProperties
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.laws.pull_back import ConductivityLaw
 from porocore.report.loading_mode import LoadingMode
@@ -98,6 +99,11 @@ class CellSummary:
     remarks: tuple[str, ...] = ()
     image_porosity: float | None = None
     which: str = ""
+
+    @property
+    def properties(self) -> EffectiveProperties:
+        """Effective properties of the cell."""
+        return EffectiveProperties.of(self.linear, self.porosity, self.viscosity)
 
 
 @dataclass(frozen=True, eq=False)

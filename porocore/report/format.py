@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from porocore.core import console
+from porocore.core.units.dimensions import MULTIPLES
 from porocore.core.units.results import spoken
 
 NONE = "–"
@@ -33,6 +34,12 @@ def measured(value: float | None, quantity: str, digits: int = 4) -> str:
     """Return a dimensionless result with the study's unit, such as ``1.2 kPa``; the number alone without scales."""
     text, units = in_unit(value, quantity, digits), spoken()
     return f"{text} {units.name(quantity)}" if units.given and quantity and text != NONE else text
+
+
+def multiple(value: float | None, quantity: str, digits: int = 4) -> str:
+    """Return a result as :func:`measured`, and without scales with what it is a multiple of, such as ``0.4 E``."""
+    text = measured(value, quantity, digits)
+    return text if spoken().given or not quantity or text in (NONE, "0") else f"{text} {MULTIPLES[quantity]}"
 
 
 def unit(quantity: str) -> str:

@@ -159,7 +159,7 @@ def _cell_parts(context: ReportContext, pictures: Pictures) -> dict[str, Any]:
         "at": f"-{context.name}" if context.name else "",
         "of": f", {context.of}" if context.of else "",
         "rows": cell_rows(cell, context.published),
-        "linear_rows": linear_rows(cell),
+        "linear_rows": linear_rows(cell.properties),
         "mesh_rows": mesh_rows(cell.mesh),
         "picture": _cell_picture(context, pictures),
         "parameter_rows": [] if family is None else parameter_rows(family, used, context.units),

@@ -14,6 +14,7 @@ from porocore.macro.analytic.armstrong import UnconfinedCompression
 from porocore.macro.analytic.mandel import Mandel
 from porocore.macro.analytic.terzaghi import Terzaghi
 from porocore.macro.boundary.drainage import drainage_time
+from porocore.macro.laws.effective import EffectiveProperties
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.macro.problem import MacroProblem, MacroSetup, TimePlan
 from porocore.plugins import registry
@@ -40,6 +41,10 @@ def coefficients(K=(2.0, 2.0, 2.0), biot=0.8, storage=0.05):
     return LinearCoefficients(C, alpha, alpha, storage, np.diag(K), np.zeros((3, 3, 3, 3)), np.zeros((3, 3)))
 
 
+def properties(c, viscosity=1.0):
+    return EffectiveProperties.of(c, 0.4, viscosity)
+
+
 def setup(size, boundary, elements, without="", **more):
     body = {"kind": "box", "size": list(size), "elements": list(elements)}
     sides = {side: {"normal": 0} for side in ("x-", "x+", "z-", "z+", "y-") if side != without}
@@ -52,7 +57,7 @@ COLUMN = setup((0.1, 2.0, 0.1), {"y+": {"traction": [0, -0.01, 0], "pressure": 0
 def test_a_cell_whose_swelling_is_held_tells_its_stress():
     dry = coefficients()
     wet = replace(dry, stress=np.diag([-0.05, -0.05, -0.03]))
-    told = [list(cell_lines(c, 1.0, ResultUnits())) for c in (dry, wet)]
+    told = [list(cell_lines(properties(c), 1.0, ResultUnits())) for c in (dry, wet)]
     assert set(told[1]) - set(told[0]) == {
         "stress while the swelling is held −0.0500, −0.0500, −0.0300 E along x, y, z"
     }
@@ -149,7 +154,7 @@ ODD = OutputUnits(length="um", stress="mmHg", time="h")
 def test_moduli_and_permeability_are_those_of_the_scales():
     """Of a psi, an inch's thousandth part and a centipoise, by hand."""
     scales = Scales(modulus=75 * 6894.757293168, length=1e-3, pore=23e-9, viscosity=1.0)
-    confined, young, biot, flow = cell_lines(coefficients(), 1e-3, ResultUnits(scales, ODD))
+    confined, young, biot, flow = cell_lines(properties(coefficients(), 1e-3), 1e-3, ResultUnits(scales, ODD))
     psi = 75 * 51.71493
     assert confined.startswith(f"confined modulus {0.4 * 0.8 / 1.2 / 0.6 * psi:.0f} mmHg (0.444 of")
     assert young == f"Young's modulus {0.4 * psi:.0f} mmHg"
@@ -160,11 +165,11 @@ def test_moduli_and_permeability_are_those_of_the_scales():
     )
     by_hand = 2 * 23e-9**2 * 133.322387415 * 3600 * 1e12
     assert round(by_hand) == 508
-    assert list(cell_lines(coefficients((2.0, 1.0, 0.0)), 0.5, ResultUnits())) == [
+    assert list(cell_lines(properties(coefficients((2.0, 1.0, 0.0)), 0.5), 0.5, ResultUnits())) == [
         "confined modulus 0.444 E",
         "Young's modulus 0.400 E",
         "Biot coefficient 0.800; storage 1/M_B 0.0500 1/E",
-        "permeability 1.00, 0.500, 0 d² along x, y, z, conductivity K 2.00, 1.00, 0 along x, y, z",
+        "permeability 1.00, 0.500, 0 d² along x, y, z, conductivity K 2.00, 1.00, 0 d²/μ_c along x, y, z",
     ]
 
 
@@ -174,16 +179,18 @@ def test_the_coefficient_of_consolidation_is_that_along_the_drained_axes():
     known = Terzaghi.from_coefficients(c, 2.0, 0.01).consolidation_coefficient
     assert known == pytest.approx(2 / (0.05 + 0.8**2 / (0.4 * 0.8 / 1.2 / 0.6)))
     scales = Scales(modulus=75 * 6894.757293168, length=1e-3, pore=23e-9, viscosity=1.0)
-    told = coefficients_of_consolidation(c, (1,), ResultUnits(scales, ODD))
+    told = coefficients_of_consolidation(properties(c), (1,), ResultUnits(scales, ODD))
     by_hand = known * 75 * 6894.757293168 * 23e-9**2 * 1e12 * 3600
     assert by_hand == pytest.approx(1.32e6, rel=5e-3)
     assert told.startswith("coefficient of consolidation c_v 1.32 · 10⁶ µm²/h along y, of a layer")
-    plain = [coefficients_of_consolidation(c, axes, ResultUnits()) for axes in ((0, 1), (1, 2))]
-    assert plain[0].startswith(f"coefficient of consolidation c_v {2.5 * known:.2f}, {known:.2f} along x, y,")
-    assert plain[1].startswith(f"coefficient of consolidation c_v {known:.2f} along y, z,")
-    turned = coefficients_of_consolidation(c, (1,), ResultUnits(), turned=True)
+    plain = [coefficients_of_consolidation(properties(c), axes, ResultUnits()) for axes in ((0, 1), (1, 2))]
+    assert plain[0].startswith(
+        f"coefficient of consolidation c_v {2.5 * known:.2f}, {known:.2f} E d²/μ_c along x, y,"
+    )
+    assert plain[1].startswith(f"coefficient of consolidation c_v {known:.2f} E d²/μ_c along y, z,")
+    turned = coefficients_of_consolidation(properties(c), (1,), ResultUnits(), turned=True)
     assert turned.startswith(
-        f"coefficient of consolidation c_v {2.5 * known:.2f}, {known:.2f}, {known:.2f} along x, "
+        f"coefficient of consolidation c_v {2.5 * known:.2f}, {known:.2f}, {known:.2f} E d²/μ_c along "
     )
     assert "x, y, z of the cell, of a layer" in turned
 

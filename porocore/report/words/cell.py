@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 
@@ -10,16 +11,19 @@ import numpy as np
 
 from porocore.core.units.results import spoken
 from porocore.interfaces.solution import Profile
+from porocore.macro.laws.effective import VOIGT, EffectiveProperties
 from porocore.macro.laws.pull_back import is_isotropic
 from porocore.report.context import CellSummary, Published
-from porocore.report.format import NONE, in_unit, measured, number, unit
+from porocore.report.format import NONE, in_unit, measured, multiple, number, unit
 from porocore.report.metrics import LoadCase
 from porocore.report.words.body_cells import BodyCells
-from porocore.report.words.components import PAIRS, family, is_one, of_fourth_order, symmetric
+from porocore.report.words.components import PAIRS, is_one, name_of, of_fourth_order, symmetric, together
 from porocore.states import Array
 
 #: Ends of the names of facts on the mesh of a part, as a reader finds them.
 _PARTS = {"in the eighth": "in one eighth of the cell, by symmetry", "in the whole": "in the whole cell"}
+
+_AXES = ("along x", "along y", "along z")
 
 
 @dataclass(frozen=True)
@@ -42,9 +46,9 @@ def cell_rows(cell: CellSummary, published: Published | None) -> list[Comparison
     for name, value in symmetric("K", linear.conductivity, _said_of("conductivity")):
         rows.append((f"{name} at μ_f = {viscosity}", measured(value, "conductivity")))
     if scales is not None:
-        factor = cell.viscosity * scales.factor("permeability")
-        for name, value in symmetric("k", linear.conductivity, lambda value: number(value * factor)):
-            rows.append((f"permeability {name}", f"{number(value * factor)} m²"))
+        said_of = _said_of("permeability")
+        for name, value in symmetric("k", cell.properties.permeability, said_of):
+            rows.append((f"permeability {name}", said_of(value)))
     rows += [(name, measured(value, "")) for name, value in of_fourth_order("M", linear.mean_grad_grad_u)]
     said_of = _said_of("compliance")
     rows += [(name, said_of(value)) for name, value in symmetric("Q", linear.mean_grad_p, said_of)]
@@ -70,35 +74,73 @@ def _said(published: Published, viscosity: float) -> dict[str, str]:
     }
 
 
-def linear_rows(cell: CellSummary) -> list[tuple[str, str]]:
+def linear_rows(found: EffectiveProperties) -> list[tuple[str, str]]:
     """Return the coefficients of linear poroelasticity, along each axis where they differ."""
-    linear, units = cell.linear, spoken()
-    by, times = ("", "1") if units.given else (" / E", "E")
-    kinds = (
+    said = _as_multiple("stress")
+    held = symmetric("P_E,", found.held_stress, said) if found.held_stress.any() else ()
+    return [
+        *((f"stress while the swelling is held {name}", said(value)) for name, value in held),
+        *(
+            (f"drained stiffness {name}", said(value))
+            for name, value in _stiffness(found.stiffness_voigt, said)
+        ),
+        *moduli_rows(found),
+    ]
+
+
+def _stiffness(C: Array, said: Callable[[float], str]) -> Iterator[tuple[str, float]]:
+    """Yield name and value of the components of a stiffness (6, 6) that a cell with its mirrors has."""
+    place = {frozenset(axes): k for k, axes in enumerate(VOIGT)}
+    for kind in (
         [(i, i, i, i) for i in range(3)],
         [(i, i, j, j) for i, j in PAIRS],
         [(i, j, i, j) for i, j in PAIRS],
+    ):
+        values = [float(C[place[frozenset(at[:2])], place[frozenset(at[2:])]]) for at in kind]
+        yield from together([name_of("C_eff,", *at) for at in kind], values, said)
+
+
+def moduli_rows(found: EffectiveProperties) -> list[tuple[str, str]]:
+    """Return engineering moduli, Biot's coefficients and c_v, along each axis where they differ."""
+    said = _as_multiple("stress")
+    contractions = [(i, j) for i in range(3) for j in range(3) if i != j]
+    ratios = [float(found.poisson_ratios[at]) for at in contractions]
+    poisson = (
+        [("Poisson's ratio ν", ratios[0])]
+        if is_one(ratios)
+        else [(f"Poisson's ratio {name_of('ν', *at)}", x) for at, x in zip(contractions, ratios, strict=True)]
     )
-    said = _said_of("stress")
-    stiffness = [row for places in kinds for row in family("C_eff,", linear.stiffness, places, said)]
-    along = [linear.consolidation_coefficient(axis) for axis in range(3)]
-    names = [f"along {axis}" for axis in "xyz"]
-    c_v = (
-        [("along each axis", along[0])]
-        if is_one(along, _said_of("diffusivity"))
-        else list(zip(names, along, strict=True))
-    )
-    held = symmetric("P_E,", linear.stress, said) if linear.stress.any() else ()
-    return [
-        *(
-            (f"stress while the swelling is held {name}{by}", measured(value, "stress"))
-            for name, value in held
-        ),
-        *((f"drained stiffness {name}{by}", measured(value, "stress")) for name, value in stiffness),
-        *((f"Biot coefficient {name}", number(value)) for name, value in symmetric("α", linear.biot)),
-        (f"inverse Biot modulus {times} / M_B", measured(linear.storage, "compliance")),
-        *((f"consolidation coefficient c_v {axis}", measured(value, "diffusivity")) for axis, value in c_v),
+    shears = [name_of("G", *axes) for axes in VOIGT[3:]]
+    rows = [
+        *_along("confined modulus", "H", found.confined_moduli, said),
+        *_along("drained Young's modulus", "E", found.young_moduli, said),
+        *((name, number(value)) for name, value in poisson),
+        *((f"shear modulus {name}", said(x)) for name, x in together(shears, list(found.shear_moduli), said)),
     ]
+    if math.isfinite(found.anisotropy_ratio):
+        rows.append(("anisotropy ratio 2 G (1 + ν)/E, 1 if isotropic", number(found.anisotropy_ratio)))
+    if not found.storage:
+        return rows
+    by_time, c_v = _as_multiple("diffusivity"), found.consolidation_coefficients
+    along = [("along each axis", c_v[0])] if is_one(c_v, by_time) else list(zip(_AXES, c_v, strict=True))
+    return [
+        *rows,
+        *((f"Biot coefficient {name}", number(value)) for name, value in symmetric("α", found.biot_tensor)),
+        ("Biot modulus M_B", said(found.biot_modulus)),
+        ("storage 1/M_B", multiple(found.storage, "compliance")),
+        *((f"consolidation coefficient c_v {axis}", by_time(value)) for axis, value in along),
+    ]
+
+
+def _along(words: str, symbol: str, values: Array, said: Callable[[float], str]) -> Iterator[tuple[str, str]]:
+    """Yield the rows of a property along the axes, one where all are printed as the same."""
+    names = [name_of(symbol, axis) for axis in range(3)]
+    yield from ((f"{words} {name}", said(value)) for name, value in together(names, list(values), said))
+
+
+def _as_multiple(quantity: str) -> Callable[[float], str]:
+    """Return what writes a value with its unit, or what it is a multiple of."""
+    return partial(multiple, quantity=quantity)
 
 
 def mesh_rows(mesh: Mapping[str, str]) -> list[tuple[str, str]]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from porocore.cell.meshing.mesh import Domain
 from porocore.core.files.store import ResultStore
+from porocore.core.units.dimensions import MULTIPLES
 from porocore.core.units.results import ResultUnits, length_text
 from porocore.core.units.scales import QUANTITIES
 from porocore.errors import PluginError
@@ -25,6 +26,7 @@ from porocore.macro.composition.composed_body import by_region
 from porocore.macro.composition.linearised_law import RestCoefficients
 from porocore.macro.composition.region_law import RegionLaw
 from porocore.macro.composition.regions import regions_of_cell
+from porocore.macro.laws.effective import SAME, EffectiveProperties
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.macro.problem import body_mesh
 from porocore.plugins import registry
@@ -40,8 +42,6 @@ from porocore.study.stages.stage_files import linear_coefficients
 
 #: Tetrahedra of the part of the cell that is solved, and nodes of the body, beyond which a check would take long.
 MOST_TETRAHEDRA, MOST_NODES = 20_000, 40_000
-#: Values along the axes that differ by less than this share are one.
-SAME = 1e-3
 #: No liquid in a tissue, soil or filter has less than this viscosity [Pa s].
 THIN = 1e-4
 
@@ -96,13 +96,17 @@ def _cell_at_rest(
             f"{MOST_TETRAHEDRA:,}; 'porocore cell' solves it"
         )
         return None
-    coefficients = linear_coefficients(undeformed(one.cell, one.fem, one.conductivity, store), one)
+    reference = undeformed(one.cell, one.fem, one.conductivity, store)
+    coefficients, found = (
+        linear_coefficients(reference, one),
+        reference.properties(one.cell, one.conductivity),
+    )
     middle = ", in the middle of the ranges" if one.cell.is_family else ""
     turned = turned_by(config, name)
     yield f"{head}, drained{middle}{f'; axes are those of the cell, turned by {turned}' if turned else ''}:"
-    yield from (f"  {line}" for line in cell_lines(coefficients, one.cell.viscosity, units))
+    yield from (f"  {line}" for line in cell_lines(found, one.cell.viscosity, units))
     if axes := drained_axes(config.macro):
-        yield f"  {coefficients_of_consolidation(coefficients, axes, units, turned=bool(turned))}"
+        yield f"  {coefficients_of_consolidation(found, axes, units, turned=bool(turned))}"
     if not one.cell.is_family:
         return coefficients, LinearPoroelasticity(coefficients)
     members = BodyMembers.solved(config, store, most=max(1, MOST_TETRAHEDRA // count), cell=name)
@@ -135,51 +139,44 @@ def thin_fluid(config: RunConfig) -> Iterator[str]:
         )
 
 
-def cell_lines(c: LinearCoefficients, viscosity: float, units: ResultUnits) -> Iterator[str]:
-    """Yield moduli, Biot's coefficients and permeability of a cell; without scales in multiples of E and of d².
+def cell_lines(p: EffectiveProperties, viscosity: float, units: ResultUnits) -> Iterator[str]:
+    """Yield moduli, Biot's coefficients and permeability of a cell; without scales in multiples of E, d and μ_c.
 
-    The confined modulus C_iiii is that of a sample that cannot give way sideways, also called aggregate or oedometer
-    modulus. Young's modulus is that of one that can.
+    The confined modulus is that of a sample that cannot give way sideways, also called aggregate or oedometer modulus.
+    Young's modulus is that of one that can.
     """
-    confined = np.einsum("iiii->i", c.stiffness)
-    pairs = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
-    shares = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
-    voigt = np.array([[c.stiffness[*one, *other] for other in pairs] for one in pairs])
-    young = 1 / np.diag(np.linalg.inv(voigt * shares))[:3]  # the compliance of e_11, …, e_23, …
+    confined = _along(p.confined_moduli, "stress", units)
     if units.given:
-        yield f"confined modulus {_along(confined, 'stress', units)} ({_axes(confined, '')} of the reference modulus)"
-        yield f"Young's modulus {_along(young, 'stress', units)}"
-    else:
-        yield f"confined modulus {_axes(confined, 'E')}"
-        yield f"Young's modulus {_axes(young, 'E')}"
-    if c.stress.any():
-        held = np.diag(c.stress) * units.factor("stress")
-        yield f"stress while the swelling is held {_axes(held, units.name('stress') if units.given else 'E')}"
-    storage, unit = c.storage * units.factor("compliance"), units.name("compliance") if units.given else "1/E"
-    yield f"Biot coefficient {_axes(np.diag(c.biot), '')}; storage 1/M_B {number(storage, 3)} {unit}"
-    K = np.diag(c.conductivity)
+        confined += f" ({_axes(p.confined_moduli, '')} of the reference modulus)"
+    yield f"confined modulus {confined}"
+    yield f"Young's modulus {_along(p.young_moduli, 'stress', units)}"
+    if p.held_stress.any():
+        yield f"stress while the swelling is held {_along(np.diag(p.held_stress), 'stress', units)}"
+    storage = _along(np.full(3, p.storage), "compliance", units)
+    yield f"Biot coefficient {_axes(np.diag(p.biot_tensor), '')}; storage 1/M_B {storage}"
+    permeability = _along(np.diag(p.permeability), "permeability", units)
+    K = np.diag(p.conductivity)
+    asked = _along(K, "conductivity", units)
     if units.scales is None:
-        yield f"permeability {_axes(K * viscosity, 'd²')}, conductivity K {_axes(K, '')}"
+        yield f"permeability {permeability}, conductivity K {asked}"
         return
-    si = _axes(K * viscosity * units.scales.factor("permeability"), "m²")
     by = _axes(K * units.scales.factor("conductivity"), "m⁴/(N s)")
     fluid = f"{viscosity * units.scales.factor('viscosity'):.4g} {QUANTITIES['viscosity'].unit}"
-    asked = _along(K, "conductivity", units)
-    yield f"permeability {si}; of a fluid of {fluid}: {by} = {asked}"
+    yield f"permeability {permeability}; of a fluid of {fluid}: {by} = {asked}"
 
 
 def coefficients_of_consolidation(
-    c: LinearCoefficients, axes: tuple[int, ...], units: ResultUnits, *, turned: bool = False
+    p: EffectiveProperties, axes: tuple[int, ...], units: ResultUnits, *, turned: bool = False
 ) -> str:
     """Return c_v along some axes as text; one value where they are the same.
 
     Of a cell that is ``turned`` in the body it is along all axes of the cell.
     """
     axes = (0, 1, 2) if turned else axes
-    values = np.array([c.consolidation_coefficient(axis) for axis in axes]) * units.factor("diffusivity")
+    values = p.consolidation_coefficients[list(axes)] * units.factor("diffusivity")
     same = np.ptp(values) <= SAME * np.abs(values).max()
     texts = ", ".join(number(value, 3) for value in (values[:1] if same else values))
-    unit = f" {units.name('diffusivity')}" if units.given else ""
+    unit = f" {units.name('diffusivity') if units.given else MULTIPLES['diffusivity']}"
     along = ", ".join("xyz"[axis] for axis in axes)
     of = f"{along} of the cell" if turned else along
     return (
@@ -216,7 +213,10 @@ def _consolidation(config: RunConfig, coefficients: LinearCoefficients | RestCoe
 
 
 def _along(values: Array, quantity: str, units: ResultUnits) -> str:
-    return _axes(values * units.factor(quantity), units.name(quantity) if units.given else "")
+    """Return the values of a quantity along x, y and z with its unit, or what they are multiples of."""
+    return _axes(
+        values * units.factor(quantity), units.name(quantity) if units.given else MULTIPLES[quantity]
+    )
 
 
 def _axes(values: Array, unit: str) -> str:
