@@ -61,7 +61,7 @@ ROOMS = {
 #: A room holds at most so many files and sub-rooms.
 MOST_ENTRIES = 16
 #: Lines of a file, and of a function with its docstring, without its decorators.
-MOST_LINES_OF_A_FILE, MOST_LINES_OF_A_FUNCTION = 340, 60
+MOST_LINES_OF_A_FILE, MOST_LINES_OF_A_FUNCTION = 340, 80
 #: Characters of the first line of a module's docstring.
 MOST_OF_A_FIRST_LINE = 110
 #: Rooms of which a plugin may import what is public, beside ``porocore`` itself and the modules of the root.

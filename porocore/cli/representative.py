@@ -27,6 +27,7 @@ from porocore.cli.options import (
     StoreOption,
     WorkersOption,
 )
+from porocore.cli.states import CellOption, named_cell
 from porocore.cli.tables import page, plain_table
 from porocore.core.console import Console
 from porocore.core.echo import echo
@@ -86,6 +87,7 @@ def rev(
     element: ElementOption = None,
     tolerance: ToleranceOption = 0.05,
     porosity_only: PorosityOption = False,
+    cell: CellOption = None,
     fem: FemOption = None,
     workers: WorkersOption = None,
     out: FolderOption = Path("runs/rev"),
@@ -102,10 +104,11 @@ def rev(
     """
     kept = chosen_store(store, no_store)
     path, settings = read_config(config, fem, cell_only=True)
+    settings = named_cell(settings, cell)
     again = command(
-        "cell", "rev", config, sizes=sizes, count=count, seed=seed, overlapping=overlapping, within_crop=within_crop,
-        element=element, tolerance=tolerance, porosity_only=porosity_only, fem=fem, workers=workers, out=out,
-        resume=True, json=as_json, store=store, no_store=no_store,
+        "cell", "rev", config, cell=cell, sizes=sizes, count=count, seed=seed, overlapping=overlapping,
+        within_crop=within_crop, element=element, tolerance=tolerance, porosity_only=porosity_only, fem=fem,
+        workers=workers, out=out, resume=True, json=as_json, store=store, no_store=no_store,
     )  # fmt: skip
     with interruptible(again), located(path), in_units_of(settings):
         from porocore.verification.representative.tables import summary

@@ -15,6 +15,7 @@ from porocore.errors import ConfigurationError
 if TYPE_CHECKING:
     from porocore.cell.cell import Cell
     from porocore.core.units.scales import Scales
+    from porocore.study.config.config import RunConfig
 
 #: How the help of a group tells it.
 STATE_HELP = (
@@ -58,6 +59,47 @@ ParametersOption = Annotated[
         show_default=False,
     ),
 ]
+
+CellOption = Annotated[
+    str | None,
+    typer.Option("--cell", metavar="NAME", help="The cell of that name in cells:.", show_default="cell:"),
+]
+
+
+def named_cell(settings: RunConfig, name: str | None) -> RunConfig:
+    """Return the study of the cell of ``--cell``.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such cell, or the file gives none without a name.
+    """
+    from porocore.core.echo import joined, suggestion
+
+    known = settings.cells
+    if name is not None and name not in known:
+        listed = (
+            suggestion(name, known, "the names are") if known else "the file has no 'cells:'; leave it out"
+        )
+        raise ConfigurationError(f"--cell: there is no cell {echo(name)}; {listed}")
+    if name not in settings.own_cells:
+        raise ConfigurationError(f"cells: expected the name of a cell with --cell: {joined(known)}")
+    return settings.of_cell(name)
+
+
+def one_cell(settings: RunConfig, name: str | None, parameters: Sequence[str] | None) -> RunConfig:
+    """Return the study of the cell of ``--cell``, at the values of ``--parameters``.
+
+    Raises
+    ------
+    ConfigurationError
+        See :func:`named_cell` and :func:`read_parameters`.
+    """
+    from porocore.study.config.cells import keys_of
+
+    one = named_cell(settings, name)
+    with keys_of(settings, name):
+        return one.model_copy(update={"cell": read_parameters(one.cell, parameters)})
 
 
 def read_parameters(cell: Cell, given: Sequence[str] | None) -> Cell:

@@ -26,7 +26,7 @@ NO_CONFIGURATION: dict[str, tuple[Content | None, str]] = {
     "missing": (None, "no such file"),
     "folder": (folder, CONFIG),
     "empty": ("", "got an empty file"),
-    "words": ("just words", "got a str"),
+    "words": ("just words", "got a text"),
     "list": ("[1, 2]", "got a list"),
     "not closed": ("cell: {geometry: [", "not valid YAML"),
     "tab": ("a: 1\n\ta: 2", f"{CONFIG}:2: not valid YAML"),

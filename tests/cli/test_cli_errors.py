@@ -298,9 +298,10 @@ def test_a_state_without_solution_reads_as_its_status_and_no_dashes(porocore_com
     assert "status: inverted – even the smallest load step leads to J ≤ 0; no data\n" in out
     assert [line.split(":")[0] for line in out.splitlines() if not line.startswith(" ")] == [
         "porosity",
-        "conductivity",
+        "conductivity [d²/μ_c]",
         "status",
         "seconds",
+        "dimensionless",
     ]
     assert "nan" not in out.lower()
     assert not re.search(r"(^|\s)-(\s|$)", out)
@@ -314,7 +315,7 @@ def test_cell_for_reading_shows_round_off_as_zero():
         ["0", "1.1e-12", "-0.1"],
         ["0", "1", "-2"],
     ]
-    assert text.endswith("potential: 0")
+    assert text.endswith("potential [E]: 0")
 
 
 def test_cell_for_reading_leaves_out_what_is_too_long():

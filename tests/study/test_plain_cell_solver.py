@@ -42,5 +42,5 @@ def test_a_state_is_shown_with_what_there_is(monkeypatch, solver, found, porosit
     assert state["mean_grad"][1, 1] != 0
     assert (state["stress"] is None) == (solver is Plainest)
     if porosity is None:
-        assert state["porosity"] == config.cell.geometry.porosity
+        assert state["porosity"] == config.cell.mesh_porosity
     assert "mean_grad" in as_text(state)

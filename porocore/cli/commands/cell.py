@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import asdict
 from functools import partial
@@ -19,13 +20,15 @@ from porocore.cli.representative import rev
 from porocore.cli.states import (
     STATE_HELP,
     AtOption,
+    CellOption,
     GradUOption,
     ParametersOption,
     PressureOption,
-    read_parameters,
+    one_cell,
     read_state,
 )
 from porocore.core.console import Console
+from porocore.core.echo import echo, joined
 from porocore.core.files.plain_data import json_ready
 
 if TYPE_CHECKING:
@@ -50,14 +53,24 @@ class _StateByDefault(TyperGroup):
     """``porocore cell [CONFIG] …`` is short for ``porocore cell state [CONFIG] …``."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        if not args or (args[0] not in self.commands and args[0] not in ("-h", "--help")):
-            args = ["state", *args]
-        return super().parse_args(ctx, args)
+        first = args[0] if args else ""
+        if first in self.commands or first in ("-h", "--help"):
+            return super().parse_args(ctx, args)
+        if (
+            re.fullmatch(r"[\w-]*[A-Za-z]\w*", first)
+            and not first.startswith("-")
+            and not Path(first).exists()
+        ):
+            ctx.fail(
+                f"There is no command and no file {echo(first)}; the commands are {joined(self.commands)}, and a "
+                "configuration is a file such as my.yaml."
+            )
+        return super().parse_args(ctx, ["state", *args])
 
 
 cell = command_group(
-    "Solve one state of the cell (state, the default), write its local fields, show its pores, or find how large a part"
-    f" of an image it must be.\n\n{STATE_HELP}",
+    "Print the properties of a cell, or solve one state of it (state, the default), write its local fields, show its "
+    f"pores, or find how large a part of an image it must be.\n\n{STATE_HELP}",
     cls=_StateByDefault,
 )
 cell.command()(rev)
@@ -70,37 +83,74 @@ def state(
     grad_u: GradUOption = None,
     p: PressureOption = None,
     parameters: ParametersOption = None,
+    cell: CellOption = None,
     fem: FemOption = None,
     as_json: JsonOption = False,
     store: StoreOption = None,
     no_store: NoStoreOption = False,
 ) -> None:
-    """Solve the cell for one macroscopic state, by default at rest.
+    """Print the properties of the undeformed cell, or solve the cell for one macroscopic state.
 
-    Prints porosity and conductivity of the undeformed cell, and the responses of the cell in the state with their
-    derivatives, those of fourth order with --json only. Where the configuration has scales, they have its output
-    units; the slopes by its parameters are dimensionless. The status of a state without solution tells why there is
-    none; its responses are null in the JSON object.
+    Without a state: porosity, permeability, conductivity, moduli, Biot's coefficients, consolidation coefficients and
+    drained stiffness, and the reasons to mistrust them. With a state: the responses of the cell with their derivatives,
+    those of fourth order with --json only. The file needs no more than cell:, and scales: for units (modulus, pore or
+    the voxel size of an image); the JSON object has all digits, and both. The slopes by its parameters are
+    dimensionless. The status of a state without solution tells why there is none; its responses are null in the JSON
+    object.
     """
     kept = chosen_store(store, no_store)
     path, settings = read_config(config, fem, cell_only=True)
-    units = settings.result_units
+    units, file = settings.result_units, settings
     with interruptible(), located(path), in_units_of(settings):
-        settings = _member(settings, parameters)
+        settings = one_cell(settings, cell, parameters)
         found = read_state(at, grad_u, p, settings.cell.modulus, {}, settings.scales)
         from porocore.core.inputs.input_space import NAMES
         from porocore.report.dimensional import figures_with_units
+        from porocore.study.outline.at_rest import cell_length
+        from porocore.study.outline.cell_alone import DIMENSIONLESS, notes, table_of_cell
         from porocore.study.stages import pipeline
 
         row = [found.get(name, 0.0) for name in NAMES]
         asked = ([row[:3], row[3:6], row[6:9]], row[9])
         solved = pipeline.solve_cell(settings, *asked, store=kept, tell=Console().note)
+        properties, warnings = solved.pop("properties", None), solved.pop("warnings", [])
         # A slope is by one unit of its parameter, which may have a dimension of its own.
         slopes = {"slopes": solved.pop("slopes")} if "slopes" in solved else {}
         result = json_ready(figures_with_units(solved, units) | slopes)
-    typer.echo(
-        json.dumps(result, allow_nan=False) if as_json else as_text(result, BELONGS if any(row) else {})
-    )
+        which = _which(file, cell, parameters)
+        if as_json:
+            if properties is not None:
+                result["properties"] = properties.in_units(units, cell_length(settings))
+                result["notes"] = [*warnings, *notes(settings)]
+            result["cell"] = which | {"description": settings.cell.geometry.description}
+            typer.echo(json.dumps(result, allow_nan=False))
+            return
+        for name, said in which.items():
+            typer.echo(f"{name}: {said}")
+        if properties is None:
+            typer.echo(as_text(result, BELONGS if any(row) else {}))
+            if not units.given:
+                typer.echo(DIMENSIONLESS)
+            return
+        for line in table_of_cell(settings, properties):
+            typer.echo(line)
+        for warning in warnings:
+            typer.echo(f"note: {warning}")
+        if slopes:
+            typer.echo(as_text(json_ready(slopes)))
+        typer.echo("the responses at rest and all derivatives: --json; another state: --at H22=-0.1,p=0.05")
+
+
+def _which(file: RunConfig, cell: str | None, parameters: list[str] | None) -> dict[str, str]:
+    """Return which of several cells, and which member of a family, the results belong to."""
+    found = {}
+    if file.cells:
+        others = ", ".join(f"--cell {name}" for name in file.cells if name != cell)
+        own = "of 'cell:'" if cell is None else f"of 'cells.{cell}:'"
+        found["cell"] = f"{own}; the file has others, too: {others}" if others else own
+    if parameters:
+        found["member"] = ", ".join(parameters)
+    return found
 
 
 @cell.command()
@@ -110,6 +160,7 @@ def fields(
     grad_u: GradUOption = None,
     p: PressureOption = None,
     parameters: ParametersOption = None,
+    cell: CellOption = None,
     fem: FemOption = None,
     no_pictures: NoPicturesOption = False,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of file and pictures.")] = Path(
@@ -127,7 +178,7 @@ def fields(
     kept = chosen_store(store, no_store)
     path, settings = read_config(config, fem, cell_only=True)
     with located(path):
-        settings = _member(settings, parameters)
+        settings = one_cell(settings, cell, parameters)
     asked = read_state(at, grad_u, p, settings.cell.modulus, {"H22": -0.1}, settings.scales)
     with interruptible(), located(path):
         from porocore.verification.local_fields.solve import write_local_fields
@@ -151,6 +202,7 @@ def fields(
 def show(
     config: ConfigArgument = None,
     parameters: ParametersOption = None,
+    cell: CellOption = None,
     no_pictures: NoPicturesOption = False,
     as_json: JsonOption = False,
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of files and picture.")] = Path(
@@ -169,8 +221,8 @@ def show(
         from porocore.core.files.atomic import new_folder
         from porocore.verification.local_fields.geometry import render_phases, write_phases
 
-        if parameters:
-            settings = _member(settings, parameters)
+        if parameters or cell is not None:
+            settings = one_cell(settings, cell, parameters)
         new_folder(out)
         quality = measure_mesh_quality(settings.cell)
         if as_json:
@@ -186,20 +238,20 @@ def show(
             typer.echo(file)
 
 
-def _member(settings: RunConfig, parameters: list[str] | None) -> RunConfig:
-    """Return the configuration with the member of its cell at the values of ``--parameters``."""
-    return settings.model_copy(update={"cell": read_parameters(settings.cell, parameters)})
-
-
 def as_text(result: Mapping[str, Any], belongs: Mapping[str, str] = MappingProxyType({})) -> str:
     """Return a result as text, without fourth-order derivatives; ``belongs`` is said behind some names.
 
     A state without values shows only its status and what does not depend on it. Numbers that are below :data:`ZERO`
     without their unit are 0.
     """
+    from porocore.core.units.dimensions import MULTIPLES
+    from porocore.report.dimensional import FIGURES
+
     lines = []
     for name, given in result.items():
         value: Any = given if isinstance(given, Mapping) else _rounded(given, given)
+        if name in FIGURES and not isinstance(given, Mapping) and given is not None:
+            name = f"{name} [{MULTIPLES[FIGURES[name]]}]"
         if isinstance(given, Mapping) and "unit" in given:
             name, value = f"{name} [{given['unit']}]", _rounded(given["value"], given["dimensionless"])
         name += f" ({belongs[name.split()[0]]})" if name.split()[0] in belongs else ""

@@ -73,19 +73,31 @@ def check(
     surrogate: SurrogateOption = None,
     closure: ClosureOption = None,
 ) -> None:
-    """Check a configuration and outline its run; no folder is made.
+    """Check a configuration and outline its run; no folder is made. A file may also describe a cell alone.
 
     Meshes the cell and the body, and looks for surfaces, boundary conditions, probes and backends. Solves the
     undeformed cell, unless it is large, and tells what follows from it: moduli, permeability, and the time in which the
     body consolidates. A later run finds that cell in the store.
     """
+    from porocore.study.config.loading import holds_cells_alone
     from porocore.study.outline.at_rest import at_rest
+    from porocore.study.outline.cell_alone import outline_of_cells
     from porocore.study.outline.outline import outline
     from porocore.study.preflight.checks import check_backends
     from porocore.study.store import user_store
 
-    path, settings = read_config(config, fem, surrogate, closure, macro)
+    alone = config is not None and config.is_file() and holds_cells_alone(config)
+    path, settings = read_config(config, fem, surrogate, closure, macro, cell_only=alone)
     with interruptible(), located(path):
+        if alone:
+            for line in outline_of_cells(settings, user_store()):
+                typer.echo(line)
+            typer.echo(f"no faults; next: {command('cell', config, cell=settings.own_cells[0])}")
+            typer.echo(
+                "a run needs more sections: 'sampling:' and 'macro:' (and 'length:' under 'scales:', where there are "
+                "scales); 'porocore init' lists examples to copy them from"
+            )
+            return
         check_backends(settings)
         for line in chain(outline(settings), at_rest(settings, user_store())):
             typer.echo(line)

@@ -126,6 +126,21 @@ class EffectiveProperties:
             c.stress,
         )
 
+    @classmethod
+    def of_flow(cls, porosity: float, conductivity: Array, viscosity: float) -> EffectiveProperties:
+        """Return the properties of a cell of which the flow alone is known; the others are NaN."""
+        none, of_axes, tensor = np.nan, np.full(3, np.nan), np.full((3, 3), np.nan)
+        C = np.full((6, 6), np.nan)
+        flow = (porosity, conductivity * viscosity, conductivity)
+        return cls(
+            *flow, C, of_axes, of_axes, tensor, of_axes, none, tensor, none, none, of_axes, np.zeros((3, 3))
+        )
+
+    @property
+    def stiff(self) -> bool:
+        """True where the stiffness is known."""
+        return bool(np.isfinite(self.stiffness_voigt).all())
+
     @property
     def isotropy(self) -> Isotropy:
         """Class of the stiffness, equal numbers being those within :data:`SAME`."""

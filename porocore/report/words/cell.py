@@ -77,15 +77,21 @@ def _said(published: Published, viscosity: float) -> dict[str, str]:
 def linear_rows(found: EffectiveProperties) -> list[tuple[str, str]]:
     """Return the coefficients of linear poroelasticity, along each axis where they differ."""
     said = _as_multiple("stress")
-    held = symmetric("P_E,", found.held_stress, said) if found.held_stress.any() else ()
     return [
-        *((f"stress while the swelling is held {name}", said(value)) for name, value in held),
+        *held_rows(found),
         *(
             (f"drained stiffness {name}", said(value))
             for name, value in _stiffness(found.stiffness_voigt, said)
         ),
         *moduli_rows(found),
     ]
+
+
+def held_rows(found: EffectiveProperties) -> list[tuple[str, str]]:
+    """Return the stress of a cell whose swelling is held; empty unless its solid swells."""
+    said = _as_multiple("stress")
+    held = symmetric("P_E,", found.held_stress, said) if found.held_stress.any() else ()
+    return [(f"stress while the swelling is held {name}", said(value)) for name, value in held]
 
 
 def _stiffness(C: Array, said: Callable[[float], str]) -> Iterator[tuple[str, float]]:
@@ -122,7 +128,9 @@ def moduli_rows(found: EffectiveProperties) -> list[tuple[str, str]]:
     if not found.storage:
         return rows
     by_time, c_v = _as_multiple("diffusivity"), found.consolidation_coefficients
-    along = [("along each axis", c_v[0])] if is_one(c_v, by_time) else list(zip(_AXES, c_v, strict=True))
+    along = (
+        [("along each axis", c_v[0])] if is_one(list(c_v), by_time) else list(zip(_AXES, c_v, strict=True))
+    )
     return [
         *rows,
         *((f"Biot coefficient {name}", number(value)) for name, value in symmetric("α", found.biot_tensor)),

@@ -75,10 +75,10 @@ def cell_faults(config: RunConfig) -> Iterator[tuple[Location, str]]:
                 f"{dotted(at)}: no region has this cell; write 'cell: {name}' under a region of macro.regions, or "
                 "remove it",
             )
-    yield from _other_lengths(config)
+    yield from other_lengths(config)
 
 
-def _other_lengths(config: RunConfig) -> Iterator[tuple[Location, str]]:
+def other_lengths(config: RunConfig) -> Iterator[tuple[Location, str]]:
     """Yield faults of images whose edge is not that of the other cells, in multiples of which all of them are."""
     edge = config.cell.geometry.length if config.scales is None else config.scales.pore
     for name, cell in config.cells.items():

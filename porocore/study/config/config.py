@@ -186,6 +186,11 @@ class RunConfig(StrictModel):
         """Names of the cells: None for that of the rest of the body, or the only one, then the others."""
         return (None, *self.cells)
 
+    @property
+    def own_cells(self) -> tuple[str | None, ...]:
+        """Names of the cells that the configuration gives; None is ``cell``, the default where there is no other."""
+        return self.cell_names if "cell" in self.model_fields_set or not self.cells else tuple(self.cells)
+
     def of_cell(self, name: str | None) -> RunConfig:
         """Return the study of a body of one of the cells alone; None names the cell of the rest of the body."""
         return of_one_cell(self, name)

@@ -20,7 +20,7 @@ from porocore.core.units.scales import Scales
 from porocore.core.units.texts import resolved
 from porocore.errors import ConfigurationError
 from porocore.macro.body.kinds import Box, Cylinder, QuarterCylinder, Wedge
-from porocore.study.config.cells import SAME_LENGTH, cell_faults
+from porocore.study.config.cells import SAME_LENGTH, cell_faults, other_lengths
 from porocore.study.config.config import RunConfig
 from porocore.study.config.errors import faults, unexpected
 from porocore.study.config.examples import benchmark_path
@@ -67,12 +67,26 @@ def load_config(path: Path | str, cell_only: bool = False) -> RunConfig:
         Lists every fault on a line of its own: file, line, dotted key, expected and given value, advice.
     """
     document = YamlDocument.read(Path(path))
-    if cell_only and not document.data.keys() & {"sampling", "macro"}:
-        rest = YamlDocument.read(benchmark_path()).data
-        document = replace(
-            document, data={**document.data, "sampling": rest["sampling"], "macro": rest["macro"]}
-        )
-    return validated(document)
+    alone = cell_only and not document.data.keys() & {"sampling", "macro"}
+    return validated(_with_a_study(document) if alone else document, alone=alone)
+
+
+def holds_cells_alone(path: Path) -> bool:
+    """Tell whether a file describes cells, but no part of a study of them."""
+    keys = YamlDocument.read(path).data.keys()
+    return bool(keys & {"cell", "cells"}) and not keys & {"sampling", "macro", "calibration", "experiments"}
+
+
+def _with_a_study(document: YamlDocument) -> YamlDocument:
+    """Return a document of cells alone with what a study needs besides; no result of a cell depends on it."""
+    rest = YamlDocument.read(benchmark_path()).data
+    added = {"sampling": rest["sampling"], "macro": rest["macro"]}
+    if "closure" not in document.data:
+        added["closure"] = "potential"  # for every solid
+    scales = document.data.get("scales")
+    if isinstance(scales, Mapping) and "modulus" in scales:
+        added["scales"] = {"length": 1.0, **scales}
+    return replace(document, data={**document.data, **added})
 
 
 def cell_from(settings: Mapping[str, Any], folder: Path | str = ".") -> Cell:
@@ -95,8 +109,11 @@ def _only_cell(document: YamlDocument) -> Cell:
         raise _refusal(document, faults(document, error.errors(), _OnlyCell)) from error
 
 
-def validated(document: YamlDocument) -> RunConfig:
-    """Return the configuration that a document holds; see :func:`load_config`."""
+def validated(document: YamlDocument, *, alone: bool = False) -> RunConfig:
+    """Return the configuration that a document holds; see :func:`load_config`.
+
+    Cells that stand ``alone`` need no regions of a body.
+    """
     scales, found = _scales(document)
     if found:
         raise _refusal(document, [*found, *_beside_the_scales(document)])
@@ -121,7 +138,7 @@ def validated(document: YamlDocument) -> RunConfig:
             config.macro.boundary,
             {name: patch.of for name, patch in config.macro.surfaces.items()},
         )
-        found += cell_faults(config)
+        found += other_lengths(config) if alone else cell_faults(config)
         found += _without_viscosity(config) if scales is not None else ()
     # pydantic would take 'yes' for 1.
     found += [

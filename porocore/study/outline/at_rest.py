@@ -145,6 +145,9 @@ def cell_lines(p: EffectiveProperties, viscosity: float, units: ResultUnits) -> 
     The confined modulus is that of a sample that cannot give way sideways, also called aggregate or oedometer modulus.
     Young's modulus is that of one that can.
     """
+    if not p.stiff:
+        yield from _flow_lines(p, viscosity, units)
+        return
     confined = _along(p.confined_moduli, "stress", units)
     if units.given:
         confined += f" ({_axes(p.confined_moduli, '')} of the reference modulus)"
@@ -152,8 +155,14 @@ def cell_lines(p: EffectiveProperties, viscosity: float, units: ResultUnits) -> 
     yield f"Young's modulus {_along(p.young_moduli, 'stress', units)}"
     if p.held_stress.any():
         yield f"stress while the swelling is held {_along(np.diag(p.held_stress), 'stress', units)}"
-    storage = _along(np.full(3, p.storage), "compliance", units)
-    yield f"Biot coefficient {_axes(np.diag(p.biot_tensor), '')}; storage 1/M_B {storage}"
+    if p.storage:
+        storage = _along(np.full(3, p.storage), "compliance", units)
+        yield f"Biot coefficient {_axes(np.diag(p.biot_tensor), '')}; storage 1/M_B {storage}"
+    yield from _flow_lines(p, viscosity, units)
+
+
+def _flow_lines(p: EffectiveProperties, viscosity: float, units: ResultUnits) -> Iterator[str]:
+    """Yield the permeability of a cell."""
     permeability = _along(np.diag(p.permeability), "permeability", units)
     K = np.diag(p.conductivity)
     asked = _along(K, "conductivity", units)

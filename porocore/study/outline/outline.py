@@ -94,12 +94,23 @@ def outline(config: RunConfig) -> Iterator[str]:
 
 def _cell(config: RunConfig, name: str | None, quality: MeshQuality) -> Iterator[str]:
     """Yield pores, meshes, solid and fluid of a cell, after a check of them."""
+    yield from cell_outline(config, name, quality)
+    config.cell.require_pores()
+    config.cell.require_stiffness()
+
+
+def cell_outline(config: RunConfig, name: str | None, quality: MeshQuality) -> Iterator[str]:
+    """Yield pores, meshes, solid and fluid of a cell, which may have no pores or no stiffness.
+
+    Raises
+    ------
+    ConfigurationError
+        Its mesh has other regions, or its fluid cannot follow the solid.
+    """
     cell, units = config.cell, config.result_units
     head = "cell" if name is None else f"cell {name}"
     yield from (f"{head}: {line}" if i == 0 else f"  {line}" for i, line in enumerate(quality_lines(quality)))
     yield from resolution(cell, cell_length(config))
-    cell.require_pores()
-    cell.require_stiffness()
     _require_that_the_fluid_follows(config)
     if cell.materials is not None:
         cell.solid.on(cell.make_mesh("solid", "whole"))

@@ -24,6 +24,7 @@ from porocore.report.words.parameters import family_figures, group_errors
 from porocore.report.words.statuses import solved_shares, visited_shares
 from porocore.states import Status
 from porocore.study.findings.body_cells import rest_of_body
+from porocore.study.outline.at_rest import cell_length
 from porocore.study.stages.results import RunResults
 
 #: Sections of the body whose figures have units.
@@ -76,7 +77,8 @@ def _of_cell(results: RunResults, context: ReportContext) -> dict[str, Any]:
     """Return the figures of one cell, its samples and its surrogates."""
     closure = context.surrogate.closure_error
     found = {
-        "cell": figures_with_units(_cell(results), context.units),
+        "cell": figures_with_units(_cell(results), context.units)
+        | {"properties": context.cell.properties.in_units(context.units, cell_length(results.config))},
         "sampling": _sampling(results, context),
         "surrogate": _surrogate(context),
         "closure": None if closure is None else closure.for_json(),

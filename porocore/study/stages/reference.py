@@ -16,10 +16,11 @@ from porocore.cell.family.undeformed import UnstressedFamily
 from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
 from porocore.macro.boundary.drainage import undrained
+from porocore.macro.laws.effective import EffectiveProperties
 from porocore.macro.reference import CellReference, porosity_at_rest
 from porocore.plugins.border import conductivity_of, solution_of
 from porocore.sampling.execution.solved_store import StoringSolver
-from porocore.states import CellSlopes, MacroState, Status
+from porocore.states import Array, CellResponse, CellSlopes, MacroState, Status
 from porocore.study.config.config import RunConfig, cell_identity
 from porocore.study.config.sections import FemSettings
 from porocore.study.preflight.symmetry_notes import broken_by_the_mesh
@@ -117,19 +118,24 @@ def solve_cell(
 ) -> dict[str, Any]:
     """Solve one state of the cell; return the responses and their derivatives as nested dictionaries of arrays.
 
-    A solid that is not connected has no responses; at rest, porosity and conductivity are returned. ``tell`` is called
+    At rest there are the effective properties (``properties``, as :class:`EffectiveProperties`) and ``warnings``, too.
+    A solid that is not connected has no responses; at rest, what is known of its flow is returned. ``tell`` is called
     with what came from the store.
     """
+    cell, rest = config.cell, p == 0 and not np.any(grad_u)
     began = time.perf_counter()
     arguments = (config.fem.backend, config.fem.options, config.cell, config.conductivity)
     (solver, prepared), known = prepare_cell(*arguments), solved_states(store, *arguments)
     conductivity = conductivity_of(solver, prepared)
     unstored, solver = solver, solver if known is None else StoringSolver(solver, known)
-    if (disconnected := config.cell.disconnected) and p == 0 and not np.any(grad_u):
+    if (disconnected := cell.disconnected) and rest:
+        porosity = cell.mesh_porosity
         return {
-            "porosity": config.cell.mesh_porosity,
+            "porosity": porosity,
             "conductivity": conductivity,
             "solid": f"disconnected: {disconnected}",
+            "properties": EffectiveProperties.of_flow(porosity, conductivity, cell.viscosity),
+            "warnings": [f"the solid is not connected, so it has no stiffness: {disconnected}"],
             "seconds": {"set_up": time.perf_counter() - began},
         }
     # A cell before it swells is another one than that whose states are stored.
@@ -153,6 +159,8 @@ def solve_cell(
     for part, holder in (("tangent", response.tangent), ("peaks", response.extrema)):
         if holder is not None:
             found[part] = {name: value[0] for name, value in vars(holder).items() if value is not None}
+    if rest:
+        found |= _properties(response, porosity, conductivity, config)
     if response.slopes is not None:
         found["slopes"] = _by_parameter(response.slopes, [each.name for each in config.cell.parameters])
     return found | {
@@ -160,6 +168,26 @@ def solve_cell(
             "set_up": ready - began + saved_at_rest,
             "solve": time.perf_counter() - ready + sum(saved),
         }
+    }
+
+
+def _properties(
+    response: CellResponse, porosity: float, conductivity: Array, config: RunConfig
+) -> dict[str, Any]:
+    """Return the effective properties of the cell by its response at rest, and warnings."""
+    cell, derivatives = config.cell, response.tangent
+    flow = EffectiveProperties.of_flow(porosity, conductivity, cell.viscosity)
+    if response.status[0] != Status.converged:
+        name = Status(int(response.status[0])).name
+        why = f"at rest the cell ended with the status '{name}', so its moduli are not known"
+        return {"properties": flow, "warnings": [why]}
+    if derivatives is None or response.fluid_volume is None or derivatives.stress_grad_u is None:
+        why = f"the cell solver '{config.fem.backend}' gives no derivatives, so there are no moduli"
+        return {"properties": flow, "warnings": [why]}
+    reference = CellReference("", response, conductivity, {}, porosity if cell.solid.swells else None)
+    return {
+        "properties": reference.properties(cell, config.conductivity),
+        "warnings": broken_by_the_mesh(response, cell.point_group),
     }
 
 
