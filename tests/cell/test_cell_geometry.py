@@ -10,7 +10,10 @@ from scipy.integrate import quad
 from scipy.spatial import cKDTree
 
 from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.meshing.connectivity import blocked, pieces
 from porocore.cell.meshing.mesh import MeshSettings, make_mesh
+from porocore.cell.meshing.tetrahedra import volume
+from porocore.errors import PorocoreError
 
 COARSE = MeshSettings(size=0.25, fluid_size=0.25)
 LINEAR = MeshSettings(size=0.25, fluid_size=0.25, element="linear")
@@ -20,6 +23,24 @@ R3, R2 = OrthogonalChannels(fillet=0.05), OrthogonalChannels(axes="xz", fillet=0
 def removed(geometry):
     """Volume of the solid that the fillets take away."""
     return geometry.porosity - geometry.model_copy(update={"fillet": 0.0}).porosity
+
+
+@pytest.mark.parametrize("radii", [*permutations((0.15, 0.2, 0.25)), (0.12, 0.16, 0.2)])
+def test_no_channel_is_lost_where_ridges_meet_in_the_wall_of_another(radii):
+    """OpenCASCADE lost one where r₁² + r₂² = r₃²: K along it was 0, and the porosity 0.233 for 0.302."""
+    geometry = OrthogonalChannels(radii=radii)
+    meshes = [make_mesh(geometry, COARSE, phase, "whole") for phase in ("solid", "fluid")]
+    solid, fluid = (volume(mesh.points, mesh.cells) for mesh in meshes)
+    assert fluid == pytest.approx(geometry.porosity, rel=2e-3)
+    assert solid + fluid == pytest.approx(1, abs=1e-12)
+    assert blocked(pieces(meshes[1])) == ""
+
+
+def test_pores_that_are_drawn_otherwise_than_described_are_refused(monkeypatch):
+    geometry = OrthogonalChannels(radii=(0.1, 0.23, 0.31))
+    monkeypatch.setattr(OrthogonalChannels, "porosity", 0.3)
+    with pytest.raises(PorocoreError, match="the drawn pores are not those that are described"):
+        make_mesh(geometry, COARSE, "solid", "whole")
 
 
 @pytest.mark.parametrize(

@@ -24,6 +24,8 @@ SIZE_TO_FILLET, GROWTH = 0.8, 1.0
 SIZE_TO_GAP, COARSE = 0.8, 0.2
 #: A curved element gets straight edges if its smallest volume element is below this share of the straight one's.
 LEAST_STRETCH = 0.02
+#: Largest difference of the drawn porosity from the described one, relative to it; fillets differ by 3e-4.
+LARGEST_ERROR_OF_DRAWING = 1e-3
 SYSTEM_LIBRARIES = (
     "libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxft2 libfontconfig1 libxinerama1 libgomp1"
 )
@@ -83,6 +85,13 @@ class DrawnGeometry(PoreGeometry):
         on_fillets = PER_FILLET / self.finest_fillet if self.finest_fillet else 0.0
         return PER_CUBE / min(size, LARGEST_SIZE_TO_RADIUS * self.narrowest) ** 3 + on_fillets
 
+    def is_drawn(self, gmsh: Any, part: DrawnPart) -> bool:
+        """Return whether a drawn part has the porosity that is described; OpenCASCADE loses some pieces in silence."""
+        solid, fluid = (
+            sum(gmsh.model.occ.getMass(3, tag) for tag in tags) for tags in (part.solid, part.fluid)
+        )
+        return abs(float(fluid / (solid + fluid)) - self.porosity) <= LARGEST_ERROR_OF_DRAWING * self.porosity
+
     def tetrahedra(self, size: float, element: Element) -> dict[Phase, Tetrahedra]:
         gmsh = import_gmsh()
         gmsh.initialize(readConfigFiles=False, interruptible=False)
@@ -94,6 +103,10 @@ class DrawnGeometry(PoreGeometry):
             gmsh.option.setNumber("Mesh.MeshSizeMax", size)
             gmsh.model.add("cell")
             part = self.draw(gmsh)
+            if not self.is_drawn(gmsh, part):
+                raise PorocoreError(
+                    "the drawn pores are not those that are described; change a length of cell.geometry by a thousandth"
+                )
             if part.fillets:
                 _refine(gmsh, part.fillets, min(size, SIZE_TO_FILLET * self.finest_fillet), size)
             elif type(self).gap is not DrawnGeometry.gap:

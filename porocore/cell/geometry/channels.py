@@ -164,7 +164,16 @@ class OrthogonalChannels(DrawnGeometry):
         # In the wedge x² + y² is the smallest of the three, so only the channel along z enters.
         inside = {"z": min(self._by_axis.values())} if self.unfolding == "wedge" else self._by_axis
         fluid, rest = split(occ, part, self._channels(occ, inside))
-        return DrawnPart(rest, fluid)
+        split_at_once = DrawnPart(rest, fluid)
+        if self.is_drawn(gmsh, split_at_once):
+            return split_at_once
+        # Where the ridges of two channels touch the third, r₁² + r₂² = r₃², one is lost unless they are cut in turn.
+        occ.remove([(3, tag) for tag in rest + fluid], recursive=True)
+        part = (3, eighth(occ))
+        cut: list[tuple[int, int]] = [(3, eighth(occ))]
+        for channel in self._channels(occ, inside):
+            cut, _ = occ.cut(cut, [channel])
+        return DrawnPart(*split(occ, part, cut))
 
     def onto_fillet(self, points: Array) -> Array:
         return onto_fillet(points, self.radius, self.fillet, self.axes)
