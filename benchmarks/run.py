@@ -19,6 +19,7 @@ SCRIPTS = (
     "contact",
     "executors",
     "voxels",
+    "channels_of_voxels",
     "macro_iteration",
     "macro_size",
     "sensitivities",

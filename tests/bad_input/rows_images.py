@@ -125,7 +125,7 @@ FAULTS: dict[str, tuple[str, Content, str]] = {
     "TIFF, cut short": (".tif", tiff_of(8, 8)[:40], CANNOT),
     "TIFF of one page": (".tif", tiff(HALF[0]), SOLID),
     "TIFF of floats": (".tif", tiff(HALF.astype(np.float32)), TYPE),
-    "TIFF in colour": (".tif", tiff(np.zeros((8, 8, 8, 3), dtype=np.uint8)), SOLID),
+    "TIFF in colour": (".tif", tiff(np.zeros((8, 8, 8, 3), dtype=np.uint8)), "an image in colour with 3"),
     "TIFF of 10^9 × 10^9": (".tif", tiff_of(10**9, 10**9), SOLID),
     "TIFF of 400 × 400 declared and 8 bytes": (".tif", tiff_of(400, 400, 400), ""),
     "TIFF whose page follows itself": (".tif", looped(), ""),

@@ -27,14 +27,14 @@ def changes(solid, axis):
 
 
 def test_a_piece_of_a_sample_is_told_not_to_be_periodic(tmp_path):
-    (note,) = image(tmp_path / "image.npy", SAMPLE, repeat="periodic").notes
+    (note,) = image(tmp_path / "image.npy", SAMPLE, repeat="periodic").warnings
     for axis, name in enumerate("xyz"):
         across, inside = 100 * changes(SAMPLE, axis)[-1], 100 * changes(SAMPLE, axis)[:-1].max()
         assert across > 30
         assert f"{across:.0f} % across {name} (inside at most {inside:.0f} %)" in note
     assert "choose 'repeat: mirror'" in note
     assert "or 'repeat: layer'" in note
-    assert image(tmp_path / "image.npy", SAMPLE, repeat="mirror").notes == ()
+    assert image(tmp_path / "image.npy", SAMPLE, repeat="mirror").warnings == ()
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -53,7 +53,7 @@ def test_flat_walls_in_a_face_are_no_fault():
 
 def test_a_layer_makes_a_sample_periodic_and_leaves_its_inside():
     width = 6
-    found, (note,) = blended(SAMPLE, width)
+    found, note = blended(SAMPLE, width)
     assert found.shape == (14, 18, 14)
     np.testing.assert_array_equal(
         found[width:, width:, width:], SAMPLE[width:-width, width:-width, width:-width]
@@ -84,7 +84,7 @@ def test_the_layer_is_said_and_meshed(tmp_path):
     assert lines[0] == "geometry: image image.npy of 14 × 18 × 14 voxels, with a periodic layer of 6"
     assert lines[1].startswith("geometry: opposite sides are blended in a layer of 6 voxels")
     x, _, z = np.indices((8, 8, 24))
-    torn = replace(quality, notes=mismatch_note((x + z // 8) % 8 < 4))
+    torn = replace(quality, notes=(), warnings=mismatch_note((x + z // 8) % 8 < 4))
     assert quality_lines(torn)[1].startswith("note: geometry: the image is not periodic")
     with pytest.raises(ConfigurationError, match=r"layer: expected at most 10 voxels.*got 11"):
         _ = image(tmp_path / "image.npy", SAMPLE, repeat="layer", layer=11).porosity

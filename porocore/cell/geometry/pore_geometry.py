@@ -60,6 +60,16 @@ class PoreGeometry(StrictModel, ABC):
         return ()
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences on what is suspect about the pores, and on what to do about it."""
+        return ()
+
+    @property
+    def error_of_flow(self) -> str:
+        """Sentence on an error that the description of the pores makes in K; empty where there is none."""
+        return ""
+
+    @property
     def point_group(self) -> PointGroup:
         """Point group of the pores: the operations of the cube that, with some shift, map them onto themselves.
 

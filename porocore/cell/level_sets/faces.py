@@ -13,8 +13,6 @@ from porocore.states import Array
 #: between its opposite faces is a fault; flat walls change as much inside. Along n voxels it is FAULT + FEW/n, since
 #: few layers scatter: of 1,900 periodic images of noise none is accused, of pieces of 24³ voxels or more all are.
 FAULT, FEW = 1.5, 6.0
-#: A sentence on faces that do not match begins with it.
-NOT_PERIODIC = "the image is not periodic"
 
 
 def mismatch_note(solid: Mask) -> tuple[str, ...]:
@@ -29,13 +27,13 @@ def mismatch_note(solid: Mask) -> tuple[str, ...]:
     if not faults:
         return ()
     return (
-        f"{NOT_PERIODIC}: of the voxels of opposite faces differ {', '.join(faults)}; the cell has walls "
+        f"the image is not periodic: of the voxels of opposite faces differ {', '.join(faults)}; the cell has walls "
         "there that the sample has not; choose 'repeat: mirror', by which the image is an eighth of the cell, or "
         "'repeat: layer', which blends opposite sides",
     )
 
 
-def blended(solid: Mask, width: int) -> tuple[Mask, tuple[str, ...]]:
+def blended(solid: Mask, width: int) -> tuple[Mask, str]:
     """Return a periodic image, smaller by ``width`` voxels along each axis, and a sentence on it.
 
     Its first layers are blended from those of the image and from the last layers, which are left out: the signed
@@ -65,7 +63,7 @@ def blended(solid: Mask, width: int) -> tuple[Mask, tuple[str, ...]]:
         f"opposite sides are blended in a layer of {width} voxels, {100 * _share(found.shape, width):.0f} % of the "
         f"cell; the porosity of the image is {before:.4g}, that of the cell {after:.4g}"
     )
-    return found, (note,)
+    return found, note
 
 
 def _share(shape: tuple[int, ...], width: int) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+import re
 from collections.abc import Callable
 from itertools import product
 from pathlib import Path
@@ -26,50 +27,32 @@ MANY = 96
 TIFF = (".tif", ".tiff")
 
 
-def read_image(path: Path, crop: Crop | None = None) -> npt.NDArray[np.integer[Any]]:
+def read_image(path: Path, crop: Crop | None = None, *, grey: bool = False) -> npt.NDArray[Any]:
     """Return the values of the voxels, with indices along x, y and z, of a part of the image or of all of it.
 
     A .npy file holds this array; the pages of a TIFF stack lie along z, its rows along y and its columns along x.
+    Values of a ``grey`` image may be any numbers, else they are whole.
 
     Raises
     ------
     ConfigurationError
         The file is no image with whole numbers, or the part is not within it.
     """
-    found = _read(path, lambda shape, dtype: _check(path, shape, dtype, crop), crop)
+    found = _read(path, lambda shape, dtype: _check(path, shape, dtype, crop, grey), crop)
     return found.astype(np.int64) if found.dtype == bool else found
 
 
-def open_image(path: Path) -> npt.NDArray[np.integer[Any] | np.bool_]:
-    """Return the values of all voxels of an image of any size; those of a .npy file are read when they are looked at.
+def open_image(path: Path, *, grey: bool = False) -> npt.NDArray[Any]:
+    """Return the values of all voxels of an image of any size, any numbers where it is ``grey``.
+
+    Those of a .npy file are read when they are looked at.
 
     Raises
     ------
     ConfigurationError
         As :func:`read_image`, but for the limits on the edges.
     """
-    return _read(path, lambda shape, dtype: _check_kind(path, shape, dtype), None)
-
-
-def open_values(path: Path) -> npt.NDArray[Any]:
-    """Return the numbers of the voxels of any image, such as of a density; see :func:`open_image`.
-
-    Raises
-    ------
-    ConfigurationError
-        The file is no image of numbers in three dimensions.
-    """
-
-    def check(shape: tuple[int, ...], dtype: Any) -> None:
-        if dtype is None or not (
-            np.issubdtype(dtype, np.bool_)
-            or np.issubdtype(dtype, np.integer)
-            or np.issubdtype(dtype, np.floating)
-        ):
-            raise ConfigurationError(f"{path}: expected an image of numbers, got values of the type {dtype}")
-        _check_size(path, shape)
-
-    return _read(path, check, None)
+    return _read(path, lambda shape, dtype: _check_kind(path, shape, dtype, grey), None)
 
 
 def _read(path: Path, check: Callable[[tuple[int, ...], Any], None], crop: Crop | None) -> npt.NDArray[Any]:
@@ -114,26 +97,85 @@ def _read_npy(
 def _read_tiff(
     path: Path, check: Callable[[tuple[int, ...], Any], None], crop: Crop | None
 ) -> npt.NDArray[Any]:
-    """Read the first series of pages, z leading, after a check of its header."""
+    """Read a stack of pages, z leading, after a check of its header."""
+    import tifffile
+
+    with _opened(path) as file:
+        stacks = file.series
+        first = stacks[0]
+        # A stack of four columns is told apart by its rows.
+        if first.axes.endswith("S") and (first.ndim > 3 or max(first.shape) > first.shape[-1]):
+            raise ConfigurationError(
+                f"{path}: expected one value in every voxel, got an image in colour with {first.shape[-1]}; save it in "
+                "grey, in ImageJ by Image > Type > 8-bit"
+            )
+        shape = first.shape
+        if len(stacks) > 1:
+            if shape[2:] or any((each.shape, each.dtype) != (shape, first.dtype) for each in stacks):
+                shapes = " and ".join(" x ".join(map(str, each.shape)) for each in stacks[:3])
+                raise ConfigurationError(
+                    f"{path}: expected one stack of pages of one size, got {len(stacks)} with the shapes {shapes}; "
+                    "save the one that is meant in a file of its own"
+                )
+            shape = (len(stacks), *shape)  # written page by page
+        check(shape[::-1], first.dtype)
+        compression = first.keyframe.compression
+        if compression not in tifffile.TIFF.DECOMPRESSORS:
+            lossy = "; JPEG changes the values beside the walls" if "JPEG" in compression.name else ""
+            raise ConfigurationError(
+                f"{path}: cannot be read, since it is compressed by {compression.name}: pip install imagecodecs, or "
+                f"save it without compression or with Deflate{lossy}"
+            )
+        pages = np.stack([each.asarray() for each in stacks]) if len(stacks) > 1 else first.asarray()
+        return np.asarray(_part(np.asarray(pages).T, crop))
+
+
+def _opened(path: Path) -> Any:
     import tifffile
 
     logging.getLogger("tifffile").setLevel(logging.CRITICAL)  # its messages are also raised
-    with tifffile.TiffFile(path) as file:
-        series = file.series[0]
-        check(series.shape[::-1], series.dtype)
-        return np.asarray(_part(np.asarray(series.asarray()).T, crop))
+    return tifffile.TiffFile(path)
+
+
+def stated_voxel(path: Path) -> tuple[tuple[float, float, float], str] | None:
+    """Return the edges of a voxel along x, y, z and their unit, as a TIFF file of ImageJ or OME states them.
+
+    None: it states none.
+    """
+    if path.suffix.lower() not in TIFF:
+        return None
+    try:
+        with _opened(path) as file:
+            if (ome := file.ome_metadata) is not None:
+                edges = [re.search(rf'PhysicalSize{axis}="([\d.eE+-]+)"', ome) for axis in "XYZ"]
+                unit = re.search(r'PhysicalSizeXUnit="([^"]+)"', ome)
+                found = tuple(float(edge[1]) for edge in edges if edge)
+                name = unit[1] if unit else "µm"
+            else:
+                stated, tags = file.imagej_metadata or {}, file.pages[0].tags
+                per_unit = [tags[f"{axis}Resolution"].value for axis in "XY"]
+                found = (*(n / m for m, n in per_unit), float(stated["spacing"]))
+                name = str(stated["unit"])
+    except (KeyError, ValueError, ZeroDivisionError, TypeError, AttributeError, IndexError, OSError):
+        return None
+    if len(found) < 3 or not all(0 < edge < math.inf for edge in found) or name.startswith("pixel"):
+        return None
+    return (found[0], found[1], found[2]), name
 
 
 def _part(image: npt.NDArray[Any], crop: Crop | None) -> npt.NDArray[Any]:
     return image if crop is None else image[tuple(slice(first, end) for first, end in crop)]
 
 
-def _check_kind(path: Path, shape: tuple[int, ...], dtype: Any) -> None:
-    """Refuse what is no segmented image in three dimensions, before it is read."""
-    if dtype is None or not (np.issubdtype(dtype, np.bool_) or np.issubdtype(dtype, np.integer)):
+def _check_kind(path: Path, shape: tuple[int, ...], dtype: Any, grey: bool) -> None:
+    """Refuse what is no image in three dimensions, or no segmented one where it must be, before it is read."""
+    kinds = (np.bool_, np.integer, *((np.floating,) if grey else ()))
+    if dtype is None or not any(np.issubdtype(dtype, kind) for kind in kinds):
+        real = dtype is not None and np.issubdtype(dtype, np.floating)
+        what = "an image of numbers" if grey else "a segmented image, of whole numbers or of true and false"
         raise ConfigurationError(
-            f"{path}: expected a segmented image, of whole numbers or of true and false, got values of the type "
-            f"{dtype}; segment it first"
+            f"{path}: expected {what}, got values of the type {dtype}"
+            + ("; segment it first, or write 'threshold: otsu' in place of 'pore'" if real else "")
         )
     _check_size(path, shape)
 
@@ -147,9 +189,9 @@ def _check_size(path: Path, shape: tuple[int, ...]) -> None:
         )
 
 
-def _check(path: Path, shape: tuple[int, ...], dtype: Any, crop: Crop | None) -> None:
-    """Refuse an image of which the part that is used is no segmented image, before it is read."""
-    _check_kind(path, shape, dtype)
+def _check(path: Path, shape: tuple[int, ...], dtype: Any, crop: Crop | None, grey: bool) -> None:
+    """Refuse an image of which the part that is used can be no cell, before it is read."""
+    _check_kind(path, shape, dtype, grey)
     got = f"got the shape {str(tuple(shape))[:80]}"
     if crop is not None:
         if any(not first < end <= length for (first, end), length in zip(crop, shape, strict=True)):

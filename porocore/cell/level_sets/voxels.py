@@ -5,25 +5,39 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import Field, SerializerFunctionWrapHandler, model_serializer
+import numpy.typing as npt
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from porocore.cell.geometry.pore_geometry import Unfolding
 from porocore.cell.geometry.sides import CUBE, Sides, unit_sides
 from porocore.cell.level_sets.cleaning import Cleaned, Mask, clean
 from porocore.cell.level_sets.faces import blended, mismatch_note
-from porocore.cell.level_sets.image import SmoothImage, read_image
+from porocore.cell.level_sets.grey import GreyValues, not_segmented, phases
+from porocore.cell.level_sets.image import SmoothImage, open_image, read_image, stated_voxel
 from porocore.cell.level_sets.level_set import SPECKS, LevelSetGeometry, mesh_level_set
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra
 from porocore.cell.symmetry.point_set import group_of_voxels
 from porocore.core.files.input_file import FromFile
 from porocore.core.tensors.point_group import PointGroup
 from porocore.core.units.dimensions import Dimension, Unit
+from porocore.core.units.results import length_text
 from porocore.errors import ConfigurationError
 from porocore.states import Array
 
+#: Error of K by the smoothing, measured in ``benchmarks/channels_of_voxels.py``.
+ROUNDED = (
+    "K of an image: its smoothing rounds corners, by which straight square channels of 10, 20 and 40 voxels conduct "
+    "5.8, 1.9 and 0.6 % more than they should with 'smoothing: 1', and 2.2, 0.9 and 0.4 % with 0 (docs/cell.md, Round "
+    "and square channels)"
+)
+#: Units of lengths in image files: other names, and metres.
+UNITS = {"micron": "um", "microns": "um", "µm": "um", "\\u00B5m": "um", "\u03bcm": "um", "inch": "in"}
+METRES = {"nm": 1e-9, "um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0}
+#: Share by which the edges of a voxel may differ from those that its file states.
+SAME = 0.01
 #: First place of a part, and the place after its last.
 Span = tuple[Annotated[int, Field(ge=0)], Annotated[int, Field(ge=1)]]
 Edge = Annotated[float, Field(ge=1e-12, le=1e3, allow_inf_nan=False)]
@@ -41,6 +55,11 @@ class Voxels(FromFile, LevelSetGeometry):
     """A segmented image of equal voxels from a ``.npy`` or TIFF file."""
     pore: int = 0
     """Value of the voxels in the pores; all others are solid."""
+    threshold: Annotated[float, Field(allow_inf_nan=False)] | Literal["otsu"] | None = None
+    """Of a grey image, in place of ``pore``: the voxels of at most this value are the pores. ``otsu``: it is chosen by
+    Otsu's method from all voxels of the file."""
+    bright_pores: bool = False
+    """True: the voxels above ``threshold`` are the pores, and the others solid."""
     repeat: Literal["mirror", "periodic", "layer"] = "mirror"
     """``mirror``: the image is the eighth of the cell, ``periodic``: it is the whole cell, ``layer``: it becomes a cell
     by a layer at its faces in which opposite sides of the image are blended."""
@@ -63,9 +82,42 @@ class Voxels(FromFile, LevelSetGeometry):
         data: dict[str, Any] = handler(self)
         if self.repeat != "layer":
             data.pop("layer", None)
+        if self.threshold is None:
+            data.pop("threshold", None)
+            data.pop("bright_pores", None)
+        else:
+            data.pop("pore", None)
         if self.voxel_size is None:
             data.pop("voxel_size", None)
         return data
+
+    @model_validator(mode="after")
+    def _one_way_to_the_pores(self) -> Self:
+        if self.threshold is None and self.bright_pores:
+            raise ValueError(
+                "bright_pores belongs to threshold, which is missing; give it, such as 'threshold: otsu'"
+            )
+        if self.threshold is not None and "pore" in self.model_fields_set:
+            raise ValueError(
+                "expected either pore, of a segmented image, or threshold, of a grey one, got both"
+            )
+        return self
+
+    @property
+    def level(self) -> float | None:
+        """Value that parts pores and solid of a grey image; None: it is a segmented one.
+
+        Raises
+        ------
+        ConfigurationError
+            The file is no image of numbers.
+        """
+        return _grey(Path(self.path), self.sha256).otsu if self.threshold == "otsu" else self.threshold
+
+    def pores_of(self, values: npt.NDArray[Any]) -> Mask:
+        """Return True for those values of voxels that are pores."""
+        level = self.level
+        return np.asarray(values == self.pore if level is None else (values > level) == self.bright_pores)
 
     @property
     def solid(self) -> Mask:
@@ -80,8 +132,55 @@ class Voxels(FromFile, LevelSetGeometry):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences on what was blended and removed, on grains that float, and on faces that do not match."""
-        return (*_periodic(self)[1], *_cleaned(self).notes)
+        """Sentences on the values of the voxels, on what was blended and removed, and on grains that float."""
+        values = () if self.repeat != "layer" else (_periodic(self)[1],)
+        return (*self._of_values, *values, *_cleaned(self).notes)
+
+    @property
+    def _of_values(self) -> tuple[str, ...]:
+        grey, level = _grey(Path(self.path), self.sha256), self.level
+        if level is None:
+            return phases(grey, self.pore)
+        how = "by Otsu's method" if self.threshold == "otsu" else "as given"
+        side = "above it" if self.bright_pores else "up to it"
+        return (f"threshold {level:g}, {how}; values are {grey.extent}, and the voxels {side} are pores",)
+
+    @property
+    def grey_warnings(self) -> tuple[str, ...]:
+        """A sentence on a file that is not segmented, of any size; none where it is, or has a threshold."""
+        if self.threshold is not None:
+            return ()
+        return not_segmented(_grey(Path(self.path), self.sha256), self.pore)
+
+    @property
+    def _of_edges(self) -> tuple[str, ...]:
+        """A sentence on a file that states other edges of its voxels."""
+        stated = stated_voxel(Path(self.path))
+        if stated is None:
+            return ()
+        edges, unit = np.array(stated[0]), UNITS.get(stated[1], stated[1])
+        given = np.broadcast_to(1.0 if self.voxel_size is None else self.voxel_size, 3)
+        metres = METRES.get(unit)
+        same = edges * metres if metres and self.voxel_size is not None else edges * given[0] / edges[0]
+        if np.abs(same / given - 1).max() <= SAME:
+            return ()
+        shown = f"[{', '.join(f'{edge:.6g} {unit}' for edge in edges)}]"
+        taken = (
+            "takes them for cubes" if self.voxel_size is None else f"has {length_text(*map(float, given))}"
+        )
+        return (
+            f"the file states that its voxels are {shown} along x, y, z, and cell.geometry {taken}; if the file is "
+            f"right, write 'voxel_size: {shown}'",
+        )
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        faces = mismatch_note(_periodic(self)[0]) if self.repeat == "periodic" else ()
+        return (*self.grey_warnings, *self._of_edges, *faces)
+
+    @property
+    def error_of_flow(self) -> str:
+        return ROUNDED
 
     @property
     def porosity(self) -> float:
@@ -139,21 +238,42 @@ class Voxels(FromFile, LevelSetGeometry):
 
 
 @lru_cache(maxsize=2)
-def _periodic(geometry: Voxels) -> tuple[Mask, tuple[str, ...]]:
-    """Return the solid voxels of the image as it is repeated, and sentences on its faces."""
+def _grey(path: Path, sha256: str | None) -> GreyValues:
+    """Return the values of all voxels of a file with this content."""
+    found = GreyValues.of(open_image(path, grey=True))
+    if not len(found.values):
+        raise ConfigurationError(f"{path}: expected a number in every voxel, got none in any")
+    return found
+
+
+@lru_cache(maxsize=2)
+def _periodic(geometry: Voxels) -> tuple[Mask, str]:
+    """Return the solid voxels of the image as it is repeated, and a sentence on sides that were blended."""
     path = geometry.checked("cell.geometry")
-    image = read_image(path, geometry.crop)
-    solid = image != geometry.pore
-    if solid.all() or not solid.any():
-        values, counts = np.unique(image, return_counts=True)
-        shown = ", ".join(f"{v} ({c:,})" for v, c in list(zip(values, counts, strict=True))[:8])
-        what = "no voxel" if solid.all() else "every voxel"
+    image = read_image(path, geometry.crop, grey=geometry.threshold is not None)
+    if missing := image.size - np.count_nonzero(np.isfinite(image)):
         raise ConfigurationError(
-            f"cell.geometry.pore: {what} of {path} has the value {geometry.pore}; its values are {shown}"
+            f"{path}: expected a number in every voxel, got {missing:,} of {image.size:,} that are infinite or no "
+            "number; leave them out with cell.geometry.crop, or fill them"
+        )
+    pores = geometry.pores_of(image)
+    if pores.all() or not pores.any():
+        found = GreyValues.of(image)
+        which = "every voxel" if pores.all() else "no voxel"
+        level = geometry.level
+        if level is None:
+            hint = "; give 'threshold: otsu' in place of pore" if not_segmented(found, geometry.pore) else ""
+            raise ConfigurationError(
+                f"cell.geometry.pore: {which} of {path} has the value {geometry.pore}; its values are "
+                f"{found.extent}{hint}"
+            )
+        side = "above" if geometry.bright_pores else "at or below"
+        raise ConfigurationError(
+            f"cell.geometry.threshold: {which} of {path} is {side} {level:g}; its values are {found.extent}"
         )
     if geometry.repeat == "layer":
-        return blended(solid, geometry.layer)
-    return solid, mismatch_note(solid) if geometry.repeat == "periodic" else ()
+        return blended(~pores, geometry.layer)
+    return ~pores, ""
 
 
 @lru_cache(maxsize=2)

@@ -14,11 +14,23 @@ from porocore.cell.geometry.pore_geometry import PoreGeometry
 from porocore.cell.geometry.sides import CUBE, Sides
 from porocore.cell.meshing.mirror import eighth_to_whole, snap, wedge_to_eighth
 from porocore.cell.meshing.periodicity import facet_classes
-from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra, boundary_facets, with_middles
+from porocore.cell.meshing.tetrahedra import (
+    Element,
+    Phase,
+    Tetrahedra,
+    boundary_facets,
+    volume,
+    with_middles,
+)
 from porocore.core.files.plain_data import stable_hash
 from porocore.core.models.strict import StrictModel
 from porocore.core.units.dimensions import Unit
+from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
+
+#: Difference of the share of a phase in a mesh from that in its geometry beyond which nothing is computed, relative to
+#: the smaller share. K goes with the third power of the porosity or so: beyond, it would be wrong by a factor of two.
+MISSED = 0.25
 
 __all__ = ["CellMesh", "Domain", "MeshSettings", "Phase", "make_mesh"]
 
@@ -165,6 +177,8 @@ def make_mesh(geometry: PoreGeometry, settings: MeshSettings, phase: Phase, doma
 
     Raises
     ------
+    ConfigurationError
+        The mesh is too coarse for the pores or walls.
     PorocoreError
         The geometry cannot be meshed.
     ValueError
@@ -180,6 +194,7 @@ def make_mesh(geometry: PoreGeometry, settings: MeshSettings, phase: Phase, doma
     size = settings.size if phase == "solid" else settings.fluid_size
     part = _part(geometry, size, settings.element)[phase]
     points, cells, regions = part.points, part.cells, part.regions
+    _require_porosity(geometry, settings, phase, part)
     if geometry.unfolding == "wedge":
         points, cells = wedge_to_eighth(points, cells)
         regions = np.tile(regions, 6)
@@ -187,6 +202,22 @@ def make_mesh(geometry: PoreGeometry, settings: MeshSettings, phase: Phase, doma
         points = snap(points, geometry.sides)
     return CellMesh(
         phase, domain, points, cells, regions=regions, region_names=part.region_names, sides=geometry.sides
+    )
+
+
+def _require_porosity(geometry: PoreGeometry, settings: MeshSettings, phase: Phase, part: Tetrahedra) -> None:
+    """Refuse the mesh of a phase whose share is another one than that of the geometry."""
+    copies = {"wedge": 48, "eighth": 8, "whole": 1}[geometry.unfolding]
+    share = copies * volume(part.points, part.cells) if len(part.cells) else 0.0
+    found, exact = 1 - share if phase == "solid" else share, geometry.porosity
+    if abs(found - exact) <= MISSED * min(exact, 1 - exact):
+        return
+    key = "size" if phase == "solid" else "fluid_size"
+    suspect = "".join(f"{warning}; " for warning in geometry.warnings)
+    raise ConfigurationError(
+        f"cell.mesh.{key}: expected a mesh of the porosity {exact:.3g}, which is that of {geometry.description}, got "
+        f"{found:.3g} with the {phase}'s mesh of size {getattr(settings, key):g}; {suspect}give a smaller "
+        f"cell.mesh.{key}, with several elements across pores and walls"
     )
 
 

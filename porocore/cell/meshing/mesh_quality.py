@@ -10,7 +10,6 @@ import numpy as np
 from porocore.cell.cell import Cell
 from porocore.cell.geometry.sides import CUBE, Sides
 from porocore.cell.level_sets.agreement import grains
-from porocore.cell.level_sets.faces import NOT_PERIODIC
 from porocore.cell.meshing.connectivity import Piece, blocked, pieces, why_disconnected
 from porocore.cell.meshing.mesh import CellMesh, make_mesh
 from porocore.cell.meshing.shape_functions import EDGES, FACETS
@@ -75,6 +74,8 @@ class MeshQuality:
         Sides of the cell, in units of the cube root of its volume.
     notes
         Remarks of the geometry, such as what was removed from an image.
+    warnings
+        What is suspect in the geometry, such as an image that is not segmented.
     """
 
     description: str
@@ -87,6 +88,7 @@ class MeshQuality:
     blocked: str
     sides: Sides
     notes: tuple[str, ...]
+    warnings: tuple[str, ...]
 
 
 def measure_mesh_quality(cell: Cell) -> MeshQuality:
@@ -111,6 +113,7 @@ def measure_mesh_quality(cell: Cell) -> MeshQuality:
         blocked(of_fluid.pieces if of_fluid else ()),
         cell.geometry.sides,
         (*cell.geometry.notes, *grains(single)),
+        cell.geometry.warnings,
     )
 
 
@@ -169,7 +172,8 @@ def unmatched(meshes: Sequence[CellMesh]) -> int:
 def quality_lines(quality: MeshQuality) -> list[str]:
     """Return the mesh quality as lines of text."""
     lines = [f"geometry: {quality.description}"]
-    lines += [f"{'note: ' * note.startswith(NOT_PERIODIC)}geometry: {note}" for note in quality.notes]
+    lines += [f"geometry: {note}" for note in quality.notes]
+    lines += [f"note: geometry: {warning}" for warning in quality.warnings]
     if quality.sides != CUBE:
         lines.append(
             f"sides: {', '.join(f'{side:.4g}' for side in quality.sides)} along x, y, z, in units of the cube root of "

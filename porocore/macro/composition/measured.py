@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field, field_validator
 
-from porocore.cell.level_sets.image import open_values
+from porocore.cell.level_sets.image import open_image
 from porocore.core.echo import echo, suggestion
 from porocore.core.files.foreign_mesh import read_mesh
 from porocore.core.files.input_file import FromFile
@@ -187,7 +187,7 @@ def _told_with(key: str) -> Iterator[None]:
 
 @lru_cache(maxsize=4)
 def _image(path: Path) -> Any:
-    return open_values(path)
+    return open_image(path, grey=True)
 
 
 def _mesh_data(path: Path, name: str, key: str) -> tuple[Array, Any, Array]:

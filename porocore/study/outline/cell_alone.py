@@ -152,8 +152,11 @@ def _class_of(cell: Cell, found: EffectiveProperties) -> str:
 def notes(config: RunConfig) -> Iterator[str]:
     """Yield what a reader of the properties of a cell has to know of its pores, image and fluid."""
     single = config.cell.model_copy(update={"supercell": (1, 1, 1)})
+    yield from single.geometry.warnings
     yield from single.geometry.notes
     yield from grains(single)
+    if single.geometry.error_of_flow:
+        yield single.geometry.error_of_flow
     for line in resolution(single, cell_length(config)):
         if line.startswith("note: "):
             yield line.removeprefix("note: ")

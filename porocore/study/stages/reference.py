@@ -57,7 +57,11 @@ def solve_reference(
     which = " in the middle of the ranges" if config.cell.is_family else ""
     title = folder.stage_of_cell("cell") + which
     console.note(f"{title}: porosity {reference.porosity:.4f}, conductivity K_11, K_22, K_33 = {diagonal}")
-    for warning in broken_by_the_mesh(reference.response, config.cell.point_group):
+    suspect = (
+        *config.cell.geometry.warnings,
+        *broken_by_the_mesh(reference.response, config.cell.point_group),
+    )
+    for warning in suspect:
         console.warn(folder.said_of_cell(warning))
 
 
@@ -120,13 +124,15 @@ def solve_cell(
 
     At rest there are the effective properties (``properties``, as :class:`EffectiveProperties`) and ``warnings``, too.
     A solid that is not connected has no responses; at rest, what is known of its flow is returned. ``tell`` is called
-    with what came from the store.
+    with what came from the store and, of a state that is not at rest, with what is suspect about the pores.
     """
     cell, rest = config.cell, p == 0 and not np.any(grad_u)
     began = time.perf_counter()
     arguments = (config.fem.backend, config.fem.options, config.cell, config.conductivity)
     (solver, prepared), known = prepare_cell(*arguments), solved_states(store, *arguments)
     conductivity = conductivity_of(solver, prepared)
+    for warning in () if rest else cell.geometry.warnings:
+        tell(f"note: {warning}")
     unstored, solver = solver, solver if known is None else StoringSolver(solver, known)
     if (disconnected := cell.disconnected) and rest:
         porosity = cell.mesh_porosity

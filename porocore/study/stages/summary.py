@@ -81,7 +81,7 @@ def report_context(results: RunResults) -> ReportContext:
             *(
                 each.folder.said_of_cell(warning)
                 for each in cells.values()
-                for warning in disagreements(each.config.cell)
+                for warning in (*each.config.cell.geometry.warnings, *disagreements(each.config.cell))
             ),
             *_overshoots(results, rest),
         ),
@@ -253,6 +253,7 @@ def _cell_summary(results: RunResults) -> CellSummary:
             *grains(single),
             *(line.strip() for line in edges(results.config)),
             *([CLOSED_PORES] if closed else []),
+            *([cell.geometry.error_of_flow] if cell.geometry.error_of_flow else []),
         ),
         image_porosity=cell.geometry.porosity if isinstance(cell.geometry, Voxels) else None,
         which="in the middle of the ranges" if cell.is_family else "",

@@ -72,7 +72,7 @@ class Scan:
                 f"cell.geometry.kind: expected voxels, since sub-volumes are taken from an image, got '{geometry.kind}'"
             )
         path = geometry.checked("cell.geometry")
-        values = open_image(path)
+        values = open_image(path, grey=geometry.threshold is not None)
         whole = tuple((0, n) for n in values.shape)
         part = whole if geometry.crop is None else geometry.crop
         if any(not first < end <= n for (first, end), n in zip(part, values.shape, strict=True)):
@@ -112,6 +112,7 @@ class Scan:
         yield f"image {Path(self.geometry.path).name} of {shape} voxels{length}{of}, repeat: {self.geometry.repeat}"
         solid, fluid = self.elements
         yield f"elements of {solid:.3g} voxels in the solid and {fluid:.3g} in the fluid"
+        yield from (f"note: {warning}" for warning in self.geometry.grey_warnings)
 
     def edge(self, size: int) -> int:
         """Return the edge of the cell that is made of a sub-volume [voxels]."""
@@ -183,7 +184,7 @@ class Scan:
     def porosities(self, size: int, places: list[Corner]) -> Array:
         """Return the share of pore voxels of sub-volumes, before anything is blended or cleaned."""
         shares = [
-            np.count_nonzero(self.values[x : x + size, y : y + size, z : z + size] == self.geometry.pore)
+            np.count_nonzero(self.geometry.pores_of(self.values[x : x + size, y : y + size, z : z + size]))
             for x, y, z in places
         ]
         return np.array(shares, dtype=float) / size**3

@@ -1,0 +1,214 @@
+"""Grey images: their values, a threshold, what is said where none was given, and meshes of another porosity."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tifffile
+from scipy.ndimage import gaussian_filter
+
+from porocore.cell.cell import Cell
+from porocore.cell.geometry.kinds import Voxels
+from porocore.cell.level_sets.grey import GreyValues
+from porocore.cell.level_sets.image import read_image, stated_voxel
+from porocore.cell.meshing.mesh import MISSED
+from porocore.cell.meshing.mesh_quality import measure_mesh_quality, quality_lines
+from porocore.errors import ConfigurationError
+
+x, y, z = np.meshgrid(*[(np.arange(16) + 0.5) / 16 * 2 * np.pi] * 3, indexing="ij")
+PORES = np.sin(x) * np.cos(y) + np.sin(y) * np.cos(z) + np.sin(z) * np.cos(x) < -0.4
+#: Two phases of 60 and 180 that a detector blurs, with noise.
+GREY = gaussian_filter(np.where(PORES, 60.0, 180.0), 0.4, mode="wrap")
+GREY += np.random.default_rng(0).normal(0, 8, PORES.shape)
+
+
+def image(path, values, **keys):
+    np.save(path, values)
+    return Voxels(kind="voxels", path=str(path), repeat="periodic", **keys)
+
+
+def test_otsu_parts_two_peaks_in_the_middle_of_their_gap():
+    found = GreyValues.of(np.array([[[1, 2, 2], [3, 90, 92]]], dtype=np.uint16))
+    assert (found.otsu, found.share(found.otsu)) == (46.5, pytest.approx(4 / 6))
+    assert GreyValues.of(np.full((4, 4, 4), 7)).otsu == 7
+
+
+def test_otsu_is_the_largest_variance_between_both_classes():
+    values = GREY.astype(np.uint8)
+
+    def between(level):
+        low, high = values[values <= level], values[values > level]
+        return len(low) * len(high) * (low.mean() - high.mean()) ** 2
+
+    best = max(np.unique(values)[:-1], key=between)
+    np.testing.assert_array_equal(values <= GreyValues.of(values).otsu, values <= best)
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.int32, np.float32])
+@pytest.mark.parametrize("suffix", [".npy", ".tif"])
+def test_a_grey_image_of_any_kind_has_one_porosity(tmp_path, kind, suffix):
+    values = (GREY * {np.uint8: 1, np.uint16: 200, np.int32: 90_000, np.float32: 0.01}[kind]).astype(kind)
+    path = tmp_path / f"grey{suffix}"
+    if suffix == ".npy":
+        np.save(path, values)
+    else:
+        tifffile.imwrite(path, values.T)
+    dark = Voxels(kind="voxels", path=str(path), threshold="otsu")
+    assert dark.porosity == pytest.approx(PORES.mean(), abs=0.004)
+    bright = dark.model_copy(update={"bright_pores": True})
+    assert bright.porosity == pytest.approx(1 - dark.porosity, abs=1e-15)
+    assert dark.warnings == ()
+    (note,) = [each for each in dark.notes if "threshold" in each]
+    assert "by Otsu's method" in note
+
+
+def test_otsu_is_of_the_whole_file_and_a_number_of_itself(tmp_path):
+    values = GREY.astype(np.uint8)
+    part = image(tmp_path / "image.npy", values, threshold="otsu", crop=((0, 16), (0, 16), (0, 6)))
+    assert part.level == GreyValues.of(values).otsu
+    given = image(tmp_path / "image.npy", values, threshold=120)
+    np.testing.assert_array_equal(given.solid, values > 120)
+    assert Cell(geometry=given).identity != Cell(geometry=part).identity
+    again = Cell.model_validate(Cell(geometry=given).model_dump())
+    assert again.geometry == given
+    assert "pore" not in given.specification()
+
+
+def test_an_image_that_is_not_segmented_is_told_with_a_threshold(tmp_path):
+    values = GREY.astype(np.uint8)
+    geometry = image(tmp_path / "image.npy", values, pore=60)
+    (note,) = geometry.warnings
+    grey = GreyValues.of(values)
+    assert f"its values are {len(np.unique(values))} distinct ones" in note
+    assert f"'pore: 60' takes {100 * (values == 60).mean():.3g} % of the voxels" in note
+    assert (
+        f"parts them at {grey.otsu:g} and takes the darker {100 * (values <= grey.otsu).mean():.3g} %" in note
+    )
+
+
+def test_labels_of_three_phases_are_named_and_no_fault(tmp_path):
+    values = np.where(PORES, 0, np.where(z < 3, 1, 2)).astype(np.uint8)
+    geometry = image(tmp_path / "image.npy", values, pore=0)
+    assert geometry.warnings == ()
+    assert "the image has 3 values: 0 (" in geometry.notes[0]
+    assert geometry.notes[0].endswith("voxels of the value 0 are pores, all others are one solid")
+    assert image(tmp_path / "image.npy", PORES, pore=1).notes == ()
+
+
+def test_the_note_stands_in_the_lines_of_a_check(tmp_path):
+    lossy = np.where(PORES, 0, 255) + np.random.default_rng(1).integers(0, 5, PORES.shape) * (1 - 2 * ~PORES)
+    geometry = image(tmp_path / "image.npy", lossy.astype(np.uint8), pore=0, smoothing=0.5)
+    with pytest.raises(ConfigurationError, match=r"expected a mesh of the porosity 0\.0.*is not segmented"):
+        measure_mesh_quality(Cell(geometry=geometry, mesh={"size": 0.3, "fluid_size": 0.3}))
+    segmented = image(tmp_path / "image.npy", lossy.astype(np.uint8), threshold="otsu")
+    quality = measure_mesh_quality(Cell(geometry=segmented, mesh={"size": 0.1, "fluid_size": 0.1}))
+    assert segmented.porosity == PORES.mean()
+    assert 1 - quality.solid.share == pytest.approx(PORES.mean(), abs=2e-3)
+    assert not any("note" in line for line in quality_lines(quality))
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"pore": 0, "threshold": 3}, "expected either pore, of a segmented image, or threshold"),
+        ({"bright_pores": True}, "bright_pores belongs to threshold"),
+        ({"threshold": "median"}, "otsu"),
+        ({"threshold": float("nan")}, "finite"),
+    ],
+)
+def test_contradictions_are_refused(tmp_path, keys, message):
+    with pytest.raises(ValueError, match=message):
+        image(tmp_path / "image.npy", PORES, **keys)
+
+
+@pytest.mark.parametrize(
+    ("values", "keys", "message"),
+    [
+        (GREY, {}, "expected a segmented image.*float64; segment it first, or write 'threshold: otsu'"),
+        (GREY.astype(np.uint8), {"pore": 255}, r"has the value 255; its values are \d+ distinct .*threshold: otsu"),
+        (GREY, {"threshold": 400}, r"every voxel of .* is at or below 400; its values are [\d,]+ distinct"),
+        (GREY, {"threshold": 400, "bright_pores": True}, "no voxel of .* is above 400"),
+        (np.where(PORES, np.nan, GREY), {"threshold": "otsu"}, r"got [\d,]+ of 4,096 that are infinite or no number"),
+        (np.full((4, 4, 4), np.nan), {"threshold": "otsu"}, "expected a number in every voxel"),
+    ],
+)  # fmt: skip
+def test_what_has_no_pores_is_refused(tmp_path, values, keys, message):
+    with pytest.raises(ConfigurationError, match=message):
+        _ = image(tmp_path / "image.npy", values, **keys).porosity
+
+
+def test_a_mesh_of_another_porosity_is_refused_and_its_finer_one_is_not(tmp_path):
+    """A sheet of pores of four voxels between the nodes of a coarse lattice."""
+    pores = np.zeros((24, 24, 24), bool)
+    pores[2:5] = True
+    geometry = image(tmp_path / "image.npy", pores, pore=1, smoothing=0)
+    fine = Cell(geometry=geometry, mesh={"size": 0.08, "fluid_size": 0.08, "element": "linear"})
+    assert fine.mesh_porosity == pytest.approx(0.125, rel=MISSED)
+    coarse = Cell(geometry=geometry, mesh={"size": 0.33, "fluid_size": 0.08, "element": "linear"})
+    with pytest.raises(ConfigurationError, match=r"cell\.mesh\.size: expected a mesh of the porosity 0\.125"):
+        _ = coarse.mesh_porosity
+
+
+def write_page_by_page(path, pages):
+    with tifffile.TiffWriter(path) as file:
+        for page in pages:
+            file.write(page)
+
+
+def test_pages_that_were_written_one_by_one_are_one_stack(tmp_path):
+    pages = np.random.default_rng(0).integers(0, 2, (6, 8, 10)).astype(np.uint8)
+    write_page_by_page(tmp_path / "stack.tif", pages)
+    np.testing.assert_array_equal(read_image(tmp_path / "stack.tif"), pages.T)
+    write_page_by_page(tmp_path / "two.tif", [pages, pages[:5]])
+    with pytest.raises(
+        ConfigurationError, match="expected one stack of pages of one size, got 2 with the shapes 6 x"
+    ):
+        read_image(tmp_path / "two.tif")
+
+
+def test_an_image_in_colour_is_refused_as_one(tmp_path):
+    tifffile.imwrite(tmp_path / "rgb.tif", np.zeros((6, 8, 10, 3), np.uint8), photometric="rgb")
+    with pytest.raises(ConfigurationError, match="an image in colour with 3; save it in grey"):
+        read_image(tmp_path / "rgb.tif")
+
+
+def test_a_compression_without_a_decoder_is_named(tmp_path, monkeypatch):
+    lossy = Path(__file__).parents[1] / "strangers/image_not_segmented/jpeg.tif"
+    monkeypatch.setitem(vars(tifffile.TIFF), "DECOMPRESSORS", {1: None})
+    with pytest.raises(
+        ConfigurationError, match=r"compressed by JPEG: pip install imagecodecs, or save it .*JPEG changes"
+    ):
+        read_image(lossy)
+
+
+def imagej(path, pages, edges, unit):
+    resolution = (1 / edges[0], 1 / edges[1])
+    metadata = {"spacing": edges[2], "unit": unit, "axes": "ZYX"}
+    tifffile.imwrite(path, pages, imagej=True, resolution=resolution, metadata=metadata)
+
+
+def ome(path, pages, edges, unit):
+    sizes = {f"PhysicalSize{axis}": edge for axis, edge in zip("XYZ", edges, strict=True)}
+    units = {f"PhysicalSize{axis}Unit": unit for axis in "XYZ"}
+    tifffile.imwrite(path, pages, ome=True, metadata={"axes": "ZYX", **sizes, **units})
+
+
+@pytest.mark.parametrize(("write", "unit"), [(imagej, "um"), (imagej, "micron"), (ome, "µm")])
+def test_edges_of_voxels_that_the_file_states_are_told_where_they_differ(tmp_path, write, unit):
+    path, pages = tmp_path / "stack.tif", PORES.T.astype(np.uint8)
+    write(path, pages, (12.0, 12.0, 15.0), unit)
+    assert stated_voxel(path)[0] == pytest.approx((12, 12, 15))
+
+    def warnings(**keys):
+        return Voxels(kind="voxels", path=str(path), pore=1, **keys).warnings
+
+    (note,) = warnings()
+    assert "takes them for cubes" in note
+    assert note.endswith("write 'voxel_size: [12 um, 12 um, 15 um]'")
+    assert "has 12 x 12 x 12 µm" in warnings(voxel_size=12e-6)[0]
+    assert "has 12 x 12 x 15 mm" in warnings(voxel_size=(12e-3, 12e-3, 15e-3))[0]
+    assert warnings(voxel_size=(12e-6, 12e-6, 15e-6)) == ()
+    write(path, pages, (12.0, 12.0, 12.0), unit)
+    assert warnings() == ()
+    tifffile.imwrite(path, pages)
+    assert warnings() == ()
