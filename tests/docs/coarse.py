@@ -125,8 +125,8 @@ def make_coarse(patch: pytest.MonkeyPatch) -> None:
     """From now on all studies of this process are coarse, and pictures are written without being drawn."""
     validated = porocore.study.config.loading.validated
 
-    def coarse(document: YamlDocument) -> porocore.study.config.config.RunConfig:
-        return validated(dataclasses.replace(document, data=coarsened(document.data)))
+    def coarse(document: YamlDocument, **how: Any) -> porocore.study.config.config.RunConfig:
+        return validated(dataclasses.replace(document, data=coarsened(document.data)), **how)
 
     for module in HOLDERS:
         patch.setattr(module, "validated", coarse)

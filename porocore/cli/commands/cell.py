@@ -6,7 +6,6 @@ import json
 import re
 from collections.abc import Mapping
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
@@ -190,10 +189,14 @@ def fields(
 
     typer.echo(f"status: {_described(Status(int(found.response.status[0])).name)}")
     if (extrema := found.response.extrema) is not None:
-        said = partial(settings.result_units.text, quantity="energy-density", digits=6)
-        typer.echo(
-            f"strain energy density: mean <Ψ>_s {said(extrema.energy_mean[0])}, largest {said(extrema.energy[0])}"
-        )
+        from porocore.report.format import multiple
+
+        with in_units_of(settings):
+            mean, largest = (
+                multiple(float(value[0]), "energy-density", 6)
+                for value in (extrema.energy_mean, extrema.energy)
+            )
+        typer.echo(f"strain energy density: mean <Ψ>_s {mean}, largest {largest}")
     for written in (found.vtu, *found.pictures.values()):
         typer.echo(written)
 
