@@ -90,6 +90,24 @@ ROWS = [
             ("an empty folder", "is not a run folder", {"run": folder}),
         )
     ),
+    *(
+        Row(f"check: {name}", ("check", "cell.yaml"), (expected,), {"cell.yaml": text})
+        for name, text, expected in (
+            ("a part of a study", "cell: {viscosity: 1.0}\nsampling: {}\n", "macro: "),
+            ("no cell", "title: of nothing\n", "sampling: "),
+            (
+                "a force without a length",
+                "cell: {}\nscales: {force: 1 N, pore: 1 um}\n",
+                "scales.length: missing",
+            ),
+        )
+    ),
+    Row(
+        "cell: cells without a name",
+        ("cell", "cells.yaml"),
+        ("cells.yaml:1: cells: expected the name of a cell with --cell: clay",),
+        {"cells.yaml": "cells:\n  clay: {}\n"},
+    ),
     incomplete_run("train", "samples.h5", "make it first: porocore sample run"),
     incomplete_run("solve", "surrogate.h5", "make it first: porocore train run"),
     incomplete_run("report", "solutions/mean-gradient_load-0.04.h5", "make it first: porocore solve run"),

@@ -52,6 +52,8 @@ REFUSED = [
     ("cell state", "--grad-u", "0 " * 5000, "nine finite numbers"),
     ("cell state", "--grad-u", "0 0 0; 0 0 0; 0 0 " + "9" * 5000, "nine finite numbers"),
     ("cell state", "--grad-u", "a b c; d e f; g h i", "nine finite numbers"),
+    *((c, "--cell", "clay", "--cell: there is no cell 'clay'; the file has no 'cells:'; leave it out")
+      for c in ("cell state", "cell fields", "cell rev")),
     ("cell fields", "--at", "H22=-1", "det F = 0"),
     ("cell fields", "--at", "H22=-1.5,H11=-1.5,H33=-1.5", "det F = -0.125"),
     ("cell fields", "--at", "H11=1e300", "expected components of H of at most"),
