@@ -9,7 +9,6 @@ from invoked import BENCHMARK, invoke
 from pydantic import ValidationError
 
 import porocore
-from porocore.cell.geometry.kinds import OrthogonalChannels
 from porocore.core.inputs.input_space import NAMES, InputSpace
 from porocore.core.inputs.possible_states import least_volume
 from porocore.core.units.results import OutputUnits, ResultUnits
@@ -127,10 +126,9 @@ def test_check_says_what_left_out_defaults_mean(tmp_path):
     assert not list(left_out(MacroSetup.model_validate(given | {"time": plan}), units))
 
 
-def test_check_refuses_a_cell_without_pores(tmp_path, monkeypatch):
-    monkeypatch.setattr(OrthogonalChannels, "porosity", 0.0)
+def test_check_refuses_a_study_of_a_cell_without_pores(tmp_path):
     with pytest.raises(ConfigurationError, match="has no pores"):
-        list(outline(load_config(BENCHMARK)))
+        list(outline(load_config(study_of(tmp_path, cell__geometry={"kind": "no-pores"}))))
 
 
 def test_check_notes_drained_surfaces_that_no_pore_leads_to(tmp_path):
