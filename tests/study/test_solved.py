@@ -143,7 +143,9 @@ def test_a_solution_as_a_grid(solution):
 @pytest.mark.parametrize(("package", "method"), [("xarray", "to_xarray"), ("pyvista", "to_pyvista")])
 def test_a_missing_package_is_named(solution, package, method, monkeypatch):
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(PluginError, match=rf"{package} is not installed; .* 'porocore\[notebooks\]'"):
+    with pytest.raises(
+        PluginError, match=rf"{package} is not installed; install it with: pip install {package}"
+    ):
         getattr(Solved(solution), method)()
 
 

@@ -183,7 +183,7 @@ def test_states_in_words():
 
 def test_without_pyvista_the_file_is_written_and_the_message_says_what_to_install(monkeypatch, tmp_path):
     monkeypatch.setattr(pictures, "find_spec", lambda name: None)
-    with pytest.raises(PorocoreError, match=r"pip install 'porocore\[pictures\]'"):
+    with pytest.raises(PorocoreError, match=r"pip install pyvista"):
         solve_and_write(LINEAR, FemSettings(), tmp_path, {"p": 0.1}, name="a")
     assert [path.name for path in tmp_path.iterdir()] == ["a.vtu"]
 

@@ -206,11 +206,12 @@ def make_mesh(geometry: PoreGeometry, settings: MeshSettings, phase: Phase, doma
 
 
 def _require_porosity(geometry: PoreGeometry, settings: MeshSettings, phase: Phase, part: Tetrahedra) -> None:
-    """Refuse the mesh of a phase whose share is another one than that of the geometry."""
+    """Refuse the mesh of a phase whose share is another one than that of a geometry of two phases."""
     copies = {"wedge": 48, "eighth": 8, "whole": 1}[geometry.unfolding]
     share = copies * volume(part.points, part.cells) if len(part.cells) else 0.0
     found, exact = 1 - share if phase == "solid" else share, geometry.porosity
-    if abs(found - exact) <= MISSED * min(exact, 1 - exact):
+    less = min(exact, 1 - exact)
+    if less == 0 or abs(found - exact) <= MISSED * less:
         return
     key = "size" if phase == "solid" else "fluid_size"
     suspect = "".join(f"{warning}; " for warning in geometry.warnings)

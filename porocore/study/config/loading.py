@@ -26,7 +26,7 @@ from porocore.study.config.errors import faults, unexpected
 from porocore.study.config.examples import benchmark_path
 
 #: Keys that are true or false.
-SWITCHES = ("drop_grains",)
+SWITCHES = ("drop_grains", "bright_pores")
 NO_VISCOSITY = (
     "missing; with scales the fluid has no default viscosity: add 'viscosity: 1 mPa s', which is water, under"
 )
