@@ -84,7 +84,7 @@ def test_extras_that_are_shown_exist():
         for extras in re.findall(r"porocore\[([a-z, ]+)\]", path.read_text(encoding="utf-8"))
         for extra in extras.split(",")
     }
-    assert {"dask", "notebooks", "parquet"} <= shown <= set(project["optional-dependencies"])
+    assert {"skfem", "torch"} <= shown <= set(project["optional-dependencies"])
 
 
 class _Parsed(Exception):
