@@ -12,6 +12,7 @@ import numpy.typing as npt
 from porocore.core.hdf5 import Contents, atomic_hdf5, opened
 from porocore.core.hdf5.contents import numbered
 from porocore.core.hdf5.writing import link_to, name_of_link
+from porocore.core.units.results import ResultUnits
 from porocore.errors import DataError
 from porocore.interfaces.element_cells import ElementCells
 from porocore.states import Array, MacroState
@@ -168,6 +169,8 @@ class MacroSolution:
         Parts like the mesh in the whole specimen that forces and volumes are those of.
     element_cells
         Regions, parameters and material axes of the elements; None for a body of one cell without parameters.
+    units
+        Units of the study that keeps it, with the factors from these dimensionless values; plain numbers have none.
     """
 
     law: str
@@ -185,6 +188,7 @@ class MacroSolution:
     linear_solver: str = ""
     copies: float = 1.0
     element_cells: ElementCells | None = None
+    units: ResultUnits = field(default_factory=ResultUnits)
 
     @property
     def after_rest(self) -> tuple[Profile, ...]:
@@ -224,6 +228,8 @@ class MacroSolution:
             file.attrs.update(
                 backend=self.backend, copies=float(self.copies), linear_solver=self.linear_solver
             )
+            if self.units.given:
+                file.attrs["units"] = self.units.as_text()
             file["points"], file["cells"] = self.points, self.cells
             for f in fields(History):
                 file[f"history/{file_name(f.name)}"] = getattr(self.history, f.name)
@@ -278,11 +284,12 @@ class MacroSolution:
                 linear_solver=_text(file, "linear_solver"),
                 copies=file.attribute("copies", float),
                 element_cells=ElementCells.read(file),
+                units=ResultUnits.from_text(units) if (units := _text(file, "units")) else ResultUnits(),
             )
 
 
 def _text(file: Contents, name: str) -> str:
-    """Return a text that older files lack."""
+    """Return a text that a file may lack."""
     return str(file.attribute(name, str)) if name in file.attributes else ""
 
 

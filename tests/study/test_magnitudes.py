@@ -11,9 +11,11 @@ from porocore.core.units.scales import Scales
 from porocore.errors import ConfigurationError
 from porocore.macro.problem import MacroSetup, body_mesh
 from porocore.study.config.sections import MacroSettings
+from porocore.study.magnitudes.left_out import formulas
 from porocore.study.magnitudes.prescribed import require_right_side_out
 from porocore.study.magnitudes.run_times import run_times
 from porocore.study.magnitudes.separation import separation
+from porocore.study.preflight.time_functions import late_functions
 
 SCALES = Scales(modulus=1e3, length=1e-3, pore=1e-6, viscosity=1e-3)
 SECOND = 1 / SCALES.factor("time")
@@ -179,3 +181,52 @@ def test_a_body_is_not_turned_inside_out(value, loads, said):
 def test_a_body_that_is_pressed_or_pulled_far_is_its_own_affair(value, loads):
     setup = MacroSettings.model_validate(macro(value).model_dump() | {"loads": loads})
     require_right_side_out(setup, body_mesh(setup), ResultUnits(SCALES))
+
+
+FORMULAS = {
+    "regions": {
+        "top": {
+            "kind": "layer",
+            "above": 2.0,
+            "fields": {"radius": "0.2 + 0.01*z", "axes": {"first": [1, "0.1*x", 0], "second": [0, 1, 0]}},
+        }
+    },
+    "fields": {
+        "radius": {"formula": "0.2 + 0.1*x*y/3 + t", "initial": 0.2, "over": {"expression": "sin(t)"}},
+        "axes": {"about": [0, 0, 1], "angle": "10*t"},
+        "poisson_ratio": "0.3",
+        "stiffness": 1.5,
+    },
+}
+
+
+def test_formulas_of_a_study_with_scales_are_noted_with_what_their_names_count_in():
+    setup = macro({"expression": "-0.1*t"}, **FORMULAS)
+    units = ResultUnits(SCALES, OutputUnits(length="mm", time="ms"))
+    time = units.text(1.0, "time")
+    found = {line.partition(": ")[0]: line.partition(": ")[2] for line in formulas(setup, units)}
+    assert found == {
+        key: f"the formula '{text}' has {names}, the scales of the study"
+        for key, text, names in (
+            (
+                "macro.fields.radius.formula",
+                "0.2 + 0.1*x*y/3 + t",
+                f"x, y in multiples of 1 mm and t in multiples of {time}",
+            ),
+            ("macro.fields.radius.over.expression", "sin(t)", f"t in multiples of {time}"),
+            ("macro.fields.axes.angle", "10*t", f"t in multiples of {time}"),
+            ("macro.regions.top.fields.radius", "0.2 + 0.01*z", "z in multiples of 1 mm"),
+            ("macro.regions.top.fields.axes.first.1", "0.1*x", "x in multiples of 1 mm"),
+            ("macro.boundary.y+.displacement.1.expression", "-0.1*t", f"t in multiples of {time}"),
+        )
+    }
+    assert list(formulas(setup, ResultUnits())) == []
+
+
+def test_a_field_whose_course_goes_on_after_the_end_is_noted():
+    over = {"radius": {"formula": "0.3", "initial": 0.2, "over": {"ramp": 1, "until": 20 * SECOND}}}
+    (note,) = late_functions(macro(-0.1, end=10 * SECOND, fields=over), ResultUnits(SCALES))
+    assert note.startswith(
+        "the function of time of macro.fields.radius goes on until t = 20 s, beyond the end, 10 s"
+    )
+    assert list(late_functions(macro(-0.1, end=20 * SECOND, fields=over), ResultUnits(SCALES))) == []

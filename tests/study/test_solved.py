@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -22,6 +23,7 @@ from porocore.report.metrics import case_metrics
 from porocore.study.api.solved import LawsSolved, Solutions, Solved
 from porocore.study.api.study import Study
 from porocore.study.stages.laws import require_laws
+from porocore.study.stages.solving import _kept
 
 UNITS = ResultUnits(
     Scales(modulus=2000, length=0.01, pore=5e-6), OutputUnits(length="mm", stress="kPa", time="h", force="mN")
@@ -52,6 +54,36 @@ def test_the_flag_keeps_its_name_in_files(solution, tmp_path):
     flags = "outside_training_range"
     np.testing.assert_array_equal(getattr(read.history, flags), getattr(solution.history, flags))
     assert "outside" in {each.name for each in all_series(solution)}
+
+
+def test_a_file_of_a_solution_knows_the_units_of_its_study(solution, tmp_path):
+    path = tmp_path / "s.h5"
+    replace(solution, units=UNITS).save(path)
+    read = porocore.MacroSolution.load_file(path)
+    assert read.units == UNITS
+    assert read.units.name("length") == "mm"
+    assert read.history.time[-1] * read.units.factor("time") == pytest.approx(
+        solution.history.time[-1] * 0.01**2 / (5e-6**2 * 2000) / 3600
+    )
+    solution.save(path)
+    assert porocore.MacroSolution.load_file(path).units == ResultUnits()
+    for text in ("{", "[]", '{"scales": {}, "output_units": {}}'):
+        with h5py.File(path, "a") as file:
+            file.attrs["units"] = text
+        with pytest.raises(DataError, match=r"s\.h5: not a complete porocore solution"):
+            porocore.MacroSolution.load_file(path)
+
+
+def test_a_solution_that_stays_takes_the_units_that_the_study_has_now(solution, tmp_path):
+    """Scales and output units are no part of a run, and may change while it goes on."""
+    path = tmp_path / "s.h5"
+    replace(solution, units=UNITS).save(path)
+    folder = SimpleNamespace(solution=lambda law, load: path)
+    for units in (replace(UNITS, units=OutputUnits(length="um")), ResultUnits()):
+        config = SimpleNamespace(macro=SimpleNamespace(loads=[solution.load]), result_units=units)
+        found = _kept(folder, config, [solution.law], None)
+        assert found[solution.law, solution.load][0]
+        assert porocore.MacroSolution.load_file(path).units == units
 
 
 def test_the_whole_specimen_is_kept_in_files(solution, tmp_path):

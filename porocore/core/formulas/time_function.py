@@ -13,7 +13,7 @@ from porocore.core.echo import echo
 from porocore.core.formulas.expressions import LONGEST, Expression
 from porocore.core.models.bounds import MOST_TIMES
 from porocore.core.models.strict import StrictModel
-from porocore.core.units.dimensions import Carried, Dimension
+from porocore.core.units.dimensions import Carried, Dimension, InScales
 from porocore.errors import ConfigurationError
 
 Positive = Annotated[float, Field(gt=0)]
@@ -46,7 +46,7 @@ class TimeFunction(StrictModel):
     """From 0 at t = 0 linearly to this value at ``until``, and constant from then on."""
     until: Annotated[Positive | None, Dimension("time")] = None
     """End of the ramp."""
-    expression: Annotated[str, Field(max_length=LONGEST)] | None = None
+    expression: Annotated[str, Field(max_length=LONGEST), InScales()] | None = None
     """A formula of t such as ``0.1*sin(2*pi*t)``; t and the result are dimensionless, also where there are scales."""
 
     @model_validator(mode="after")

@@ -126,7 +126,7 @@ def is_union(annotation: Any) -> bool:
 
 
 def _member(union: Any, metadata: tuple[Any, ...], value: Any) -> Any:
-    """Return the member of a union that holds a value; None without a section, mapping or list for it."""
+    """Return the member of a union that holds a value; None without a section, mapping, list or text for it."""
     chooser = next((extra for extra in metadata if isinstance(extra, Discriminator)), None)
     for member in get_args(union):
         tag = next((extra.tag for extra in bare(member)[1] if isinstance(extra, Tag)), None)
@@ -139,10 +139,12 @@ def _member(union: Any, metadata: tuple[Any, ...], value: Any) -> Any:
 
 
 def _may_hold(annotation: Any, value: Any) -> bool:
-    """Return True if an annotation is a container for values of this type."""
+    """Return True if an annotation is a container for values of this type, or a text and the value is one."""
     annotation, _ = bare(annotation)
     if is_union(annotation):
         return any(_may_hold(part, value) for part in get_args(annotation))
+    if isinstance(value, str):
+        return annotation is str
     if isinstance(value, BaseModel):
         return is_section(annotation) and isinstance(value, annotation)
     if isinstance(value, Mapping):

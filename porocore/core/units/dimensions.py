@@ -75,6 +75,11 @@ class Carried:
 
 
 @dataclass(frozen=True)
+class InScales:
+    """Metadata of the text of a formula, in which coordinates and times are multiples of their scales."""
+
+
+@dataclass(frozen=True)
 class ByKey:
     """Dimensions of the values of a mapping by their keys; the others are plain numbers."""
 

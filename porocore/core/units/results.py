@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -104,6 +105,26 @@ class ResultUnits:
 
     scales: Scales | None = None
     units: OutputUnits = field(default_factory=OutputUnits)
+
+    @classmethod
+    def from_text(cls, text: str) -> ResultUnits:
+        """Return the units of a text that :meth:`as_text` made.
+
+        Raises
+        ------
+        ValueError
+            It is another text.
+        """
+        found = json.loads(text)
+        if not isinstance(found, dict) or found.keys() != {"scales", "output_units"}:
+            raise ValueError("expected the scales and output_units of a study")
+        return cls(Scales.model_validate(found["scales"]), OutputUnits.model_validate(found["output_units"]))
+
+    def as_text(self) -> str:
+        """Return scales and units as JSON; empty without scales."""
+        if self.scales is None:
+            return ""
+        return json.dumps({"scales": self.scales.model_dump(), "output_units": self.units.model_dump()})
 
     @property
     def given(self) -> bool:

@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Discriminator, Tag, field_validator, model_
 
 from porocore.core.echo import echo
 from porocore.core.models.strict import StrictModel
-from porocore.core.units.dimensions import Unit
+from porocore.core.units.dimensions import InScales, Unit
 from porocore.core.units.results import spoken
 from porocore.errors import ConfigurationError
 from porocore.macro.composition.field import (
@@ -47,7 +47,7 @@ def _readable(text: str) -> str:
 
 
 #: Text of a formula of x, y, z and t.
-Formula = Annotated[str, AfterValidator(_readable)]
+Formula = Annotated[str, AfterValidator(_readable), InScales()]
 #: A number, a formula, or a section with a ``kind``.
 AnyField = Annotated[
     Annotated[float, Tag("number")]

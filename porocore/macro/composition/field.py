@@ -15,7 +15,7 @@ from porocore.core.formulas.expressions import LONGEST, Expression
 from porocore.core.formulas.time_function import TimeFunction
 from porocore.core.models.bounds import MOST_TIMES
 from porocore.core.models.strict import StrictModel
-from porocore.core.units.dimensions import Dimension
+from porocore.core.units.dimensions import Dimension, InScales
 from porocore.core.units.results import spoken
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
@@ -100,7 +100,7 @@ class FormulaField(ParameterField):
 
     kind: Literal["formula"] = "formula"
     """A formula of place and time."""
-    formula: Annotated[str, Field(max_length=LONGEST)]
+    formula: Annotated[str, Field(max_length=LONGEST), InScales()]
     """A formula of x, y, z and t, such as ``0.2 + 0.01*y``; all are dimensionless, also where there are scales."""
 
     @field_validator("formula")

@@ -26,7 +26,7 @@ from porocore.report.text import whole_words
 from porocore.study import backends
 from porocore.study.config.cells import keys_of, lines_of_cell
 from porocore.study.config.config import RunConfig
-from porocore.study.magnitudes.left_out import left_out
+from porocore.study.magnitudes.left_out import formulas, left_out
 from porocore.study.magnitudes.separation import separation
 from porocore.study.outline.at_rest import cell_length, edges
 from porocore.study.preflight.checks import place
@@ -203,7 +203,7 @@ def _body(config: RunConfig) -> Iterator[str]:
         f"solutions: loads {loads}, each with the cell's law and linearly, "
         f"up to t = {units.text(macro.time.end, 'time')}, {steps} {units.text(macro.time.step, 'time')}"
     )
-    yield from (f"  {line}" for line in left_out(macro, units))
+    yield from (f"  {line}" for line in (*left_out(macro, units), *formulas(macro, units)))
 
 
 def _said(boundary: Boundary | None, units: ResultUnits) -> str:

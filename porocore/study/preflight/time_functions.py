@@ -15,6 +15,7 @@ from porocore.core.formulas.time_function import TimeFunction
 from porocore.core.models.walk import walk
 from porocore.core.units.results import ResultUnits, spoken
 from porocore.errors import ConfigurationError
+from porocore.macro.composition.composed_body import sections
 from porocore.macro.integration.stepping import Stepper
 from porocore.macro.problem import MacroSetup
 from porocore.states import Array
@@ -63,11 +64,21 @@ def run_times(setup: MacroSetup) -> Array:
 def late_functions(setup: MacroSetup, units: ResultUnits) -> Iterator[str]:
     """Yield notes of functions of time that go on after the end of the run, as a missing unit may cause."""
     end = setup.time.end
-    for name, boundary in setup.boundary.items():
-        last = max((max(course.corners, default=0.0) for course in boundary.time_functions), default=0.0)
+    courses = {
+        f"on the surface {name}": [corner for course in boundary.time_functions for corner in course.corners]
+        for name, boundary in setup.boundary.items()
+    }
+    courses |= {
+        f"of {prefix}.{name}": list(entry.corners)
+        for prefix, entries in sections(setup)
+        for name, entry in entries.items()
+        if not isinstance(entry, float | str)
+    }
+    for where, corners in courses.items():
+        last = max(corners, default=0.0)
         if last > end:
             last_time, end_time = (units.text(t, "time") for t in (last, end))
             yield (
-                f"the function of time on the surface {name} goes on until t = {last_time}, beyond the "
+                f"the function of time {where} goes on until t = {last_time}, beyond the "
                 f"end, {end_time}, and is cut there; check macro.time.end and the unit of the time"
             )

@@ -92,8 +92,12 @@ def _kept(
         for name in names:
             path, stays, line = folder.solution(name, load), False, ""
             if path.exists():
-                of = load_solution(folder, name, load).backend
+                solution = load_solution(folder, name, load)
+                of = solution.backend
                 stays = backend is None or of == backend
+                if stays and solution.units.as_text() != config.result_units.as_text():
+                    # Scales and units may change while a run goes on.
+                    replace(solution, units=config.result_units).save(path)
                 line = f"solving: {path.name} is there already"
                 if not stays:
                     line = (
@@ -178,7 +182,11 @@ def solve_body(
     load, communicator = problem.load, solver.communicator
     checkpoint = folder.macro_checkpoint(name, load)
     solution = body_solution_of(solver, prepared, run.law, problem, checkpoint=checkpoint, on_step=show)
-    solution = replace(whole_specimen(solution, problem), backend=backend or config.macro_backend)
+    solution = replace(
+        whole_specimen(solution, problem),
+        backend=backend or config.macro_backend,
+        units=config.result_units,
+    )
     communicator.on_root(partial(solution.save, folder.solution(name, load)))
     communicator.on_root(partial(checkpoint.unlink, missing_ok=True))
     return work_in_words(solution.work)
