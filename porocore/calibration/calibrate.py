@@ -14,10 +14,12 @@ import numpy as np
 
 from porocore.calibration.config.loading import read_plan
 from porocore.calibration.config.settings import PosteriorSettings
+from porocore.calibration.derived import derived_cells
 from porocore.calibration.fit.quality import FitQuality
 from porocore.calibration.fit.rounds import FitRounds, experiments_identity
 from porocore.calibration.fit.search import CalibrationFit
 from porocore.calibration.folder import CalibrationFolder
+from porocore.calibration.forward.at_rest import cells_at_rest
 from porocore.calibration.forward.cells import families
 from porocore.calibration.forward.further import further_data
 from porocore.calibration.inference.infer import Inference, infer
@@ -215,9 +217,10 @@ def _finished(
         )
     warnings += _at_bounds(misfit, inference.best.coordinates)
     warnings += () if posterior is None else posterior.complaints
+    derived = derived_cells(inference, cells_at_rest(plan, rounds.cells))
     solves = sum(family.solves for family in rounds.cells)
     return Calibration(
-        rounds.folder.path, plan, inference, quality, posterior, solves, seconds, tuple(warnings)
+        rounds.folder.path, plan, inference, quality, posterior, derived, solves, seconds, tuple(warnings)
     )
 
 

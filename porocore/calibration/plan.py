@@ -100,6 +100,8 @@ class CalibrationPlan:
         Settings of the studies that a family of cells cannot have, and what stands in their place.
     posterior
         Settings of the draws from the posterior distribution; None: there are none.
+    documents
+        Name and text of each configuration that was read, that of the calibration first.
     """
 
     title: str
@@ -108,6 +110,7 @@ class CalibrationPlan:
     fit: FitSettings
     notes: tuple[str, ...] = field(default=())
     posterior: PosteriorSettings | None = None
+    documents: tuple[tuple[str, str], ...] = ()
 
     @property
     def fields(self) -> tuple[FittedField, ...]:
@@ -126,6 +129,13 @@ class CalibrationPlan:
         places = tuple(factor * place for place in number.hat.places)
         unit = units.name("displacement") if units.given else ""
         return FittedField(name, AXES[number.hat.axis], places, unit, tuple(members))
+
+    @property
+    def heading(self) -> str:
+        """Title of the report: its own, or that of the study with the word before it."""
+        if not self.title or self.title != self.experiments[0].config.title:
+            return self.title or "Calibration"
+        return f"Calibration: {self.title}"
 
     @property
     def curves(self) -> list[ObservedCurve]:

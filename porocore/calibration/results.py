@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from porocore.calibration.derived import METHOD, DerivedCell
 from porocore.calibration.fit.quality import FitQuality
 from porocore.calibration.fit.record import EvaluationRecord
 from porocore.calibration.folder import CalibrationFolder
@@ -25,6 +26,7 @@ from porocore.calibration.problem import Misfit
 from porocore.core.console import duration
 from porocore.core.files.plain_data import json_ready, write_csv, write_json
 from porocore.states import Array
+from porocore.study.run_folder.provenance import versions
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +45,8 @@ class Calibration:
         How well the data are explained.
     posterior
         Draws from the posterior distribution; None: not asked for.
+    derived
+        Aggregate modulus, permeability and other physical numbers of each fitted undeformed cell, with intervals.
     cell_solves
         Cells that the families were learned from, held-out ones included.
     seconds
@@ -56,6 +60,7 @@ class Calibration:
     inference: Inference
     quality: FitQuality
     posterior: Posterior | None
+    derived: tuple[DerivedCell, ...]
     cell_solves: int
     seconds: float
     warnings: tuple[str, ...]
@@ -124,6 +129,7 @@ def results_of(done: Calibration) -> dict[str, Any]:
             }
             for each in done.plan.fields
         },
+        "derived": {"method": METHOD, "cells": [each.entries() for each in done.derived]},
         "directions": direction_entries(done.inference),
         "misfit": done.quality.chi_square,
         "reduced_misfit": done.quality.reduced,
@@ -185,7 +191,7 @@ def _write_report(
     )
     axes = tuple(CurveAxes("", curve.unit, curve.time_unit) for curve in done.plan.curves)
     contents = CalibrationContents(
-        done.plan.title or "Calibration",
+        done.plan.heading,
         misfit.data,
         done.inference,
         axes,
@@ -194,5 +200,8 @@ def _write_report(
         done.warnings,
         fields=done.plan.fields,
         posterior=done.posterior,
+        derived=done.derived,
+        plan=done.plan,
+        versions=versions(),
     )
     write_report(folder.path, contents)

@@ -1,4 +1,4 @@
-"""What every page says on citing: porocore of this version, and the paper whose method it computes."""
+"""References that every page asks to cite: porocore of this version, and the paper whose method it computes."""
 
 from __future__ import annotations
 

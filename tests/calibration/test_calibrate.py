@@ -15,12 +15,14 @@ import yaml
 from calibration_models import Formula
 from curve_experiment import planned
 from invoked import invoke
+from report_page import Page
 
 import porocore
 from porocore.calibration.calibrate import _identity, _with_made_up_data
 from porocore.calibration.problem import Unknown
 from porocore.cli.calibrate import print_unknowns
 from porocore.errors import RunFolderError, SolveError
+from porocore.macro.laws.effective import EffectiveProperties
 
 pytest.importorskip("porocore_fem_skfem")
 
@@ -116,6 +118,79 @@ def test_the_files_hold_what_was_found(done: porocore.Calibration) -> None:
     assert "A twin" in (done.path / "report.html").read_text(encoding="utf-8")
 
 
+def resolved(radius: float, modulus: float, viscosity: float) -> EffectiveProperties:
+    """The fitted cell solved anew, in units of the study."""
+    found = porocore.CellProblem(STUDY["cell"], parameters={"radius": radius}, store=False).properties
+    K, c_v = found.conductivity / viscosity, found.consolidation_coefficients * modulus / viscosity
+    confined, young = found.confined_moduli * modulus, found.young_moduli * modulus
+    return replace(
+        found, confined_moduli=confined, young_moduli=young, conductivity=K, consolidation_coefficients=c_v
+    )
+
+
+def test_derived_numbers_are_those_of_the_cell_solved_anew(done: porocore.Calibration) -> None:
+    """Values against a solve, intervals against slopes by differences of solves."""
+    (cell,) = done.derived
+
+    def numbers(radius: float, modulus: float, viscosity: float) -> dict[str, float]:
+        found = resolved(radius, modulus, viscosity)
+        return {
+            "porosity": found.porosity,
+            "aggregate_modulus": found.confined_moduli[0],
+            "young_modulus": found.young_moduli[1],
+            "poisson_ratio": found.poisson_ratios[0, 1],
+            "shear_modulus": found.shear_moduli[0] * modulus,
+            "hydraulic_permeability": found.conductivity[0, 0],
+            "intrinsic_permeability": found.permeability[2, 2],
+            "consolidation_coefficient": found.consolidation_coefficients[0],
+            "aggregate_modulus_times_permeability": found.confined_moduli[0] * found.conductivity[0, 0],
+        }
+
+    best = list(done.values.values())
+    expected, covariance = numbers(*best), done.inference.with_priors.covariance
+    assert [*expected] == [each.name for each in cell.numbers]
+    # The last two unknowns are searched in ln x.
+    steps = [(1e-3, 1e-3), (1e-3 * best[1], 1e-3), (1e-3 * best[2], 1e-3)]
+    ends = [
+        [numbers(*(np.array(best) + sign * step * np.eye(3)[i])) for sign in (-1, 1)]
+        for i, (step, _) in enumerate(steps)
+    ]
+    for each in cell.numbers:
+        form = np.asarray if each.name in ("porosity", "poisson_ratio") else np.log
+        assert each.value == pytest.approx(expected[each.name], rel=2e-3)
+        assert each.unit == ""
+        slopes = [
+            (form(high[each.name]) - form(low[each.name])) / (2 * by)
+            for (low, high), (_, by) in zip(ends, steps, strict=True)
+        ]
+        deviation = np.sqrt(slopes @ covariance @ slopes)
+        low, high = each.interval
+        assert low is not None
+        assert high is not None
+        assert form(high) - form(low) == pytest.approx(2 * 1.96 * deviation, rel=0.02), each.name
+        assert form(high) + form(low) == pytest.approx(2 * form(each.value), rel=1e-9)
+    entries = results(done.path)["derived"]["cells"][0]["numbers"]
+    assert entries["aggregate_modulus"]["interval95"] == list(cell.intervals["aggregate_modulus"])
+    assert entries["aggregate_modulus"]["value"] == cell.values["aggregate_modulus"]
+
+
+def test_the_report_can_be_cited(done: porocore.Calibration) -> None:
+    """It had no version, configuration, bounds or data, and the title of the study."""
+    page = Page((done.path / "report.html").read_text(encoding="utf-8"))
+    for words in (
+        "Calibration: A twin",
+        f"porocore{porocore.__version__}",
+        "cell skfem, surrogate polynomial, body skfem",
+        "0.5000 … 2.000",
+        "made up",
+        "aggregate modulus H_A",
+        "intrinsic permeability k",
+        "deviation_share: 0.002",
+        "Please cite porocore",
+    ):
+        assert words in page.words, words
+
+
 def test_the_data_are_made_up_by_the_first_evaluation(done: porocore.Calibration) -> None:
     with (done.path / "samples.csv").open(encoding="utf-8") as file:
         tried = [[float(text) for text in row[:3]] for row in list(csv.reader(file))[1:]]
@@ -183,6 +258,11 @@ def test_a_graded_radius_lies_in_the_intervals(base: Path) -> None:
         assert done.identifiable[name]
     found = results(done.path)["fields"]["radius"]
     assert found == {"along": "y", "at": [0.0, 1.0], "unit": "", "unknowns": ["radius[0]", "radius[1]"]}
+    first, second = done.derived
+    assert (first.title, second.title) == ("y = 0", "y = 1")
+    assert first.values["porosity"] < second.values["porosity"]
+    assert first.values["aggregate_modulus"] > second.values["aggregate_modulus"]
+    assert None not in first.intervals["hydraulic_permeability"]
     assert "Field of radius" in (done.path / "report.html").read_text(encoding="utf-8")
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import yaml
 from pydantic import ValidationError
 
 from porocore.calibration.config.settings import CalibrationSettings, ExperimentSettings
@@ -14,6 +15,7 @@ from porocore.calibration.config.unknowns import keyed, planned_unknowns
 from porocore.calibration.observations.reading import read_curve
 from porocore.calibration.plan import CalibrationPlan, Experiment, PlannedUnknown
 from porocore.calibration.posterior.ensemble import require_emcee
+from porocore.core.files.reading import read_text
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted
 from porocore.core.models.strict import StrictModel
 from porocore.core.units.results import speaking
@@ -53,11 +55,26 @@ def read_plan(source: Path | str | Mapping[str, Any], *, synthetic: bool = False
     )
     settings, at = _settings(document)
     with located(document):
-        studies = {
-            name: _study(document, name, experiment, at)
-            for name, experiment in _experiments(settings, document).items()
-        }
-        return _plan(document, settings, studies, at, synthetic)
+        experiments = _experiments(settings, document)
+        studies = {name: _study(document, name, each, at) for name, each in experiments.items()}
+        plan = _plan(document, settings, studies, at, synthetic)
+        return replace(plan, documents=_documents(document, experiments))
+
+
+def _documents(
+    document: YamlDocument, experiments: Mapping[str, ExperimentSettings]
+) -> tuple[tuple[str, str], ...]:
+    """Return names and texts of the configuration and of the studies that it names, each once."""
+    own = (
+        yaml.safe_dump(document.data, sort_keys=False, allow_unicode=True)
+        if document.path is None
+        else read_text(document.path)
+    )
+    found = {"settings" if document.path is None else document.path.name: own}
+    for each in experiments.values():
+        if each.study is not None:
+            found[each.study] = read_text(document.folder / each.study)
+    return tuple(found.items())
 
 
 def _settings(document: YamlDocument) -> tuple[CalibrationSettings, Location]:

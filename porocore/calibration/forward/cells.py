@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -15,16 +15,19 @@ from porocore.core.files.store import ResultStore
 from porocore.core.units.results import speaking
 from porocore.errors import DataError, RunFolderError
 from porocore.interfaces.law import MacroLaw
+from porocore.macro.composition.linearised_law import LinearisedLaw
 from porocore.macro.laws import AdaptiveLaw, ClosedLaw
+from porocore.macro.laws.effective import EffectiveProperties
 from porocore.plugins.border import body_solution_of
 from porocore.sampling.datasets.dataset import Dataset
-from porocore.states import Array
+from porocore.states import Array, MacroState
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.stages import pipeline
-from porocore.study.stages.laws import macro_laws
+from porocore.study.stages.laws import macro_laws, porosity_of
 from porocore.study.stages.solving import prepared_body
+from porocore.study.stages.stage_files import load_reference
 
 #: Record of the further cells that each round has solved, in the folder of a family.
 ROUNDS = "rounds.json"
@@ -109,6 +112,30 @@ class FamilyCells:
                 return _fixed(self._adaptive(stack), self.identity)
             (run,) = macro_laws(self.folder, self.config, stack, ("surrogate",)).values()
             return run.law
+
+    def at_rest(self) -> Callable[[Array], EffectiveProperties] | None:
+        """Return the properties of the undeformed cell by the values (m,) of its parameters, as they were learned.
+
+        None where the body has several cells.
+        """
+        config = self.config
+        if config.cells:
+            return None
+        reference = load_reference(self.folder, config)
+        if not config.cell.is_family:
+            return lambda parameters: reference.properties(config.cell, config.conductivity)
+        law, names = self.law(), [each.name for each in config.cell.parameters]
+        porosity = porosity_of(law, reference)
+        assert callable(porosity)
+
+        def of(parameters: Array) -> EffectiveProperties:
+            points = MacroState.zeros(1).with_parameters(parameters[None])
+            given = dict(zip(names, parameters, strict=True))
+            viscosity = float(given.get("viscosity", config.cell.viscosity))
+            found = LinearisedLaw(law).coefficients(points).at(0)
+            return EffectiveProperties.of(found, float(porosity(parameters[None])[0]), viscosity)
+
+        return of
 
     def _adaptive(self, stack: ExitStack) -> AdaptiveLaw:
         (run,) = macro_laws(self.folder, self.config, stack, ("fallback",), store=self._store).values()

@@ -71,6 +71,19 @@ class LinearPrecision:
         """Deviations (k,) as far as round-off lets them be told, always finite, to compare unknowns by them."""
         return np.sqrt(np.diag(self._finite_covariance))
 
+    def moves_with(self, slopes: Array) -> tuple[Array, float]:
+        """Return covariances (k,) with the coordinates, and deviation, of a number with slopes (k,) by these.
+
+        The deviation is infinite where a direction of round-off moves the number; else such directions do not count.
+        """
+        along, lost = self.directions @ slopes, self.is_unseen
+        size = float(np.linalg.norm(slopes))
+        if (np.abs(along[lost]) > 1e-6 * size).any():
+            return np.full_like(slopes, np.nan), np.inf
+        scaled = np.where(lost, 0.0, along / self._seen)
+        covariances = self.directions.T @ np.where(lost, 0.0, scaled / self._seen)
+        return np.asarray(covariances), float(np.linalg.norm(scaled))
+
     @property
     def correlations(self) -> Array:
         """Correlations of the coordinates (k, k), with their limits where deviations are infinite."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -11,6 +13,34 @@ from porocore.calibration.observations.series import MeasuredSeries
 from porocore.calibration.problem import CurveData
 from porocore.errors import ConfigurationError
 from porocore.states import Array
+
+
+@dataclass(frozen=True)
+class DataFile:
+    """File of a measured curve, as a report names it.
+
+    Attributes
+    ----------
+    name
+        As the configuration names it.
+    rows
+        Rows of data in it.
+    size
+        In bytes.
+    sha256
+        Hash of its bytes.
+    """
+
+    name: str
+    rows: int
+    size: int
+    sha256: str
+
+    @classmethod
+    def of(cls, path: Path, name: str, rows: int) -> DataFile:
+        """Return the record of a file that was read."""
+        content = path.read_bytes()
+        return cls(name, rows, len(content), hashlib.sha256(content).hexdigest())
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +67,8 @@ class ObservedCurve:
         Standard deviation of every value, or of each (m,), in ``unit``; None: it is ``share`` of the largest value.
     share
         Share of the largest value in size.
+    file
+        Where it was read; None: it is made up.
     """
 
     name: str
@@ -50,6 +82,7 @@ class ObservedCurve:
     measured: Array | None = None
     spread: float | Array | None = None
     share: float | None = None
+    file: DataFile | None = None
 
     def __len__(self) -> int:
         return len(self.times)
@@ -89,6 +122,7 @@ class ObservedCurve:
             measured=exact + noise * known.deviations,
             spread=known.deviations,
             weights=np.ones(len(exact)),
+            file=None,
         )
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from porocore.calibration.config.settings import ObservationSettings, SyntheticTimes
-from porocore.calibration.observations.curve import ObservedCurve
+from porocore.calibration.observations.curve import DataFile, ObservedCurve
 from porocore.calibration.observations.series import MeasuredSeries
 from porocore.calibration.observations.table import CurveTable
 from porocore.calibration.observations.unit import StudyUnit
@@ -63,7 +64,10 @@ def read_curve(
             )
         curve = _planned(title, settings, series, scales)
     else:
-        curve = _measured(title, name, settings, series, CurveTable.read(folder / settings.file), scales)
+        table = CurveTable.read(folder / settings.file)
+        curve = _measured(title, name, settings, series, table, scales)
+        file = DataFile.of(folder / settings.file, settings.file, len(table.lines))
+        curve = replace(curve, file=file)
     if (last := curve.times[-1]) > end * (1 + 1e-9):
         t = last * curve.time_factor
         raise ConfigurationError(

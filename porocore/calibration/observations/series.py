@@ -116,6 +116,13 @@ class MeasuredSeries:
         return QUANTITY[self.kind]
 
     @property
+    def words(self) -> str:
+        """Quantity with its component and where it was measured, such as ``displacement 2 at tip``."""
+        component = f" {self.component}" if self.component else ""
+        where = (self.surface and f" on {self.surface}") or (self.probe and f" at {self.probe}")
+        return f"{self.kind.replace('_', ' ')}{component}{where}"
+
+    @property
     def place(self) -> SeriesPlace:
         """Place of the series."""
         if self.kind == "inflow":

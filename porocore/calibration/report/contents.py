@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from porocore.calibration.derived import DerivedCell
 from porocore.calibration.inference.infer import Inference
-from porocore.calibration.plan import FittedField
+from porocore.calibration.plan import CalibrationPlan, FittedField
 from porocore.calibration.posterior.posterior import Posterior
 from porocore.calibration.problem import CurveData, Unknown
 from porocore.core.units.quantities import pretty
@@ -52,12 +54,16 @@ class CalibrationContents:
         Rows of name and value, such as the number of cell solves.
     warnings
         Sentences at the top.
-    configuration
-        Text of the configuration; empty: not shown.
     fields
         Fields among the unknowns.
     posterior
         Draws from the posterior distribution; None: not shown.
+    derived
+        Physical numbers of the fitted undeformed cells.
+    plan
+        Bounds, priors, data and configurations; None: not shown.
+    versions
+        Of porocore, its plugins and packages.
     """
 
     title: str
@@ -67,9 +73,11 @@ class CalibrationContents:
     truth: Array | None = None
     facts: tuple[tuple[str, str], ...] = ()
     warnings: tuple[str, ...] = ()
-    configuration: str = ""
     fields: tuple[FittedField, ...] = ()
     posterior: Posterior | None = None
+    derived: tuple[DerivedCell, ...] = ()
+    plan: CalibrationPlan | None = None
+    versions: Mapping[str, str] = field(default_factory=dict)
 
     def curve_axes(self, curve: int) -> CurveAxes:
         """Return the axes of a curve."""

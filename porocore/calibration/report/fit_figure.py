@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from porocore.calibration.report.contents import CalibrationContents, labelled
+from porocore.core.units.quantities import pretty
 from porocore.report.figures.style import BLACK, BLUE, GREY, legend_above, lighter, new_figure, styled
 from porocore.states import Array
 
@@ -34,7 +35,7 @@ def fit_figure(contents: CalibrationContents, curve: int) -> Figure:
     if 0 <= min(values.min(), predicted.min()) < 0.5 * values.max():
         upper.set_ylim(bottom=0)
     _residuals(lower, times, (values - predicted) / deviations)
-    lower.set_xlabel(labelled("time $t$", axes_of.time_unit))
+    lower.set_xlabel(f"time $t$ [{pretty(axes_of.time_unit) or '–'}]")
     if times[0] > 0 and times[-1] > WIDE * times[0]:
         lower.set_xscale("log")
     figure.align_ylabels()

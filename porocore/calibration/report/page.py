@@ -13,9 +13,13 @@ from porocore.calibration.report.plane_figure import plane_figure
 from porocore.calibration.report.posterior_figure import posterior_figure
 from porocore.calibration.report.profile_figure import profile_figure
 from porocore.calibration.report.words import (
+    data_rows,
+    derived_rows,
     gain_text,
     helpful,
     posterior_rows,
+    provenance_rows,
+    search_rows,
     seen_sentence,
     unknown_rows,
 )
@@ -70,6 +74,10 @@ def render(contents: CalibrationContents, pictures: Pictures | None = None) -> s
             seen=seen_sentence(inference),
             suggestions=[(each.name, gain_text(each)) for each in helpful(inference)],
             separable=any(each.separates for each in inference.suggestions),
+            derived=[(each.title, list(derived_rows(each))) for each in contents.derived],
+            searched=[] if contents.plan is None else list(search_rows(contents.plan)),
+            data=[] if contents.plan is None else list(data_rows(contents.plan)),
+            provenance=list(provenance_rows(contents)),
             fits=_fits(contents, pictures),
             fields=_fields(contents, pictures),
             posterior_rows=[] if contents.posterior is None else list(posterior_rows(contents.posterior)),

@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from porocore.calibration.derived import DerivedCell
 from porocore.calibration.inference.infer import Inference
-from porocore.calibration.inference.intervals import ConfidenceInterval
+from porocore.calibration.inference.intervals import ConfidenceInterval, IntervalEnd
 from porocore.calibration.inference.suggestions import Suggestion
+from porocore.calibration.plan import CalibrationPlan
 from porocore.calibration.posterior.posterior import Posterior
+from porocore.calibration.problem import Unknown
+from porocore.calibration.report.contents import CalibrationContents
 from porocore.core.units.quantities import pretty
-from porocore.report.format import NONE, number
+from porocore.report.format import NONE, number, percent
 
 #: Suggestions that are shown.
 MOST_SUGGESTIONS = 5
@@ -54,8 +58,72 @@ def unknown_rows(inference: Inference, truth: list[float] | None) -> Iterator[Un
             interval_text(alone),
             "" if both is alone else interval_text(both),
             inference.identifiable[i],
-            tuple(_reasons(alone)),
+            tuple(end_reasons(alone.low, alone.high)),
         )
+
+
+def derived_rows(cell: DerivedCell) -> Iterator[tuple[str, str, str, str, str]]:
+    """Yield name, unit, value, 95 % interval and why ends of it are none, of each derived number."""
+    for each in cell.numbers:
+        reasons = "; ".join(end_reasons(each.low, each.high))
+        yield each.words, each.unit or NONE, number(each.value), ends_text(each.interval), reasons
+
+
+def search_rows(plan: CalibrationPlan) -> Iterator[tuple[str, ...]]:
+    """Yield name, number of the study, unit, bounds, first value, scale and prior of each unknown."""
+    for each in plan.unknowns:
+        one = each.unknown
+        numbers = ", ".join(dict.fromkeys(number.name for number in each.numbers.values()))
+        bounds = f"{number(one.lower)} … {number(one.upper)}"
+        scale = "ln x" if one.scale == "log" else "x"
+        yield one.name, numbers, pretty(one.unit) or NONE, bounds, number(one.start), scale, _prior(one)
+
+
+def _prior(one: Unknown) -> str:
+    told = []
+    if one.prior is not None and one.scale == "log":
+        told.append(
+            f"median {number(one.value(one.prior.mean))}, deviation {number(one.prior.deviation)} of ln x"
+        )
+    elif one.prior is not None:
+        told.append(f"{number(one.prior.mean)} ± {number(one.prior.deviation)}")
+    if one.smoothing is not None:
+        told.append(f"difference from the value before: deviation {number(one.smoothing)}")
+    return "; ".join(told) or NONE
+
+
+def data_rows(plan: CalibrationPlan) -> Iterator[tuple[str, ...]]:
+    """Yield curve, what was measured, file, rows that count, standard deviations, size and SHA-256 of each curve."""
+    for curve in plan.curves:
+        file, low, high = curve.file, float(curve.deviations.min()), float(curve.deviations.max())
+        spread = number(low) if high - low <= 1e-9 * high else f"{number(low)} … {number(high)}"
+        if curve.spread is None and curve.share is not None:
+            spread += f" ({percent(curve.share)} of the largest)"
+        unit = f" {pretty(curve.unit)}" if curve.unit else ""
+        rows = f"{len(curve)} of {file.rows}" if file else f"{len(curve)}"
+        size, sha = (f"{file.size:,} bytes", file.sha256) if file else (NONE, NONE)
+        yield (
+            curve.name,
+            curve.series.words,
+            file.name if file else "made up",
+            rows,
+            spread + unit,
+            size,
+            sha,
+        )
+
+
+def provenance_rows(contents: CalibrationContents) -> Iterator[tuple[str, str]]:
+    """Yield backends, cells and settings of the fit, and versions."""
+    plan = contents.plan
+    if plan is not None:
+        for experiment in plan.experiments:
+            config, of = experiment.config, f", {experiment.name}" if experiment.name else ""
+            backends = f"cell {config.fem.backend}, surrogate {config.surrogate.backend}, body {config.macro_backend}"
+            yield f"backends{of}", f"{backends}; closure {config.closure}; load {number(experiment.load)}"
+            yield f"identity of the cells{of}", config.stages.training
+        yield "fit", ", ".join(f"{name} {value}" for name, value in plan.fit.model_dump().items())
+    yield from contents.versions.items()
 
 
 def posterior_rows(posterior: Posterior) -> Iterator[tuple[str, str, str, str]]:
@@ -67,11 +135,16 @@ def posterior_rows(posterior: Posterior) -> Iterator[tuple[str, str, str, str]]:
 
 def interval_text(interval: ConfidenceInterval) -> str:
     """Return an interval such as ``1.2 … 1.4``; a dash for an end that is none."""
-    return " … ".join(number(value) for value in interval.values)
+    return ends_text(interval.values)
 
 
-def _reasons(interval: ConfidenceInterval) -> Iterator[str]:
-    low, high = interval.low, interval.high
+def ends_text(ends: tuple[float | None, float | None]) -> str:
+    """Return both ends; a dash for one that is none."""
+    return " … ".join(number(value) for value in ends)
+
+
+def end_reasons(low: IntervalEnd, high: IntervalEnd) -> Iterator[str]:
+    """Yield why ends of an interval are none."""
     if low.value is None and high.value is None and low.reason == high.reason:
         yield f"no ends: {low.reason}"
         return

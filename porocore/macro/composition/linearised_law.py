@@ -62,6 +62,19 @@ class RestCoefficients(Batch):
             np.multiply.outer(ones, c.conductivity),
         )
 
+    def at(self, i: int) -> LinearCoefficients:
+        """Return the coefficients at one point, without M and Q, which are not known (NaN)."""
+        return LinearCoefficients(
+            self.stiffness[i].reshape(3, 3, 3, 3),
+            self.biot[i].reshape(3, 3),
+            self.biot[i].reshape(3, 3),
+            float(self.storage[i]),
+            self.conductivity[i],
+            np.full((3, 3, 3, 3), np.nan),
+            np.full((3, 3), np.nan),
+            self.stress[i],
+        )
+
 
 class LinearisedLaw(MacroLaw):
     """A law linearised at H = 0 and p = 0, at each point with its own parameters and place.

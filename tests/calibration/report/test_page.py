@@ -53,7 +53,7 @@ def unseen():
     axes = (CurveAxes("settlement", "mm", "s"), CurveAxes("force", "mm**2*kPa", "s"))
     return CalibrationContents(
         ODD, data, infer(misfit, best, further=[alone], rays=8), axes, np.array([2.0, 1.0, 1.3]),
-        facts=(("cell solves", "24"),), warnings=("Look <here>.",), configuration="radius: <1>",
+        facts=(("cell solves", "24"),), warnings=("Look <here>.",), versions={"porocore": "<1>"},
     )  # fmt: skip
 
 
@@ -79,7 +79,7 @@ def test_the_page_of_an_unseen_direction(unseen, undrawn):
         "makes seen what is not seen",
         "no lower end: the data set no end here; only conductivity at its bound",
         "cell solves",
-        "radius: <1>",
+        "porocore<1>",
     ):
         assert words in page.words, words
     assert "– … –" in page.words
