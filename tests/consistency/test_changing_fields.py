@@ -241,3 +241,29 @@ def test_axes_that_turn_in_a_held_body_of_the_mean_gradient_closure(make_solver)
     found = solved(make_solver, held({"axes": TURNED}), anisotropic_law(closure="mean-gradient"))[0].history
     given = found.drained[-1] - found.drained[np.argmin(np.abs(found.time - 5))]
     assert given / EDGE**3 == pytest.approx(solid[1] - solid[0], rel=1e-4)
+
+
+@pytest.mark.parametrize("name", ["linear", "linear of a family", "potential", "mean-gradient"])
+def test_a_run_with_turning_axes_is_continued(make_solver, tmp_path, name):
+    """From a checkpoint in the middle of the turn, by a law that is made anew."""
+    make, parameters = (lambda: anisotropic_law(*BOTH[:1], closure="mean-gradient")), BOTH[:1]
+    if name != "mean-gradient":
+        make, parameters, *_ = LAWS[name]
+    problem = block({key: FIELDS[key] for key in parameters} | {"axes": AXES})
+
+    def solution(**how):
+        solver = make_solver(checkpoint_seconds=0)
+        return solver.solve(solver.prepare(problem), make(), **how)
+
+    class Killed(Exception):
+        pass
+
+    def stop(report):
+        if report.time > 1:
+            raise Killed
+
+    with pytest.raises(Killed):
+        solution(checkpoint=tmp_path / "macro.h5", on_step=stop)
+    found, whole = solution(checkpoint=tmp_path / "macro.h5"), solution()
+    np.testing.assert_allclose(found.history.drained, whole.history.drained, rtol=1e-9, atol=1e-13)
+    np.testing.assert_allclose(found.profiles[-1].u, whole.profiles[-1].u, rtol=1e-9, atol=1e-12)

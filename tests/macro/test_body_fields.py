@@ -183,6 +183,17 @@ def test_what_does_not_suit_the_body_or_the_cell_is_refused(fields, regions, sai
         require_composition(setup(fields, regions), MESH, CellRanges([{"radius": (0.1, 0.3)}] * 3), 1.0)
 
 
+@pytest.mark.parametrize(
+    "radius",
+    ["0.2 + 0.15*sin(2*pi*t)", {"formula": "0.35", "initial": 0.2, "over": {"expression": "sin(2*pi*t)"}}],
+    ids=["formula", "course"],
+)
+def test_a_field_that_comes_back_between_the_times_of_the_check_is_refused(radius):
+    """A period fits twenty times into the run, at whose twenty-first parts the field is always where it began."""
+    with pytest.raises(ConfigurationError, match=r"macro.fields.radius: the field is 0\.3.*beyond the range"):
+        require_composition(setup({"radius": radius}), MESH, CellRanges([{"radius": (0.1, 0.3)}]), 20.0)
+
+
 #: Cells of the rest of the body, which has a radius, and of the region 'deep', which has a radius and a level.
 TWO_CELLS = CellRanges([{"radius": (0.1, 0.3)}, {"radius": (0.2, 0.5), "level": (0.0, 1.0)}])
 DEEP = {"below": 1.0, "cell": "clay"}

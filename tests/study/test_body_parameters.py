@@ -76,6 +76,13 @@ def test_values_of_a_course_in_time_are_those_on_the_way() -> None:
     np.testing.assert_allclose(np.unique(found[:, 0]), np.arange(0.2, 0.2601, 0.1 / LATTICE), rtol=1e-12)
 
 
+def test_values_of_a_field_that_goes_to_and_fro_are_those_between_its_ends() -> None:
+    """Its period fits twenty times into the run, and five times as many steps."""
+    found = used(study(macro__fields__radius="0.24 + 0.03*sin(2*pi*t/5)"))
+    np.testing.assert_allclose(np.unique(found[:, 0])[[0, -1]], [0.21, 0.27], atol=0.1 / LATTICE)
+    assert len(found) >= 24
+
+
 def test_values_are_those_of_the_regions_with_the_cell() -> None:
     """Of two cells each is sampled where its regions are; the answer of a part is that of the whole."""
     other = {"geometry": {"kind": "orthogonal-channels", "radius": {"range": [0.1, 0.2]}}}

@@ -19,6 +19,7 @@ from porocore.macro.composition.composed_body import (
     by_region,
     field_corners,
     require_names,
+    sections,
     without_a_value,
 )
 from porocore.macro.composition.field import ParameterField, Points
@@ -26,8 +27,9 @@ from porocore.macro.composition.measured import MeasuredField
 from porocore.macro.composition.regions import region_numbers
 from porocore.states import Array, BodyPlace, IntArray, MacroState
 
-#: Times from the beginning to the end at which fields are checked, beside their kinks.
-TIMES = 21
+#: Times from the beginning to the end at which fields are looked at, beside their kinks; and more for those that change
+#: by a formula, at shares of the golden ratio, so that no period of it hides between them.
+TIMES, MORE_TIMES, GOLDEN = 21, 100, (np.sqrt(5) - 1) / 2
 
 
 @dataclass(frozen=True)
@@ -259,7 +261,10 @@ def _require_within(
 def field_times(setup: ComposedBody, end: float) -> list[float]:
     """Return times from 0 to ``end`` at which fields that change are looked at: their kinks, and others between."""
     corners = [time for time in field_corners(setup) if time < end]
-    return sorted({*np.linspace(0.0, end, TIMES).tolist(), *corners})
+    entries = [entry for _, fields in sections(setup) for entry in fields.values()]
+    by_formula = any(as_field(entry).by_formula for entry in entries if not isinstance(entry, AxesField))
+    more = np.arange(1, MORE_TIMES + 1) * GOLDEN % 1.0 * end if by_formula else np.zeros(0)
+    return sorted({*np.linspace(0.0, end, TIMES).tolist(), *more.tolist(), *corners})
 
 
 def require_composition(

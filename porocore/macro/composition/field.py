@@ -74,6 +74,11 @@ class ParameterField(StrictModel, ABC):
         return self.over is not None
 
     @property
+    def by_formula(self) -> bool:
+        """True for a field that changes with time by a formula, between whose kinks it may go anywhere."""
+        return self.over is not None and self.over.expression is not None
+
+    @property
     def corners(self) -> tuple[float, ...]:
         """Times at which the field has a kink."""
         return () if self.over is None else self.over.corners
@@ -113,6 +118,11 @@ class FormulaField(ParameterField):
     def varies(self) -> bool:
         """True for a formula of t, or with a course in time."""
         return super().varies or "t" in require_formula(self.formula).names
+
+    @property
+    def by_formula(self) -> bool:
+        """True for a formula of t, or one that is gone to by a formula."""
+        return super().by_formula or "t" in require_formula(self.formula).names
 
     def reached(self, points: Points, time: float, key: str) -> Array:
         """Return the values of the formula."""
