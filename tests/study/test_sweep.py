@@ -20,10 +20,12 @@ from porocore.core.console import Console
 from porocore.errors import ConfigurationError, RunFolderError, SolveError
 from porocore.macro.composition.bound_law import BoundLaw
 from porocore.plugins.border import body_solution_of
+from porocore.report.figures.style import png_bytes
 from porocore.study.backends import make_backend
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.stages.laws import macro_laws
 from porocore.study.sweep import run as sweeping
+from porocore.study.sweep.figure import sweep_figure
 from porocore.study.sweep.plan import SweepPlan
 from porocore.study.sweep.results import ParameterSweep
 
@@ -100,6 +102,18 @@ def swept(study: porocore.Study) -> ParameterSweep:
     return study.sweep("poisson_ratio", VALUES)
 
 
+@pytest.fixture(scope="module")
+def moved(tmp_path_factory: pytest.TempPathFactory) -> ParameterSweep:
+    """A quick move of the top, with forces of 1e-5 N."""
+    settings = with_settings(
+        cell={**STUDY["cell"], "viscosity": "1 mPa s"},
+        macro__boundary={**STUDY["macro"]["boundary"], "y+": {"displacement": [0, 1, 0], "pressure": 0}},
+        macro__loads=[-0.3],
+        scales={"modulus": "20 kPa", "length": "1 mm", "pore": "1 um", "viscosity": "1 Pa s"},
+    )
+    return made(tmp_path_factory.mktemp("sweep") / "moved", settings).sweep("poisson_ratio", VALUES[:2])
+
+
 def rows_of(sweep: ParameterSweep) -> list[dict[str, str]]:
     with sweep.table.open(encoding="utf-8") as file:
         return list(csv.DictReader(file))
@@ -116,6 +130,27 @@ def test_the_table_has_a_row_for_each_value(study: porocore.Study, swept: Parame
     assert swept.folder.path == Path(f"{study.path}-over-poisson_ratio")
     assert swept.plan.family.sampling.parameters == "ranges"
     assert "range" in (swept.folder.path / "config.yaml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("of", ["swept", "moved"])
+def test_no_legend_covers_a_curve(of: str, swept: ParameterSweep, moved: ParameterSweep) -> None:
+    """Legends lay within the panels, over the curves of some sweeps."""
+    figure = sweep_figure({"swept": swept, "moved": moved}[of])
+    png_bytes(figure)
+    legends = [each for axes in figure.axes if (each := axes.get_legend()) is not None] + figure.legends
+    assert len(legends) >= 3
+    boxes = [each.get_window_extent() for each in legends]
+    for axes in figure.axes:
+        taken = [
+            axes.get_window_extent(),
+            axes.xaxis.get_tightbbox(),
+            axes.yaxis.get_offset_text().get_window_extent(),
+        ]
+        assert not any(
+            box.overlaps(other) for box in boxes for other in taken if other is not None and other.width
+        )
+    for box in boxes:
+        assert figure.bbox.x0 <= box.x0 < box.x1 <= figure.bbox.x1
 
 
 def test_linear_settlements_and_the_cell_are_those_of_each_member(swept: ParameterSweep) -> None:

@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from porocore.interfaces.solution import MacroSolution
@@ -103,6 +104,7 @@ def _along(sweep: ParameterSweep) -> Figure:
     for axes in (panels[0, 2], *panels[1]):
         axes.set_xlabel(parameter_label(sweep, 0))
         axes.margins(x=0.03)
+    _legend_of_laws(sweep, figure)
     if len(sweep.plan.family.macro.loads) > 1:
         figure.suptitle(f"load {sweep.largest_load:g}", fontsize=10)
     return figure
@@ -169,20 +171,21 @@ def _cells(sweep: ParameterSweep, axes: Axes, places: Array) -> None:
     other.spines["right"].set_visible(True)
     handles, labels = axes.get_legend_handles_labels()
     more, names = other.get_legend_handles_labels()
-    axes.legend([*handles, *more], [*labels, *names], loc="best")
+    _legend_above(axes, [*handles, *more], [*labels, *names])
+
+
+def _look(law: str) -> dict[str, Any]:
+    return {"color": LINEAR, "ls": DASHED} if law == LINEAR_LAW else {"color": NONLINEAR, "ls": "-"}
 
 
 def _against(sweep: ParameterSweep, axes: Axes, places: Array, names: Sequence[str]) -> None:
     """Draw results of all laws against the parameter."""
     markers, flagged = ("o", "s"), sweep.flagged
     for law in sweep.laws:
-        look = {"color": LINEAR, "ls": DASHED} if law == LINEAR_LAW else {"color": NONLINEAR, "ls": "-"}
         for name, marker in zip(names, markers, strict=False):
             column = sweep.figures.get(sweep.named(name, law))
             if column is not None:
-                words = "linear" if law == LINEAR_LAW else "nonlinear"
-                several = f"{LABELS[name.rpartition(': ')[2]]}, " if len(names) > 1 else ""
-                axes.plot(places, column, marker=marker, ms=4.5, label=f"{several}{words}", **look)
+                axes.plot(places, column, marker=marker, ms=4.5, **_look(law))
                 if law != LINEAR_LAW:
                     axes.plot(places[flagged], column[flagged], ls="", marker=marker, ms=3, color="white")
     if len(names) == 1:
@@ -190,11 +193,37 @@ def _against(sweep: ParameterSweep, axes: Axes, places: Array, names: Sequence[s
     else:
         quantity = sweep.quantity(names[0])
         axes.set_ylabel(axis_label("time $t$" if quantity == "time" else "force", quantity, sweep.units))
+        words = [LABELS[name.rpartition(": ")[2]] for name in names]
+        shown = [Line2D([], [], color=GREY, ls="", marker=marker, ms=4.5) for marker in markers]
+        _legend_above(axes, shown, words)
     _from_zero(axes)
-    if flagged.any():
-        axes.plot([], [], ls="", marker="o", ms=4.5, mfc="white", color=NONLINEAR, label="flagged somewhere")
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="best")
+
+
+def _legend_of_laws(sweep: ParameterSweep, figure: Figure) -> None:
+    """Put a legend of what all panels below share under them."""
+    shown = {
+        "linear" if law == LINEAR_LAW else "nonlinear": Line2D([], [], marker="o", ms=4.5, **_look(law))
+        for law in sweep.laws
+    }
+    if sweep.flagged.any():
+        shown["flagged somewhere"] = Line2D([], [], ls="", marker="o", ms=4.5, mfc="white", color=NONLINEAR)
+    figure.legend([*shown.values()], [*shown], loc="outside lower center", ncols=len(shown))
+
+
+def _legend_above(axes: Axes, handles: Sequence[Any], labels: Sequence[str]) -> None:
+    """Put a legend above the panel, where it covers no curve."""
+    marks = all(handle.get_linestyle() == "None" for handle in handles)
+    axes.legend(
+        handles,
+        labels,
+        loc="lower right",  # a power of ten of the axis stands on the left
+        bbox_to_anchor=(1, 1),
+        borderaxespad=0.1,
+        ncols=2,
+        columnspacing=1.0,
+        handletextpad=0.4,
+        handlelength=0.8 if marks else 1.8,
+    )
 
 
 def _from_zero(axes: Axes) -> None:

@@ -149,5 +149,5 @@ def test_values_and_slopes_at_the_points_are_exact_and_a_quadratic_function_is_e
 
 def test_without_emcee_the_message_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "emcee", None)
-    with pytest.raises(ConfigurationError, match=r"needs emcee, .*; pip install 'porocore\[posterior\]'"):
+    with pytest.raises(ConfigurationError, match=r"needs emcee, .*; pip install emcee"):
         require_emcee()
