@@ -8,7 +8,7 @@ from porocore.calibration.config.numbers import AXES, StudyNumber
 from porocore.calibration.config.settings import FitSettings, PosteriorSettings
 from porocore.calibration.observations.curve import ObservedCurve
 from porocore.calibration.problem import Unknown
-from porocore.core.units.quantities import unit_in_si
+from porocore.core.units.quantities import pretty, unit_in_si
 from porocore.core.units.scales import QUANTITIES
 from porocore.study.config.config import RunConfig
 
@@ -97,7 +97,8 @@ class CalibrationPlan:
     fit
         Settings of the search.
     notes
-        Settings of the studies that a family of cells cannot have, and what stands in their place.
+        Settings of the studies that a family of cells cannot have, with what stands in their place, and what was done
+        to the rows of files.
     posterior
         Settings of the draws from the posterior distribution; None: there are none.
     documents
@@ -141,3 +142,13 @@ class CalibrationPlan:
     def curves(self) -> list[ObservedCurve]:
         """All curves, those of the first experiment first."""
         return [curve for experiment in self.experiments for curve in experiment.curves]
+
+    @property
+    def outline(self) -> list[str]:
+        """A line for each unknown, curve and note."""
+        unknowns = [
+            f"unknown {one.name} from {one.lower:.5g} to {one.upper:.5g} {pretty(one.unit)}".rstrip()
+            for one in (each.unknown for each in self.unknowns)
+        ]
+        curves = [f"{curve.name}: {curve.outline}" for curve in self.curves]
+        return [*unknowns, *curves, *(f"note: {note}" for note in self.notes)]

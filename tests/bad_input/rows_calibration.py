@@ -52,8 +52,8 @@ ROWS = [
     ),
     curve(
         "digits in groups",
-        "creep.csv:3: settlement: expected a finite number, got '1_000'; remove the row, or write the number with a "
-        "decimal point",
+        "creep.csv:3: settlement: expected a finite number, got '1_000'; remove the row, or write the number alone, "
+        "with a decimal point or comma",
         CREEP.replace("0.2", "1_000"),
     ),
     curve(
@@ -64,41 +64,82 @@ ROWS = [
     curve("hole", "creep.csv:3: settlement: expected a finite number, got ''", CREEP.replace("0.2", "")),
     curve(
         "comma",
-        "creep.csv:3: expected 2 entries, one for each heading in line 1, got 3; begin lines outside the table with "
-        "'#', and write decimal points",
+        "creep.csv:3: expected 2 entries, one for each heading in line 1, got 3; remove the line, begin it with '#', "
+        "end the table above it by 'last_line: 2', or write decimal points",
         CREEP.replace("0.2", "0,2"),
     ),
     curve(
-        "line above the headings",
-        "creep.csv:2: expected 1 entries, one for each heading in line 1, got 2; begin lines outside",
-        "Specimen 7\n" + CREEP,
+        "two tables",
+        "creep.csv: expected one table with 'time' in its headings, got one in line 2 and another in line 7; keep one "
+        "in the file, or say which by 'heading_line: 2' and 'last_line:'",
+        "Specimen 7\n" + CREEP + CREEP,
     ),
     curve(
         "comma and points",
-        "creep.csv:3: settlement: expected a finite number, got '0,2'; remove the row, or write all numbers of the "
-        "column with a decimal point",
+        "creep.csv:3: settlement: expected decimal points, as in '0.1' in line 2, got '0,2'; write all numbers of the "
+        "column alike",
         CREEP.replace(",", ";").replace("0.2", "0,2"),
     ),
     curve(
         "comma and point in a number",
-        "creep.csv:3: settlement: expected a finite number, got '1.000,2'",
+        "creep.csv:3: settlement: expected decimal points, as in '0.1' in line 2, got '1.000,2'",
         CREEP.replace(",", ";").replace("0.2", "1.000,2"),
+    ),
+    curve(
+        "a thousand or one",
+        "creep.csv:2: settlement: '1,000' may be 1.000 or 1000, and nothing in the columns that are read tells which; "
+        "add \"decimal: ','\" for 1.000, or \"decimal: '.'\" for 1000",
+        "time;settlement\n1;1,000\n2;2,000\n3;3,000\n",
+    ),
+    curve(
+        "a thousand or one among decimals",
+        "creep.csv:4: settlement: '1.300' may be 1.300 or 1300, since the column has decimal commas elsewhere",
+        "time;settlement\n1;0,100\n2;1,200\n3;1.300\n",
+    ),
+    curve(
+        "a number against the key",
+        "creep.csv:2: settlement: expected a number with decimal commas, as the key 'decimal' says, got '0.1'; change "
+        "the key, or the number",
+        CREEP,
+        decimal=",",
+    ),
+    curve(
+        "a clock",
+        "creep.csv:2: time: expected a finite number, got '0:01'; times count from the beginning of the test in one "
+        "unit, such as seconds; write them so",
+        CREEP.replace("1,", "0:01,"),
+    ),
+    curve("encoding", f"{KEY}.encoding: expected an encoding such as utf-8", encoding="latin-99"),
+    curve("heading line", f"{KEY}.heading_line: expected the line of the headings in", heading_line=40),
+    curve(
+        "units that contradict",
+        "creep.csv:2: time: expected 's', the unit in the heading, got 'min'; remove one of the two",
+        CREEP.replace("time,settlement", "time [s],settlement\nmin,mm"),
+    ),
+    curve("workbook", "creep.csv: expected a CSV file, got an Excel workbook", b"PK\x03\x04" + bytes(20)),
+    curve(
+        "no rows",
+        "creep.csv:1: expected rows of numbers below the headings 'time' and 'settlement'; add",
+        CREEP[:15],
     ),
     curve("since after until", "since: expected a time before until, got 3.0 and 1.0", since=3, until=1),
     curve(
         "time back", "creep.csv:4: time: expected increasing times, got 2 after 3", "time,s\n1,1\n3,2\n2,3\n"
     ),
-    curve(
-        "time twice", "creep.csv:3: time: expected increasing times, got 1 after 1", "time,s\n1,1\n1,2\n2,3\n"
-    ),
+    curve("time twice", "creep.csv: expected at least 3 values, got 2", "time,s\n1,1\n1,2\n2,3\n"),
     curve("no headings", "creep.csv:1: expected a line of headings", "1,2\n2,3\n3,4\n"),
-    curve("no column", "no column is called 'time'; the headings are t, s", "t,s\n1,2\n"),
-    curve("other column", "no column is called 'depth'; the headings are time, settlement", values="depth"),
+    curve("no column", "no column is called 'time'; the headings in line 1 are t, s", "t,s\n1,2\n"),
+    curve(
+        "other column",
+        "no column is called 'depth'; the headings in line 1 are time, settlement",
+        values="depth",
+    ),
     curve("empty", "creep.csv: expected a line of headings and rows of numbers, got an empty file", ""),
     curve(
         "bytes",
-        "creep.csv: expected a CSV file in UTF-8, got other bytes; save it as UTF-8",
-        b"time,s\n\xff,1\n",
+        "creep.csv:2: expected text in UTF-8, UTF-16 or Windows-1252 (Latin-1), got bytes that are none; name the "
+        "encoding with 'encoding:'",
+        b"time,s\n\x81,1\n",
     ),
     curve("folder", "creep.csv: expected a CSV file, got a folder", folder),
     curve("pipe", "creep.csv: cannot be read: expected a file, got a named pipe", fifo),

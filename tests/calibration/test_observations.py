@@ -93,7 +93,7 @@ REFUSED = {
     "comma and points": (
         "time;s\n1;2.5\n2;2,5\n3;4\n",
         {},
-        "curve.csv:3: s: expected a finite number, got '2,5'; remove the row, or write all numbers of the column with",
+        "curve.csv:3: s: expected decimal points, as in '2.5' in line 2, got '2,5'; write all numbers of the column",
     ),
     "thousands": (
         "time;s\n1;2\n2;1,000,0\n3;4\n",
@@ -101,20 +101,15 @@ REFUSED = {
         "curve.csv:3: s: expected a finite number, got '1,000,0'",
     ),
     "no headings, commas": ("0,1;2\n0,2;3\n", {}, "curve.csv:1: expected a line of headings"),
-    "title": (
-        "Specimen 7\ntime,s\n1,2\n",
-        {},
-        "line 1, got 2; begin lines outside the table with '#', and write",
-    ),
     "hole": ("time,s\n1,2\n2,\n3,4\n", {}, "got ''"),
     "time back": (
         "time,s\n1,2\n3,3\n2,4\n",
         {},
         "curve.csv:4: time: expected increasing times, got 2 after 3",
     ),
-    "time twice": ("time,s\n1,2\n1,3\n2,4\n", {}, "got 1 after 1"),
+    "time twice": ("time,s\n1,2\n1,3\n2,4\n", {}, "expected at least 3 values, got 2"),
     "time before": ("time,s\n-1,2\n1,3\n2,4\n", {}, "curve.csv:2: time: expected a time from 0"),
-    "no time": ("t,s\n1,2\n", {}, "no column is called 'time'; the headings are t, s"),
+    "no time": ("t,s\n1,2\n", {}, "no column is called 'time'; the headings in line 1 are t, s"),
     "twice": ("time,s,s\n1,2,3\n", {"values": "s"}, "the heading 's' is there 2 times"),
     "which": ("time,a,b\n1,2,3\n", {}, "values: missing;"),
     "misspelt": (
@@ -128,7 +123,7 @@ REFUSED = {
         "s: expected a length, such as 5 mm, got 'kPa', which is a",
     ),
     "unknown unit": ("time [parsnip],s\n1,2\n2,3\n3,4\n", {}, "the unit 'parsnip' is not known"),
-    "two units": (TABLE, {"unit": "mm"}, "unit: expected 'um', the unit in the heading"),
+    "two units": (TABLE, {"unit": "mm"}, "unit: expected 'um', the unit of 'settlement' in"),
     "no scales": (TABLE, {"scales": None}, "'min' has a unit, but the configuration has no scales"),
     "blanks between columns": (
         "time s\n1 2\n2 3\n3 4\n",
@@ -143,7 +138,11 @@ REFUSED = {
         {"deviation_column": "sd"},
         "curve.csv:3: sd: expected a number above 0, got 0",
     ),
-    "bytes": (b"time,s\n\xff,1\n", {}, "expected a CSV file in UTF-8, got other bytes"),
+    "bytes": (
+        b"time,s\n\x81,1\n",
+        {},
+        "curve.csv:2: expected text in UTF-8, UTF-16 or Windows-1252 (Latin-1), got",
+    ),
     "behind the end": ("time,s\n1,2\n2,3\n1e12,4\n", {}, "lies behind the end of the study"),
 }
 

@@ -77,6 +77,18 @@ def _documents(
     return tuple(found.items())
 
 
+def is_calibration(path: Path) -> bool:
+    """Return whether a file is a calibration of its own, which names studies and is none.
+
+    Raises
+    ------
+    ConfigurationError
+        It cannot be read.
+    """
+    data = YamlDocument.read(path).data
+    return SECTION not in data and "cell" not in data and bool(data.keys() & {"unknowns", "experiments"})
+
+
 def _settings(document: YamlDocument) -> tuple[CalibrationSettings, Location]:
     """Return the settings, and the location of their section in the document."""
     inside = SECTION in document.data
@@ -155,20 +167,27 @@ def _plan(
     plain = {name: Experiment(name, config, load, ()) for name, (config, load, _) in studies.items()}
     unknowns = planned_unknowns(settings, plain, at)
     experiments, notes = [], dict[str, None]()
+    refused: list[str] = []
     for name, (config, load, experiment) in studies.items():
         family, said = _family(config, plain[name], unknowns, at)
         notes |= dict.fromkeys(said)
         curves = []
         for observed, observation in experiment.observations.items():
             keys = ("experiments", name, "observations") if name else ("observations",)
-            with keyed(_key(at, *keys, observed)), speaking(config.result_units):
-                curves.append(
-                    read_curve(
+            try:
+                with keyed(_key(at, *keys, observed)), speaking(config.result_units):
+                    curve = read_curve(
                         observed, observation, document.folder, config.scales, config.macro.time.end,
                         experiment=name, synthetic=synthetic,
-                    )
-                )  # fmt: skip
+                    )  # fmt: skip
+            except ConfigurationError as error:
+                refused.append(str(error))
+            else:
+                curves.append(curve)
+                notes |= dict.fromkeys(f"{curve.name}: {note}" for note in curve.notes)
         experiments.append(Experiment(name, family, load, tuple(curves)))
+    if refused:
+        raise ConfigurationError("\n".join(refused))
     title = settings.title or next(iter(experiments)).config.title
     _check_posterior(settings, len(unknowns), at)
     _check_shifts(experiments, unknowns, at)

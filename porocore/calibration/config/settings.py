@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from porocore.calibration.problem import Scale
 from porocore.core.echo import echo
@@ -20,6 +20,16 @@ def _no_switch(value: object) -> object:
     if isinstance(value, bool):
         raise ValueError(f"expected a number, got {echo(value)}; write a number")
     return value
+
+
+def _encoding(name: str) -> str:
+    try:
+        known = bool("1".encode(name))
+    except (LookupError, ValueError, TypeError):
+        known = False
+    if not known:
+        raise ValueError(f"expected an encoding such as utf-8, latin-1 or cp850, got {echo(name)}")
+    return name
 
 
 #: A plain number, or a text with a unit, whose quantity another key decides.
@@ -106,15 +116,28 @@ class ObservationSettings(StrictModel):
     component: Literal[1, 2, 3] | None = None
     """Component of a displacement or a force."""
     file: Annotated[str, Field(min_length=1)] | None = None
-    """CSV file with a line of headings; a relative path starts at the folder of the configuration."""
+    """CSV file with headings, such as the export of a testing machine; a relative path starts at the folder of the
+    configuration."""
     time: Name = "time"
     """Heading of the times, without its unit."""
     values: Name | None = None
     """Heading of the values, without its unit; null: the only other column, or that with the name of the curve."""
     time_unit: Annotated[str, Field(max_length=60)] | None = None
-    """Unit of the times; null: the one in brackets in the heading; without any they are dimensionless."""
+    """Unit of the times; null: the one in brackets in the heading, or in a row of units below the headings; without any
+    they are dimensionless."""
     unit: Annotated[str, Field(max_length=60)] | None = None
     """Unit of the values, as that of the times."""
+    encoding: Annotated[str, Field(max_length=60), AfterValidator(_encoding)] | None = None
+    """Encoding of the file, such as ``cp850``; null: UTF-8 or UTF-16, or else Windows-1252 (Latin-1)."""
+    heading_line: Annotated[int, Field(ge=1)] | None = None
+    """Line of the headings; null: the one in which the named headings stand, above numbers."""
+    last_line: Annotated[int, Field(ge=1)] | None = None
+    """Last line of the file that counts; null: all."""
+    decimal: Literal[".", ","] | None = None
+    """Decimal mark of all numbers; null: that which the numbers show."""
+    missing: Annotated[tuple[Annotated[str, Field(max_length=60)], ...], Field(max_length=20)] = ()
+    """Texts that stand for no number, such as ``---`` or ``NaN``; rows with one in a column that is read do not
+    count."""
     factor: Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)] = 1.0
     """Factor on the values that were read, such as -1 for another sign."""
     deviation: Value | None = None

@@ -11,6 +11,7 @@ import numpy as np
 
 from porocore.calibration.observations.series import MeasuredSeries
 from porocore.calibration.problem import CurveData
+from porocore.core.units.quantities import pretty
 from porocore.errors import ConfigurationError
 from porocore.states import Array
 
@@ -67,6 +68,8 @@ class ObservedCurve:
         Standard deviation of every value, or of each (m,), in ``unit``; None: it is ``share`` of the largest value.
     share
         Share of the largest value in size.
+    notes
+        What was done to the rows of the file, in words.
     file
         Where it was read; None: it is made up.
     """
@@ -82,6 +85,7 @@ class ObservedCurve:
     measured: Array | None = None
     spread: float | Array | None = None
     share: float | None = None
+    notes: tuple[str, ...] = ()
     file: DataFile | None = None
 
     def __len__(self) -> int:
@@ -113,6 +117,15 @@ class ObservedCurve:
         """Times (m,) in :attr:`time_unit`."""
         return np.asarray(self.times * self.time_factor)
 
+    @property
+    def outline(self) -> str:
+        """Number of values, first and last time, least and largest value, with units."""
+        times = f"from {_span(self.displayed_times[0], self.displayed_times[-1], self.time_unit)}"
+        if self.measured is None:
+            return f"{len(self)} times {times}; no values yet"
+        values = _span(self.measured.min(), self.measured.max(), self.unit)
+        return f"{len(self)} values {times}; they are {values}"
+
     def made_up(self, exact: Array, seed: Sequence[int]) -> ObservedCurve:
         """Return the curve with exact values (m,) and normal noise of its standard deviation."""
         known = replace(self, measured=exact)
@@ -124,6 +137,10 @@ class ObservedCurve:
             weights=np.ones(len(exact)),
             file=None,
         )
+
+
+def _span(first: float, last: float, unit: str) -> str:
+    return f"{first:.5g} to {last:.5g} {pretty(unit)}".rstrip()
 
 
 def curve_data(curves: Sequence[ObservedCurve]) -> CurveData:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from porocore.calibration.config.settings import ObservationSettings, SyntheticTimes
 from porocore.calibration.observations.curve import DataFile, ObservedCurve
+from porocore.calibration.observations.numbers import Numbers
 from porocore.calibration.observations.series import MeasuredSeries
 from porocore.calibration.observations.table import CurveTable
-from porocore.calibration.observations.unit import StudyUnit
+from porocore.calibration.observations.unit import StudyUnit, as_unit, is_unit, size_of
 from porocore.core.echo import echo, joined
 from porocore.core.units.scales import Scales
 from porocore.errors import ConfigurationError
@@ -20,6 +22,8 @@ from porocore.states import Array
 
 #: Values that a measured curve has at least, and times that a planned one has.
 FEWEST, FEWEST_TIMES = 3, 2
+#: Share of the end of a study by which a last time may lie behind it where it is rounded.
+ROUNDED = 1e-3
 
 
 def read_curve(
@@ -64,10 +68,7 @@ def read_curve(
             )
         curve = _planned(title, settings, series, scales)
     else:
-        table = CurveTable.read(folder / settings.file)
-        curve = _measured(title, name, settings, series, table, scales)
-        file = DataFile.of(folder / settings.file, settings.file, len(table.lines))
-        curve = replace(curve, file=file)
+        curve = _measured(title, name, settings, series, folder / settings.file, scales, end)
     if (last := curve.times[-1]) > end * (1 + 1e-9):
         t = last * curve.time_factor
         raise ConfigurationError(
@@ -118,10 +119,19 @@ def _measured(
     name: str,
     settings: ObservationSettings,
     series: MeasuredSeries,
-    table: CurveTable,
+    path: Path,
     scales: Scales | None,
+    end: float,
 ) -> ObservedCurve:
-    """Return the curve in a table."""
+    """Return the curve in a file; what was done to its rows is said in its notes."""
+    named = (settings.values, settings.deviation_column, settings.weight_column)
+    table = CurveTable.read(
+        path,
+        [settings.time, *(each for each in named if each is not None)],
+        encoding=settings.encoding,
+        heading_line=settings.heading_line,
+        last_line=settings.last_line,
+    )
     at = table.find(settings.time)
     column = (
         table.find(settings.values)
@@ -134,20 +144,97 @@ def _measured(
         )
     time = _of_column("time_unit", settings.time_unit, table, at, "time", scales)
     unit = _of_column("unit", settings.unit, table, column, series.quantity, scales)
-    table.require_rising(at)
-    times, values = table.numbers(at), settings.factor * table.numbers(column)
-    weights = np.full(len(times), settings.weight)
-    if settings.weight_column is not None:
-        weights *= _positive(table, settings.weight_column)
-    spread: float | Array | None = _spread(settings, unit)
-    if settings.deviation_column is not None:
-        spread = abs(settings.factor) * _positive(table, settings.deviation_column)
-    kept = _counting(str(table.path), settings, times, time, FEWEST)
-    of_each = isinstance(spread, np.ndarray)
+    extra = [None if each is None else table.find(each) for each in named[1:]]
+    used = [at, column, *(k for k in extra if k is not None)]
+    rows = table.without(settings.missing, used)
+    numbers = dict(zip(used, rows.numbers(used, settings.decimal), strict=True))
+    deviations, weights = (None if k is None else _positive(rows, k, numbers[k].values) for k in extra)
+    _require_rising(rows, at, numbers[at].values)
+    read = _Rows(
+        _ended(numbers[at], end * time.factor),
+        settings.factor * numbers[column].values,
+        settings.weight * (np.ones(len(rows.rows)) if weights is None else weights),
+        None if deviations is None else abs(settings.factor) * deviations,
+    )
+    data = read.averaged()
+    kept = _counting(str(table.path), settings, data.times, time, FEWEST)
     return ObservedCurve(
-        title, series, times[kept] / time.factor, unit.name, time.name, unit.factor, time.factor, weights[kept],
-        values[kept], np.asarray(spread)[kept] if of_each else spread, settings.deviation_share,
+        title, series, data.times[kept] / time.factor, unit.name, time.name, unit.factor, time.factor,
+        data.weights[kept], data.values[kept],
+        _spread(settings, unit) if data.deviations is None else data.deviations[kept],
+        settings.deviation_share, tuple(_notes(table, rows, numbers[at], read, data, time)),
+        DataFile.of(path, str(settings.file), len(table.rows)),
     )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Times, values, weights and, perhaps, standard deviations of the rows of a file, each (n,), in its units."""
+
+    times: Array
+    values: Array
+    weights: Array
+    deviations: Array | None
+
+    def averaged(self) -> _Rows:
+        """Return one row for each time, with the mean of those at that time, which weighs as much as they do."""
+        times, place = np.unique(self.times, return_inverse=True)
+        if len(times) == len(self.times):
+            return self
+        of_each = self.weights if self.deviations is None else self.weights / self.deviations**2
+        precision, weights = (
+            np.asarray(np.bincount(place, each), dtype=float) for each in (of_each, self.weights)
+        )
+        values = np.bincount(place, of_each * self.values) / precision
+        return _Rows(
+            times, values, weights, None if self.deviations is None else np.sqrt(weights / precision)
+        )
+
+
+def _ended(times: Numbers, end: float) -> Array:
+    """Return times of which those that only rounding puts behind the end of the study are the end.
+
+    That is one unit of the last digit that the file has, and a thousandth of the end at most.
+    """
+    values = times.values
+    rounding = min(times.last_place, ROUNDED * end) * (1 + 1e-9)
+    return np.where((values > end) & (values <= end + rounding), end, values)
+
+
+def _notes(
+    table: CurveTable, rows: CurveTable, times: Numbers, read: _Rows, data: _Rows, unit: StudyUnit
+) -> Iterator[str]:
+    """Yield what was done to the rows of a file."""
+    if left := len(table.rows) - len(rows.rows):
+        yield f"{left} of {len(table.rows)} rows, which have no number for the curve, were left out"
+    if doubled := len(read.times) - len(data.times):
+        shared = int((np.unique(read.times, return_counts=True)[1] > 1).sum())
+        yield (
+            f"{shared + doubled} rows have {shared} times between them; the mean of the rows at one time counts"
+            if shared > 1
+            else f"{1 + doubled} rows have the same time; their mean counts"
+        )
+    if read.times[-1] < times.values[-1] * (1 - 1e-9):
+        yield (
+            f"the last time, {times.texts[-1]}{_unit(unit.name)}, is rounded and counts as the end of the study, "
+            f"{read.times[-1]:.10g}{_unit(unit.name)}"
+        )
+
+
+def _require_rising(table: CurveTable, column: int, times: Array) -> None:
+    """Refuse times that fall from row to row, or begin before zero."""
+    name = table.names[column]
+    for k, line in enumerate(table.lines):
+        at = f"{table.path}:{line}: {name}"
+        if k and times[k] < times[k - 1]:
+            raise ConfigurationError(
+                f"{at}: expected increasing times, got {times[k]:g} after {times[k - 1]:g}; sort the rows, or keep one "
+                f"test in the file, as by 'last_line: {line - 1}'"
+            )
+        if times[k] < 0:
+            raise ConfigurationError(
+                f"{at}: expected a time from 0, the beginning of the test, got {times[k]:g}"
+            )
 
 
 def _values_column(table: CurveTable, at: int, name: str, settings: ObservationSettings) -> int:
@@ -169,16 +256,19 @@ def _values_column(table: CurveTable, at: int, name: str, settings: ObservationS
 def _of_column(
     key: str, given: str | None, table: CurveTable, column: int, quantity: str, scales: Scales | None
 ) -> StudyUnit:
-    """Return the unit of a column: that of the key or of the heading, which agree where both are there."""
+    """Return the unit of a column: that of the key or of the file, which agree where both are there."""
     heading = table.headings[column]
-    if given is not None and heading.unit and given.strip() != heading.unit:
+    unit = as_unit(heading.unit, quantity)
+    if given is None:
+        return StudyUnit.at_key(f"{table.path}: {heading.name}", unit, quantity, scales)
+    size, other = size_of(given.strip(), quantity), size_of(unit, quantity)
+    # A unit that nobody knows, such as 'Sek', is what the key is for.
+    if given.strip() != unit and size is not None and (size != other if other else is_unit(unit)):
         raise ConfigurationError(
-            f"{key}: expected {echo(heading.unit)}, the unit in the heading of {echo(heading.name)} in {table.path}, "
-            f"got {echo(given)}; remove one of the two"
+            f"{key}: expected {echo(heading.unit)}, the unit of {echo(heading.name)} in {table.path}, got "
+            f"{echo(given)}; remove one of the two"
         )
-    if given is not None:
-        return StudyUnit.at_key(key, given.strip(), quantity, scales)
-    return StudyUnit.at_key(f"{table.path}: {heading.name}", heading.unit, quantity, scales)
+    return StudyUnit.at_key(key, given.strip(), quantity, scales)
 
 
 def _spread(settings: ObservationSettings, unit: StudyUnit) -> float | None:
@@ -190,10 +280,8 @@ def _spread(settings: ObservationSettings, unit: StudyUnit) -> float | None:
     return found
 
 
-def _positive(table: CurveTable, name: str) -> Array:
-    """Return a column of numbers above zero."""
-    column = table.find(name)
-    values = table.numbers(column)
+def _positive(table: CurveTable, column: int, values: Array) -> Array:
+    """Return the numbers of a column, which are above zero."""
     if (values <= 0).any():
         k = int(np.argmax(values <= 0))
         raise ConfigurationError(

@@ -4,12 +4,36 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from fractions import Fraction
 
 from porocore.core.echo import echo
 from porocore.core.units.quantities import UnitError, has_unit, in_si, unit_in_si
 from porocore.core.units.scales import QUANTITIES, Scales
 from porocore.core.units.texts import NO_SCALES
 from porocore.errors import ConfigurationError
+
+
+def size_of(unit: str, quantity: str) -> Fraction | None:
+    """Return one unit in the SI unit of a quantity; None: it is no unit of it."""
+    try:
+        return unit_in_si(unit, quantity)
+    except UnitError:
+        return None
+
+
+def as_unit(text: str, quantity: str) -> str:
+    """Return the unit that a machine writes with other capitals, such as Sec or MIN, or else the text itself.
+
+    The text has three letters at least, so that prefixes such as m and M are not confused.
+    """
+    small = text.lower()
+    other = len(text) > 2 and text.isalpha() and size_of(text, quantity) is None
+    return small if other and size_of(small, quantity) is not None else text
+
+
+def is_unit(text: str) -> bool:
+    """Return whether a text is a unit of any quantity."""
+    return any(size_of(as_unit(text, quantity), quantity) is not None for quantity in QUANTITIES)
 
 
 @dataclass(frozen=True)

@@ -77,8 +77,10 @@ def check(
 
     Meshes the cell and the body, and looks for surfaces, boundary conditions, probes and backends. Solves the
     undeformed cell, unless it is large, and tells what follows from it: moduli, permeability, and the time in which the
-    body consolidates. A later run finds that cell in the store.
+    body consolidates. A later run finds that cell in the store. Reads the measured data of a calibration, in a section
+    of the study or a file of its own.
     """
+    from porocore.calibration.config.loading import is_calibration, read_plan
     from porocore.study.config.loading import holds_cells_alone
     from porocore.study.outline.at_rest import at_rest
     from porocore.study.outline.cell_alone import outline_of_cells
@@ -86,6 +88,15 @@ def check(
     from porocore.study.preflight.checks import check_backends
     from porocore.study.store import user_store
 
+    if config is not None and config.is_file() and is_calibration(config):
+        with interruptible():
+            plan = read_plan(config, synthetic=True)
+            for experiment in plan.experiments:
+                check_backends(experiment.config)
+        for line in plan.outline:
+            typer.echo(line)
+        typer.echo(f"no faults; next: {command('calibrate', config)}")
+        return
     alone = config is not None and config.is_file() and holds_cells_alone(config)
     path, settings = read_config(config, fem, surrogate, closure, macro, cell_only=alone)
     with interruptible(), located(path):
@@ -101,6 +112,10 @@ def check(
         check_backends(settings)
         for line in chain(outline(settings), at_rest(settings, user_store())):
             typer.echo(line)
+        if settings.calibration is not None:
+            typer.echo("calibration:")
+            for line in read_plan(path, synthetic=True).outline:
+                typer.echo(f"  {line}")
     typer.echo(f"no faults; next: {command('run', config)}")
 
 
