@@ -85,7 +85,7 @@ class Entry:
 
 
 @dataclass(frozen=True, eq=False)
-class Column:
+class TextColumn:
     """Texts of one column of a table.
 
     Attributes
@@ -135,7 +135,7 @@ class Numbers:
 
 
 def read_columns(
-    where: str, columns: Sequence[Column], separator: str, decimal: str | None = None
+    where: str, columns: Sequence[TextColumn], separator: str, decimal: str | None = None
 ) -> list[Numbers]:
     """Return the numbers of some columns of one table.
 
@@ -167,7 +167,7 @@ def read_columns(
 
 
 def _read(
-    where: str, column: Column, marks: set[str], groups: set[str], separator: str, decimal: str | None
+    where: str, column: TextColumn, marks: set[str], groups: set[str], separator: str, decimal: str | None
 ) -> Numbers:
     _require_numbers(where, column)
     own = column.marks
@@ -202,7 +202,7 @@ def _is_grouped(text: str, mark: str) -> bool:
     return mark not in text
 
 
-def _require_numbers(where: str, column: Column) -> None:
+def _require_numbers(where: str, column: TextColumn) -> None:
     for line, entry in zip(column.lines, column.entries, strict=True):
         if not entry.is_number:
             at = f"{where}:{line}: {column.name}"
@@ -223,7 +223,7 @@ def _advice(text: str) -> str:
     return "remove the row"
 
 
-def _contradiction(where: str, column: Column) -> ConfigurationError:
+def _contradiction(where: str, column: TextColumn) -> ConfigurationError:
     """Return the complaint about the first entry with the rarer decimal mark of a column that has both."""
     by_mark: dict[str, list[tuple[int, str]]] = {POINT: [], COMMA: []}
     for line, entry in zip(column.lines, column.entries, strict=True):

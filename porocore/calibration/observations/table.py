@@ -11,7 +11,7 @@ from pathlib import Path
 
 from porocore.calibration.config.settings import MOST_POINTS
 from porocore.calibration.observations.decoding import decoded_text
-from porocore.calibration.observations.numbers import Column, Entry, Numbers, read_columns
+from porocore.calibration.observations.numbers import Entry, Numbers, TextColumn, read_columns
 from porocore.calibration.observations.unit import is_unit
 from porocore.core.echo import echo, joined, suggestion
 from porocore.errors import ConfigurationError
@@ -309,7 +309,7 @@ class CurveTable:
         ConfigurationError
             As :func:`~porocore.calibration.observations.numbers.read_columns`.
         """
-        found = [Column(self.names[k], [row[k] for row in self.rows], self.lines) for k in columns]
+        found = [TextColumn(self.names[k], [row[k] for row in self.rows], self.lines) for k in columns]
         return read_columns(str(self.path), found, self.separator, decimal)
 
 
