@@ -22,7 +22,7 @@ RUN_RECORD = "run.json"
 def file_stem(name: str) -> str:
     """Return a name as that of a file: ASCII letters, numbers and signs that no system minds."""
     plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
-    return re.sub(r"[^A-Za-z0-9._=-]+", "-", plain).strip("-")
+    return re.sub(r"[^A-Za-z0-9._=,-]+", "-", plain).strip("-")
 
 
 def new_folder(path: Path) -> Path:
