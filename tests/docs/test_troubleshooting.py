@@ -16,7 +16,7 @@ from unittest import mock
 import pytest
 from pages import ROOT, page
 
-from porocore.cell.geometry.cad import import_gmsh
+from porocore.core.files.gmsh_session import import_gmsh
 from porocore.cli import main
 from porocore.core.files.atomic import atomic_path
 from porocore.errors import PorocoreError

@@ -1,4 +1,4 @@
-"""Base of drawn geometries: import of gmsh, mesh sizes, tetrahedra from gmsh, folded elements."""
+"""Base of drawn geometries: mesh sizes, tetrahedra from gmsh, folded elements."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from porocore.cell.geometry.pore_geometry import PoreGeometry
 from porocore.cell.meshing.estimate import PER_CUBE, PER_FILLET
 from porocore.cell.meshing.shape_functions import EDGES
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra, least_stretch, used, volumes
+from porocore.core.files.gmsh_session import gmsh_session
 from porocore.errors import PorocoreError
 from porocore.states import Array, IntArray
 
@@ -26,9 +27,6 @@ SIZE_TO_GAP, COARSE = 0.8, 0.2
 LEAST_STRETCH = 0.02
 #: Largest difference of the drawn porosity from the described one, relative to it; fillets differ by 3e-4.
 LARGEST_ERROR_OF_DRAWING = 1e-3
-SYSTEM_LIBRARIES = (
-    "libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxft2 libfontconfig1 libxinerama1 libgomp1"
-)
 
 
 @dataclass(frozen=True)
@@ -93,51 +91,37 @@ class DrawnGeometry(PoreGeometry):
         return abs(float(fluid / (solid + fluid)) - self.porosity) <= LARGEST_ERROR_OF_DRAWING * self.porosity
 
     def tetrahedra(self, size: float, element: Element) -> dict[Phase, Tetrahedra]:
-        gmsh = import_gmsh()
-        gmsh.initialize(readConfigFiles=False, interruptible=False)
-        try:
-            gmsh.option.setNumber("General.Terminal", 0)
-            gmsh.option.setNumber("General.NumThreads", 1)
-            size = min(size, LARGEST_SIZE_TO_RADIUS * self.narrowest)
-            gmsh.option.setNumber("Mesh.MeshSizeMin", size)
-            gmsh.option.setNumber("Mesh.MeshSizeMax", size)
-            gmsh.model.add("cell")
-            part = self.draw(gmsh)
-            if not self.is_drawn(gmsh, part):
-                raise PorocoreError(
-                    "the drawn pores are not those that are described; change a length of cell.geometry by a thousandth"
-                )
-            if part.fillets:
-                _refine(gmsh, part.fillets, min(size, SIZE_TO_FILLET * self.finest_fillet), size)
-            elif type(self).gap is not DrawnGeometry.gap:
-                _follow_gaps(gmsh, self, size)
-            gmsh.model.mesh.generate(3)
-            if not part.extruded:
-                gmsh.model.mesh.optimize("Netgen")
-            if element != "linear":
-                gmsh.option.setNumber("Mesh.SecondOrderLinear", float(element == "quadratic-straight"))
-                gmsh.model.mesh.setOrder(2)
-            nodes = _nodes(gmsh, self, part)
-            if element == "quadratic-curved":
-                _straighten_folds(nodes, _cells(gmsh, part.solid + part.fluid))
-            volumes_of: dict[Phase, list[int]] = {"solid": part.solid, "fluid": part.fluid}
-            return {phase: _read(gmsh, tags, nodes, element) for phase, tags in volumes_of.items()}
-        except Exception as error:  # gmsh raises plain Exception
-            raise PorocoreError(f"gmsh could not mesh {self!r} at size {size:g}: {error}") from error
-        finally:
-            gmsh.finalize()
+        size = min(size, LARGEST_SIZE_TO_RADIUS * self.narrowest)
+        with gmsh_session() as gmsh:
+            try:
+                return self._drawn(gmsh, size, element)
+            except Exception as error:  # gmsh raises plain Exception
+                raise PorocoreError(f"gmsh could not mesh {self!r} at size {size:g}: {error}") from error
 
-
-def import_gmsh() -> Any:
-    """Return the module gmsh, or raise an error that names the libraries it needs."""
-    try:
-        import gmsh
-    except (ImportError, OSError) as error:
-        raise PorocoreError(
-            f"gmsh cannot be loaded ({error}); it needs some system libraries: on Debian or Ubuntu run "
-            f"apt-get install {SYSTEM_LIBRARIES}"
-        ) from error
-    return gmsh
+    def _drawn(self, gmsh: Any, size: float, element: Element) -> dict[Phase, Tetrahedra]:
+        gmsh.option.setNumber("Mesh.MeshSizeMin", size)
+        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+        gmsh.model.add("cell")
+        part = self.draw(gmsh)
+        if not self.is_drawn(gmsh, part):
+            raise PorocoreError(
+                "the drawn pores are not those that are described; change a length of cell.geometry by a thousandth"
+            )
+        if part.fillets:
+            _refine(gmsh, part.fillets, min(size, SIZE_TO_FILLET * self.finest_fillet), size)
+        elif type(self).gap is not DrawnGeometry.gap:
+            _follow_gaps(gmsh, self, size)
+        gmsh.model.mesh.generate(3)
+        if not part.extruded:
+            gmsh.model.mesh.optimize("Netgen")
+        if element != "linear":
+            gmsh.option.setNumber("Mesh.SecondOrderLinear", float(element == "quadratic-straight"))
+            gmsh.model.mesh.setOrder(2)
+        nodes = _nodes(gmsh, self, part)
+        if element == "quadratic-curved":
+            _straighten_folds(nodes, _cells(gmsh, part.solid + part.fluid))
+        volumes_of: dict[Phase, list[int]] = {"solid": part.solid, "fluid": part.fluid}
+        return {phase: _read(gmsh, tags, nodes, element) for phase, tags in volumes_of.items()}
 
 
 def _refine(gmsh: Any, faces: list[int], smallest: float, largest: float) -> None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -24,7 +25,7 @@ from porocore.cell.meshing.tetrahedra import (
     with_middles,
 )
 from porocore.cell.symmetry.mesh_symmetry import RegionMap, region_maps
-from porocore.core.files.foreign_mesh import read_mesh
+from porocore.core.files.foreign_mesh import ForeignMesh, read_mesh, require_apart
 from porocore.core.files.input_file import FromFile
 from porocore.core.tensors.point_group import PointGroup, Rotation, as_rotation
 from porocore.errors import ConfigurationError
@@ -32,8 +33,6 @@ from porocore.states import Array, IntArray
 
 Tag = int | str
 Tags = Annotated[tuple[Tag, ...], Field(min_length=1)]
-#: Names under which meshing programs store the tags of elements; the first one in a file is used.
-TAG_DATA = ("gmsh:physical", "medit:ref", "phase", "region", "cell_tags", "material", "gmsh:geometrical")
 #: Largest difference of the extents of a cube along the axes, relative to the largest.
 SAME = 1e-6
 
@@ -47,13 +46,13 @@ class MeshFile(FromFile, PoreGeometry):
     """
 
     kind: Literal["mesh-file"]
-    """Tetrahedra of solid and fluid from a file that meshio reads."""
+    """Tetrahedra of solid and fluid from a file of gmsh, or another that meshio reads."""
     solid: Tags = ("solid",)
     """Tags of the solid's tetrahedra: names of physical groups, or numbers; several are its regions."""
     fluid: Tags = ("fluid",)
     """Tags of the fluid's tetrahedra."""
     tags: str | None = None
-    """Name of the element data with the tags; null: the first known one that the file has."""
+    """Name of the element data with the tags; null: the groups that the file names, or the first known data."""
 
     @model_validator(mode="after")
     def _apart(self) -> MeshFile:
@@ -123,36 +122,32 @@ def _of_order(mesh: Tetrahedra, element: Element) -> Tetrahedra:
 def _read(geometry: MeshFile) -> tuple[dict[Phase, Tetrahedra], Sides]:
     """Return the tetrahedra of a file by phase, and the sides of the cell."""
     path = geometry.checked("cell.geometry")
-    mesh = read_mesh(path)
-    kinds = {block.type for block in mesh.cells if block.dim == 3}
-    if not kinds or not kinds <= {"tetra", "tetra10"} or len(kinds) > 1:
+    mesh = read_mesh(path, geometry.tags)
+    kinds = list(mesh.elements[3])
+    if not kinds or not {*kinds} <= {"tetra", "tetra10"} or len(kinds) > 1:
         raise ConfigurationError(
             f"{path}: expected tetrahedra of 4 or of 10 nodes (tetra, tetra10), got "
             f"{', '.join(sorted(kinds)) or 'no elements with a volume'}"
         )
-    blocks = [i for i, block in enumerate(mesh.cells) if block.dim == 3]
-    cells = np.concatenate([mesh.cells[i].data for i in blocks]).astype(np.int64)
-    tags, names = _tags(geometry, path, mesh, blocks)
-    phase = {tag: name for name in ("solid", "fluid") for tag in _numbers(geometry, path, name, tags, names)}
-    strange = np.setdiff1d(np.unique(tags), list(phase))
-    if len(strange):
-        raise ConfigurationError(
-            f"{path}: elements with the tags {_listed(strange, names)} belong to no phase; name them under "
-            "cell.geometry.solid or cell.geometry.fluid"
-        )
-    points, sides = _unit_cell(path, np.asarray(mesh.points, dtype=np.float64), cells)
+    ((kind, cells),) = mesh.elements[3].items()
+    parts = _parts(geometry, path, mesh, kind)
+    points, sides = _unit_cell(path, mesh.points, cells)
     points, cells = used(points, cells)
+    require_apart(points, path)
     points = matched(points, cells, sides, str(path))
     cells = _positive(points, cells, path)
 
     def of_phase(name: Phase) -> Tetrahedra:
-        numbers = [tag for tag, of in phase.items() if of == name]
-        chosen = np.isin(tags, numbers)
+        regions = np.full(len(cells), -1)
+        for number, rows in enumerate(parts[name].values()):
+            regions[rows] = number
+        chosen = regions >= 0
         part = used(points, cells[chosen])
-        if len(numbers) == 1:
-            return Tetrahedra(*part)
-        regions = np.array([numbers.index(tag) for tag in tags[chosen]], dtype=np.int64)
-        return Tetrahedra(*part, regions, tuple(str(names.get(number, number)) for number in numbers))
+        return (
+            Tetrahedra(*part)
+            if len(parts[name]) == 1
+            else Tetrahedra(*part, regions[chosen], tuple(parts[name]))
+        )
 
     return {"solid": of_phase("solid"), "fluid": of_phase("fluid")}, sides
 
@@ -163,39 +158,52 @@ def _region_maps(geometry: MeshFile) -> dict[Rotation, RegionMap]:
     return region_maps(phases["solid"], sides)
 
 
-def _tags(geometry: MeshFile, path: Path, mesh: Any, blocks: list[int]) -> tuple[IntArray, dict[int, str]]:
-    """Return the tag of every tetrahedron, and the names of the tags that have one."""
-    known = sorted(mesh.cell_data)
-    wanted = [geometry.tags] if geometry.tags else [name for name in TAG_DATA if name in known]
-    if not wanted or wanted[0] not in known:
+def _parts(geometry: MeshFile, path: Path, mesh: ForeignMesh, kind: str) -> dict[Phase, dict[str, IntArray]]:
+    """Return the rows of the tetrahedra of each phase by the names of their groups."""
+    groups = mesh.groups[3]
+    if not groups or (geometry.tags is not None and geometry.tags not in mesh.data):
         raise ConfigurationError(
             f"cell.geometry.tags: expected the name of the element data of {path} that tells solid from fluid, "
-            f"got {geometry.tags or 'none, and none of the usual ones is there'}; it has {', '.join(known) or 'none'}"
+            f"got {geometry.tags or 'none, and none of the usual ones is there'}; it has "
+            f"{', '.join(sorted(mesh.data)) or 'no data of elements; give physical groups of volumes (gmsh)'}"
         )
-    tags = np.concatenate([np.asarray(mesh.cell_data[wanted[0]][i]).reshape(-1) for i in blocks])
-    if not (np.isfinite(tags) & (tags == np.rint(tags))).all():
-        raise ConfigurationError(f"cell.geometry.tags: {wanted[0]} of {path} does not hold whole numbers")
-    names = {int(number): name for name, (number, dim) in mesh.field_data.items() if int(dim) == 3}
-    return tags.astype(np.int64), names
-
-
-def _numbers(geometry: MeshFile, path: Path, phase: str, tags: IntArray, names: dict[int, str]) -> list[int]:
-    """Return the tags of a phase as numbers."""
-    by_name = {name: number for number, name in names.items()}
-    found = []
-    for tag in getattr(geometry, phase):
-        number = by_name.get(tag) if isinstance(tag, str) else tag
-        if number is None or number not in tags:
-            raise ConfigurationError(
-                f"cell.geometry.{phase}: no tetrahedron of {path} has the tag {tag!r}; its tags are "
-                f"{_listed(np.unique(tags), names)}"
-            )
-        found.append(int(number))
+    found: dict[Phase, dict[str, IntArray]] = {"solid": {}, "fluid": {}}
+    owner = np.full(len(mesh.elements[3][kind]), -1)
+    names: list[str] = []
+    for phase, parts in found.items():
+        for tag in getattr(geometry, phase):
+            name = mesh.name(3, tag)
+            if name is None:
+                raise ConfigurationError(
+                    f"cell.geometry.{phase}: no tetrahedron of {path} has the tag {tag!r}; its tags are "
+                    f"{_listed(mesh, groups)}"
+                )
+            if name in parts:
+                continue
+            rows = groups[name][kind]
+            if (both := owner[rows] >= 0).any():
+                raise ConfigurationError(
+                    f"cell.geometry.{phase}: {int(both.sum()):,} of the {len(rows):,} tetrahedra of {path} with the "
+                    f"tag '{name}' have the tag '{names[owner[rows[both][0]]]}' too; give each one part of the cell"
+                )
+            owner[rows], parts[name] = len(names), rows
+            names.append(name)
+    left = np.flatnonzero(owner < 0)
+    if len(left):
+        theirs = [name for name, members in groups.items() if np.isin(members[kind], left).any()]
+        tags = f"the tags {_listed(mesh, theirs)}" if theirs else "no tag"
+        raise ConfigurationError(
+            f"{path}: {len(left):,} elements with {tags} belong to no phase; name them under "
+            "cell.geometry.solid or cell.geometry.fluid"
+        )
     return found
 
 
-def _listed(tags: IntArray, names: dict[int, str]) -> str:
-    return ", ".join(f"{tag} ('{names[int(tag)]}')" if int(tag) in names else str(tag) for tag in tags[:12])
+def _listed(mesh: ForeignMesh, names: Iterable[str]) -> str:
+    """Return names of groups with their numbers."""
+    numbers = {name: tag for tag, name in mesh.tags[3].items() if name != str(tag)}
+    named = [f"{numbers[name]} ('{name}')" if name in numbers else name for name in names]
+    return ", ".join(named[:12])
 
 
 def _unit_cell(path: Path, points: Array, cells: IntArray) -> tuple[Array, Sides]:

@@ -34,12 +34,19 @@ def matched(points: Array, cells: IntArray, sides: Sides, what: str) -> Array:
         distance, partner = cKDTree(points[low][:, others]).query(points[high][:, others])
         back, _ = cKDTree(points[high][:, others]).query(points[low][:, others])
         missing = int((distance > PARTNER).sum() + (back > PARTNER).sum())
-        if missing or len(low) != len(high) or len(np.unique(partner)) < len(high):
+        faces = f"{name} = ±{half[axis]:.4g} ({len(low)} and {len(high)} nodes)"
+        if missing:
             raise ConfigurationError(
-                f"{what}: not periodic along {name}: {missing or abs(len(low) - len(high))} nodes of the faces "
-                f"{name} = ±{half[axis]:.4g} ({len(low)} and {len(high)} nodes) have no partner on the opposite face; "
-                f"the largest distance to the nearest node there is {max(distance.max(), back.max()):.3g} of the "
-                "cell's length; mesh one face and copy it to the other (gmsh: setPeriodic)"
+                f"{what}: not periodic along {name}: {missing} nodes of the faces {faces} have no partner on the "
+                f"opposite face; the largest distance to the nearest node there is "
+                f"{max(distance.max(), back.max()):.3g} of the cell's length; mesh one face and copy it to the other "
+                "(gmsh: setPeriodic)"
+            )
+        if len(low) != len(high) or len(np.unique(partner)) < len(high):
+            raise ConfigurationError(
+                f"{what}: not periodic along {name}: several nodes of the faces {faces} lie within {PARTNER:g} of the "
+                "cell's length of one node of the opposite face; mesh one face, no finer than that, and copy it to "
+                "the other (gmsh: setPeriodic)"
             )
         points[np.ix_(high, others)] = points[np.ix_(low[partner], others)]
     _check_facets(points, cells, half, what)

@@ -1,69 +1,598 @@
-"""Meshes of other programs, read by meshio and checked."""
+"""Meshes of other programs (ForeignMesh): elements, each once, and named groups, read by gmsh or by meshio."""
 
 from __future__ import annotations
 
 import io
-from contextlib import redirect_stdout
+import mmap
+import re
+import threading
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from porocore.core.files.gmsh_session import gmsh_session, merge_file
 from porocore.errors import ConfigurationError
+from porocore.states import Array, IntArray
 
-#: Of the kinds of elements that are made use of.
+#: Nodes and corners of the kinds of elements that are made use of.
 NODES = {
     "tetra": 4, "tetra10": 10, "hexahedron": 8, "hexahedron27": 27,
     "triangle": 3, "triangle6": 6, "quad": 4, "quad8": 8, "quad9": 9,
 }  # fmt: skip
+CORNERS = {
+    "tetra": 4, "tetra10": 4, "hexahedron": 8, "hexahedron27": 8,
+    "triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4,
+}  # fmt: skip
+#: Kinds of elements in gmsh's numbering, and the place in gmsh of each node in VTK's order where the two differ.
+_OF_GMSH = {
+    2: "triangle", 3: "quad", 4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid",
+    9: "triangle6", 10: "quad9", 11: "tetra10", 12: "hexahedron27", 16: "quad8", 17: "hexahedron20",
+}  # fmt: skip
+_ORDERS = {
+    "tetra10": [0, 1, 2, 3, 4, 5, 6, 7, 9, 8],
+    "hexahedron27": [*range(9), 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15, 22, 23, 21, 24, 20, 25, 26],
+}
+#: Data of elements that number groups, in the order in which they are looked for; those of faces are looked for first
+#: where faces are meant, and last where volumes are.
+PHYSICAL, GEOMETRICAL = "gmsh:physical", "gmsh:geometrical"
+_OF_FACES = "surface"
+_NUMBERINGS = (
+    PHYSICAL, "medit:ref", "phase", "region", "cell_tags", "material", "su2:tag", "nastran:ref", GEOMETRICAL,
+)  # fmt: skip
+#: How a file of gmsh begins. Others gmsh would take for a script, and execute.
+_BEGINNINGS = (b"$MeshFormat", b"$Comments")
 #: Coordinates whose cubes are finite.
 FARTHEST = 1e90
+#: Share of the mesh's length within which two nodes are at the same place.
+SAME_PLACE = 1e-10
+FORMATS = (
+    "names of groups are read from .msh (gmsh), .med (Salome), .inp (Abaqus, CalculiX: *ELSET) and .su2, numbers from "
+    "others such as .vtu, .xdmf and .mesh"
+)
+
+_ONE_AT_A_TIME = threading.Lock()
+
+#: Rows of elements by their kind.
+Rows = Mapping[str, IntArray]
 
 
-def read_mesh(path: Path) -> Any:
-    """Read a mesh file with meshio.
+@dataclass(frozen=True, eq=False)
+class ForeignMesh:
+    """Elements of a file with a volume (dimension 3) and faces (dimension 2), each once, and their groups.
+
+    Attributes
+    ----------
+    points : (nodes, 3)
+        All nodes of the file.
+    elements
+        Nodes (k, n) of the elements in VTK's order, by dimension and kind.
+    groups
+        Rows of ``elements`` by dimension, name and kind. A group without a name has its number as one. An element may
+        be in several groups.
+    tags
+        Names of the groups that have a number, by dimension and number.
+    data
+        Values (k, ...) of the elements with a volume, by name and kind; NaN where the file has none.
+    """
+
+    points: Array
+    elements: Mapping[int, Mapping[str, IntArray]]
+    groups: Mapping[int, Mapping[str, Rows]]
+    tags: Mapping[int, Mapping[int, str]]
+    data: Mapping[str, Mapping[str, Array]]
+
+    def name(self, dimension: int, wanted: str | int) -> str | None:
+        """Return the name of the group with a name or number; None where there is none."""
+        text = str(wanted)
+        if text in self.groups[dimension]:
+            return text
+        return self.tags[dimension].get(int(text)) if re.fullmatch(r"\d{1,18}", text) else None
+
+
+def read_mesh(path: Path, numbering: str | None = None) -> ForeignMesh:
+    """Read a mesh file: .msh with gmsh itself, others with meshio.
+
+    Parameters
+    ----------
+    path
+        The file.
+    numbering
+        Data of the elements whose whole numbers are the groups with a volume; None: the groups of the file.
 
     Raises
     ------
     ConfigurationError
-        It cannot be read, or its nodes and elements do not fit together; the message begins with the path.
+        It cannot be read, its nodes and elements do not fit together, or elements are given twice; the message begins
+        with the path.
     """
+    try:
+        beginning = _beginning(path)
+    except OSError as error:
+        raise ConfigurationError(f"{path}: {error.strerror or 'cannot be read'}") from error
+    if not beginning:
+        raise ConfigurationError(f"{path}: the file is empty; expected a mesh, so write it again")
+    if path.suffix.lower() == ".msh" and beginning.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"$"):
+        if not beginning.startswith(_BEGINNINGS):
+            raise ConfigurationError(
+                f"{path}: expected a file that begins with $MeshFormat, got {_first_words(beginning)}; save it anew, "
+                "as .msh of version 4.1 or 2.2"
+            )
+        return _read_by_gmsh(path, numbering)
+    return _read_by_meshio(path, numbering)
+
+
+def require_apart(points: Array, path: Path) -> None:
+    """Refuse nodes (n, 3) that are there twice, between which a mesh would be torn.
+
+    Raises
+    ------
+    ConfigurationError
+        Some are; the message begins with the path.
+    """
+    grain = np.ptp(points, axis=0).max() * SAME_PLACE if len(points) else 0.0
+    if grain > 0 and (twice := len(points) - len(np.unique(np.rint(points / grain), axis=0))):
+        raise ConfigurationError(
+            f"{path}: {twice:,} nodes lie at the same place as others, so that the mesh is torn there; merge them "
+            "(gmsh: Coherence Mesh;)"
+        )
+
+
+def mesh_of_model(gmsh: Any, path: Path) -> ForeignMesh:
+    """Return the mesh of gmsh's current model with its physical groups; messages begin with ``path``."""
+    return _of_model(gmsh, path, lambda dim, tag: gmsh.model.getPhysicalName(dim, tag), None, by_group=False)
+
+
+def _beginning(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(200)
+
+
+def _first_words(beginning: bytes) -> str:
+    if beginning.startswith(b"\xef\xbb\xbf"):
+        return "a byte order mark before it"
+    return repr(beginning.decode("utf-8", "replace")[:20])
+
+
+class _Parts:
+    """Blocks of elements, their groups and data, as a file has them, to be made one mesh."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.blocks: dict[int, dict[str, list[IntArray]]] = {2: {}, 3: {}}
+        self.counts: Counter[tuple[int, str]] = Counter()
+        self.members: dict[int, dict[str, dict[str, list[IntArray]]]] = {2: {}, 3: {}}
+        self.tags: dict[int, dict[int, str]] = {2: {}, 3: {}}
+        self.data: dict[str, dict[str, list[tuple[IntArray, Array]]]] = {}
+
+    def add(self, dim: int, kind: str, nodes: IntArray) -> IntArray:
+        """Add elements and return their rows."""
+        first = self.counts[dim, kind]
+        self.counts[dim, kind] += len(nodes)
+        self.blocks[dim].setdefault(kind, []).append(nodes)
+        return np.arange(first, first + len(nodes))
+
+    def join(self, dim: int, kind: str, rows: IntArray, name: str, tag: int | None = None) -> None:
+        """Make elements members of a group, whose name is its number where it has none."""
+        label = name or str(tag)
+        if tag is not None:
+            self.tags[dim][tag] = label
+        self.members[dim].setdefault(label, {}).setdefault(kind, []).append(rows)
+
+    def number(self, dim: int, kind: str, rows: IntArray, numbers: Any, names: Mapping[int, str]) -> None:
+        """Make elements members of the groups whose numbers (k,) they have."""
+        numbers = np.rint(np.asarray(numbers).reshape(-1)).astype(np.int64)
+        order = np.argsort(numbers, kind="stable")
+        values, starts = np.unique(numbers[order], return_index=True)
+        for value, own in zip(values.tolist(), np.split(rows[order], starts[1:]), strict=True):
+            self.join(dim, kind, own, names.get(value, ""), value)
+
+    def set_data(self, name: str, kind: str, rows: IntArray, values: Array) -> None:
+        """Give elements with a volume their data (k, ...)."""
+        self.data.setdefault(name, {}).setdefault(kind, []).append((rows, values))
+
+    def mesh(self, points: Array, numbering: str | None = None) -> ForeignMesh:
+        """Return the mesh; data whose name is ``numbering`` make groups of the elements with a volume.
+
+        Raises
+        ------
+        ConfigurationError
+            Nodes and elements do not fit together, or elements are given twice.
+        """
+        nodes = {
+            dim: {kind: np.concatenate(of) for kind, of in blocks.items()}
+            for dim, blocks in self.blocks.items()
+        }
+        if fault := _fault(points, [*nodes[2].items(), *nodes[3].items()]):
+            raise ConfigurationError(f"{self.path}: {fault}")
+        data = {
+            name: {kind: self._joined(kind, of) for kind, of in given.items()}
+            for name, given in self.data.items()
+        }
+        for kind, numbers in data.get(numbering or "", {}).items():
+            if not _whole(numbers):
+                raise ConfigurationError(
+                    f"{self.path}: expected whole numbers as tags, but {numbering} holds others"
+                )
+            self.number(3, kind, np.arange(len(numbers)), numbers, {})
+        groups: dict[int, dict[str, Rows]] = {2: {}, 3: {}}
+        for dim, of in nodes.items():
+            places = {}
+            for kind in of:
+                own = {label: np.concatenate(m[kind]) for label, m in self.members[dim].items() if kind in m}
+                kept, places[kind] = _once(of[kind], kind, own, self.path, strict=dim == 3)
+                of[kind] = of[kind][kept]
+                if dim == 3:
+                    data |= {
+                        name: each | {kind: each[kind][kept]} for name, each in data.items() if kind in each
+                    }
+            # In the order of their numbers, as far as they have one, and not of a format.
+            first = {label: tag for tag, label in sorted(self.tags[dim].items(), reverse=True)}
+            for label, members in sorted(self.members[dim].items(), key=lambda each: first.get(each[0], -1)):
+                groups[dim][label] = {
+                    kind: np.unique(places[kind][np.concatenate(rows)]) for kind, rows in members.items()
+                }
+        return ForeignMesh(points, nodes, groups, self.tags, data)
+
+    def _joined(self, kind: str, pieces: list[tuple[IntArray, Array]]) -> Array:
+        """Return the data of all elements of a kind; NaN where no piece has any."""
+        shape = pieces[0][1].shape[1:]
+        found = np.full((self.counts[3, kind], *shape), np.nan)
+        for rows, values in pieces:
+            if values.shape[1:] == shape:
+                found[rows] = values
+        return found
+
+
+def _once(
+    nodes: IntArray, kind: str, groups: Mapping[str, IntArray], path: Path, *, strict: bool
+) -> tuple[IntArray, IntArray]:
+    """Find elements (k, n) with the same corners, which are one element in several groups.
+
+    Returns
+    -------
+    kept, place
+        Rows of the elements without their copies; new row of every old one.
+
+    Raises
+    ------
+    ConfigurationError
+        ``strict``, and copies are in the same group or one of them is in none, so that they are no way to name groups.
+    """
+    corners = nodes[:, : CORNERS.get(kind, nodes.shape[1])]
+    place = np.arange(len(nodes))
+    # The same corners have the same sum of random weights; those with the same sum are then compared.
+    weights = np.random.default_rng(0).integers(0, 1 << 63, int(corners.max()) + 1, dtype=np.uint64)
+    sums = weights[corners].sum(axis=1, dtype=np.uint64)
+    order = np.argsort(sums, kind="stable")
+    same = np.flatnonzero(sums[order][1:] == sums[order][:-1])
+    if not len(same):
+        return place, place
+    suspects = np.unique(order[np.concatenate([same, same + 1])])
+    _, first, which = np.unique(
+        np.sort(corners[suspects], axis=1), axis=0, return_index=True, return_inverse=True
+    )
+    place[suspects] = suspects[first[which.reshape(-1)]]
+    copies = place != np.arange(len(nodes))
+    if strict:
+        _require_groups_of_copies(place, copies, kind, groups, path)
+    kept = np.flatnonzero(~copies)
+    return kept, np.searchsorted(kept, place)
+
+
+def _require_groups_of_copies(
+    place: IntArray, copies: Any, kind: str, groups: Mapping[str, IntArray], path: Path
+) -> None:
+    """Refuse copies of elements that differ in nothing but their number."""
+    repeated, where = np.zeros(len(place), dtype=bool), []
+    memberships = np.zeros(len(place), dtype=np.int64)
+    for label, rows in groups.items():
+        memberships[rows] += 1
+        times = np.bincount(place[rows], minlength=len(place))
+        if (times > 1).any():
+            where.append(f"'{label}'")
+            repeated |= times > 1
+    alone = np.flatnonzero((memberships == 0) & np.isin(place, place[copies]))
+    if len(alone):
+        where.append("no group")
+        repeated[place[alone]] = True
+    if count := int(repeated.sum()):
+        raise ConfigurationError(
+            f"{path}: {count:,} {kind} elements are there more than once, with the same nodes, in "
+            f"{' and '.join(where[:8])}; remove their copies (gmsh: Tools > Remove duplicate elements)"
+        )
+
+
+def _read_by_gmsh(path: Path, numbering: str | None) -> ForeignMesh:
+    """Read a .msh file; without physical groups the entities of the model are the groups."""
+    names = _physical_names(path)
+    with path.open("rb") as file:
+        version_2 = re.search(rb"\$MeshFormat\s+[12](\.\d+)?\s", file.read(10_000)) is not None
+    with gmsh_session() as gmsh:
+        # In the older formats every element has a group of its own accord, which gmsh keeps as its entity only.
+        by_group = version_2 and numbering != GEOMETRICAL
+        gmsh.option.setNumber("Mesh.SwitchElementTags", float(by_group))
+        try:
+            merge_file(gmsh, path)
+        except ConfigurationError:
+            raise
+        except Exception as error:  # gmsh raises plain Exception
+            raise ConfigurationError(
+                f"{path}: not a mesh that gmsh can read ({error}); it is damaged or cut short: save it anew, as .msh "
+                "of version 4.1 or 2.2"
+            ) from error
+        mesh = _of_model(gmsh, path, lambda dim, tag: names.get((dim, tag), ""), numbering, by_group=by_group)
+    if numbering is None and not any(mesh.groups.values()):
+        return _read_by_gmsh(path, GEOMETRICAL)
+    return mesh
+
+
+def _physical_names(path: Path) -> dict[tuple[int, int], str]:
+    """Return the names of physical groups by dimension and number; gmsh forgets one that two groups have."""
+    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        first, last = content.find(b"$PhysicalNames"), content.find(b"$EndPhysicalNames")
+        section = content[max(first, 0) : max(last, 0)].decode("utf-8", "replace")
+    found = {}
+    for line in section.splitlines():
+        if known := re.fullmatch(r'\s*(\d+)\s+(\d+)\s+"(.*)"\s*', line):
+            found[int(known[1]), int(known[2])] = known[3]
+    return found
+
+
+def _of_model(
+    gmsh: Any, path: Path, name: Callable[[int, int], str], numbering: str | None, *, by_group: bool
+) -> ForeignMesh:
+    """Return the mesh of the current model.
+
+    Parameters
+    ----------
+    name
+        Name of a physical group by dimension and number; empty without one.
+    numbering
+        As in :func:`read_mesh`.
+    by_group
+        The number of an entity is that of the physical group of its elements, 0 without.
+    """
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    if not len(tags):
+        raise ConfigurationError(
+            f"{path}: no nodes are in this file; it is damaged or cut short: save it anew"
+        )
+    by_tag = np.argsort(tags)
+    parts, views = _Parts(path), _Views(gmsh)
+    for dim in (2, 3):
+        pieces: dict[str, list[tuple[int, Any, Any]]] = {}
+        for _, entity in gmsh.model.getEntities(dim):
+            if entity < 0:
+                raise ConfigurationError(
+                    f"{path}: expected numbers of groups from 1, got {entity}; give that group a positive number"
+                )
+            for type_, own, flat in zip(*gmsh.model.mesh.getElements(dim, entity), strict=True):
+                kind = _OF_GMSH.get(int(type_)) or str(gmsh.model.mesh.getElementProperties(type_)[0])
+                pieces.setdefault(kind, []).append((entity, own, flat))
+        for kind, of in pieces.items():
+            # By their numbers, which are their order in most files, so that one mesh is one in every format.
+            elements = np.concatenate([own for _, own, _ in of])
+            order = np.argsort(elements, kind="stable")
+            nodes = np.searchsorted(tags, np.concatenate([flat for *_, flat in of]), sorter=by_tag)
+            nodes = nodes.reshape(len(elements), -1)[order]
+            parts.add(dim, kind, nodes[:, _ORDERS[kind]] if kind in _ORDERS else nodes)
+            place = np.empty_like(order)
+            place[order] = np.arange(len(order))
+            first = 0
+            for entity, own, _ in of:
+                rows = place[first : first + len(own)]
+                first += len(own)
+                groups = [entity] if by_group else gmsh.model.getPhysicalGroupsForEntity(dim, entity).tolist()
+                groups = [abs(group) for group in groups if group]
+                if dim == 3:
+                    number = groups[0] if len(groups) == 1 else np.nan if groups else 0
+                    parts.set_data(PHYSICAL, kind, rows, np.full(len(rows), float(number)))
+                    if not by_group:
+                        parts.set_data(GEOMETRICAL, kind, rows, np.full(len(rows), float(entity)))
+                    views.add(parts, kind, rows, own)
+                if numbering == GEOMETRICAL:
+                    parts.join(dim, kind, rows, "", entity)
+                elif numbering in (None, PHYSICAL) or dim == 2:
+                    for group in groups:
+                        parts.join(dim, kind, rows, name(dim, group), group)
+    return parts.mesh(
+        coordinates.reshape(-1, 3)[by_tag], None if numbering in (PHYSICAL, GEOMETRICAL) else numbering
+    )
+
+
+class _Views:
+    """Data of elements, which gmsh keeps as views."""
+
+    def __init__(self, gmsh: Any) -> None:
+        self.found: dict[str, tuple[Any, Array]] = {}
+        for view in gmsh.view.getTags():
+            kind, tags, values, _, _ = gmsh.view.getModelData(view, 0)
+            if kind == "ElementData" and len({len(each) for each in values}) == 1:
+                order = np.argsort(tags)
+                columns = np.array(values, dtype=float)[order]
+                self.found[gmsh.view.option.getString(view, "Name")] = np.asarray(tags)[order], columns
+
+    def add(self, parts: _Parts, kind: str, rows: IntArray, elements: Any) -> None:
+        """Give elements, by their numbers in gmsh, their data."""
+        for name, (tags, values) in self.found.items():
+            at = np.minimum(np.searchsorted(tags, elements), len(tags) - 1)
+            there = tags[at] == elements
+            if there.any():
+                columns = values[at[there]]
+                parts.set_data(name, kind, rows[there], columns[:, 0] if columns.shape[1] == 1 else columns)
+
+
+def _read_by_meshio(path: Path, numbering: str | None) -> ForeignMesh:
     import meshio  # heavy, and needed here only
 
     try:
-        with redirect_stdout(io.StringIO()) as said:
+        # What it prints is redirected for all threads.
+        with _ONE_AT_A_TIME, redirect_stdout(io.StringIO()) as printed, redirect_stderr(printed):
             mesh = meshio.read(path)
     # meshio's readers raise whatever the file makes them stumble over; some of them print and end the process.
     except (Exception, SystemExit) as error:
-        reason = str(error) if not isinstance(error, SystemExit) else " ".join(said.getvalue().split())
+        reason = str(error) if not isinstance(error, SystemExit) else " ".join(printed.getvalue().split())
         raise ConfigurationError(
             f"{path}: not a mesh that meshio can read ({reason or type(error).__name__}); expected .msh, .vtu, .mesh "
             "or another of its formats"
         ) from error
-    fault = _fault(mesh)
-    if fault:
-        raise ConfigurationError(f"{path}: {fault}")
-    return mesh
-
-
-def _fault(mesh: Any) -> str:
-    """Say why nodes and elements do not fit together; empty if they do."""
     points = np.asarray(mesh.points)
     if points.ndim != 2 or points.shape[1] != 3 or not np.issubdtype(points.dtype, np.number):
-        return f"expected nodes in three dimensions, got an array of shape {points.shape} and type {points.dtype}"
-    known = np.zeros(len(points), dtype=bool)
-    for block in mesh.cells:
-        cells = np.asarray(block.data)
-        if not cells.size:
+        raise ConfigurationError(
+            f"{path}: expected nodes in three dimensions, got an array of shape {points.shape} and type {points.dtype}"
+        )
+    return _of_meshio(mesh, path, numbering).mesh(points.astype(float), numbering)
+
+
+def _of_meshio(mesh: Any, path: Path, numbering: str | None) -> _Parts:
+    """Return the parts of a mesh of meshio: its sets, families and numbers are groups."""
+    suffix = path.suffix.lower()
+    parts, markers = _Parts(path), _su2_names(path) if suffix == ".su2" else {}
+    of_blocks = _abaqus_sets(path) if suffix == ".inp" else []
+    families = getattr(mesh, "cell_tags", None) or {}
+    chosen = {dim: _numbering(mesh, dim) for dim in (2, 3)}
+    for i, block in enumerate(mesh.cells):
+        nodes = np.asarray(block.data)
+        if block.dim not in (2, 3) or not nodes.size:
             continue
-        if cells.ndim != 2 or not np.issubdtype(cells.dtype, np.integer):
-            return f"expected {block.type} elements as rows of nodes, got an array of shape {cells.shape}"
-        if block.type in NODES and cells.shape[1] != NODES[block.type]:
-            return f"expected {block.type} elements of {NODES[block.type]} nodes, got {cells.shape[1]}"
-        low, high = int(cells.min()), int(cells.max())
+        if nodes.ndim != 2 or not np.issubdtype(nodes.dtype, np.integer):
+            raise ConfigurationError(
+                f"{path}: expected {block.type} elements as rows of nodes, got an array of shape {nodes.shape}"
+            )
+        dim = block.dim
+        rows = parts.add(dim, block.type, nodes.astype(np.int64))
+        if dim == 3:
+            for name, values in mesh.cell_data.items():
+                parts.set_data(name, block.type, rows, _without_columns(values[i]))
+        if numbering is not None and dim == 3:
+            continue
+        if i < len(of_blocks) and of_blocks[i]:
+            parts.join(dim, block.type, rows, of_blocks[i])
+        for name, sets in mesh.cell_sets.items():
+            if name not in of_blocks and i < len(sets) and sets[i] is not None and len(sets[i]):
+                parts.join(dim, block.type, rows[np.asarray(sets[i], dtype=np.int64)], name)
+        if chosen[dim] is None:
+            continue
+        numbers = np.rint(np.asarray(mesh.cell_data[chosen[dim]][i], float)).reshape(-1).astype(np.int64)
+        if families and chosen[dim] == "cell_tags":
+            for family in np.unique(numbers).tolist():
+                for name in families.get(family, ()):
+                    parts.join(dim, block.type, rows[numbers == family], name.strip())
+            continue
+        names = {int(tag): name for name, (tag, of) in mesh.field_data.items() if int(of) == dim}
+        parts.number(dim, block.type, rows, numbers, names or (markers if dim == 2 else {}))
+    return parts
+
+
+def _without_columns(values: Any) -> Array:
+    """Return data as numbers, a single column as (k,)."""
+    values = np.asarray(values, dtype=float)
+    return np.asarray(values.reshape(-1) if values.shape[1:] == (1,) else values)
+
+
+def _numbering(mesh: Any, dim: int) -> str | None:
+    """Return the name of the data that number the groups of a dimension; None without any."""
+    candidates = (_OF_FACES, *_NUMBERINGS) if dim == 2 else (*_NUMBERINGS, _OF_FACES)
+    for name in candidates:
+        if name in mesh.cell_data and all(
+            _whole(values)
+            for block, values in zip(mesh.cells, mesh.cell_data[name], strict=True)
+            if block.dim == dim
+        ):
+            return name
+    return None
+
+
+def _whole(values: Any) -> bool:
+    values = np.asarray(values, dtype=float)
+    return values.shape in ((len(values),), (len(values), 1)) and bool(
+        (np.isfinite(values) & (values == np.rint(values)) & (np.abs(values) < 1e18)).all()
+    )
+
+
+def _lines(path: Path) -> Iterable[str]:
+    return path.read_text(encoding="utf-8", errors="replace").splitlines()
+
+
+def _su2_names(path: Path) -> dict[int, str]:
+    """Return the names of markers by the numbers that meshio gives them.
+
+    Raises
+    ------
+    ConfigurationError
+        Two markers get one number.
+    """
+    found: dict[int, str] = {}
+    last = 0
+    for line in _lines(path):
+        key, _, name = line.partition("=")
+        if key.strip() == "MARKER_TAG":
+            name = name.strip()
+            last = int(name) if re.fullmatch(r"\d{1,9}", name) else last + 1
+            if found.setdefault(last, name) != name:
+                raise ConfigurationError(
+                    f"{path}: the markers '{found[last]}' and '{name}' cannot be told apart; give all of them names "
+                    "that are no numbers"
+                )
+    return found
+
+
+def _abaqus_sets(path: Path) -> list[str]:
+    """Return the set that each *ELEMENT of a file of Abaqus names, of which meshio keeps some only; empty without.
+
+    Raises
+    ------
+    ConfigurationError
+        Sets are given in a way that meshio reads in part only.
+    """
+    found, known, current = list[str](), set[str](), ""
+    for line in _lines(path):
+        words = [word.strip() for word in line.split(",")]
+        if line.startswith("**"):
+            continue
+        if not line.startswith("*"):
+            if current and any(word and not word.isdecimal() for word in words):
+                raise ConfigurationError(
+                    f"{path}: the set '{current}' is made of other sets, which is not read; give its elements by "
+                    "their numbers, or save the mesh as .msh or .med"
+                )
+            continue
+        keyword = words[0].upper()
+        pairs = (word.partition("=") for word in words[1:])
+        current = next((name.strip() for key, _, name in pairs if key.strip().upper() == "ELSET"), "")
+        if keyword == "*INCLUDE":
+            raise ConfigurationError(
+                f"{path}: expected one file, got *INCLUDE of another, which sha256 does not cover; put it in its place"
+            )
+        if keyword == "*ELEMENT":
+            found.append(current)
+        if keyword == "*ELSET":
+            if current.upper() in known or current.upper() in (name.upper() for name in found):
+                raise ConfigurationError(
+                    f"{path}: the set '{current}' is given in several places, of which only one would be read; give "
+                    "it in one *ELSET, or save the mesh as .msh or .med"
+                )
+            known.add(current.upper())
+        else:
+            current = ""
+    return found
+
+
+def _fault(points: Array, blocks: Iterable[tuple[str, IntArray]]) -> str:
+    """Say why nodes and elements do not fit together; empty if they do."""
+    known = np.zeros(len(points), dtype=bool)
+    for kind, nodes in blocks:
+        if kind in NODES and nodes.shape[1] != NODES[kind]:
+            return f"expected {kind} elements of {NODES[kind]} nodes, got {nodes.shape[1]}"
+        low, high = int(nodes.min()), int(nodes.max())
         if low < 0 or high >= len(points):
             return f"an element has the node {low if low < 0 else high}, but there are {len(points):,} nodes, from 0"
-        known[cells] = True
+        known[nodes] = True
     strange = known & ~(np.abs(points) < FARTHEST).all(axis=1)
     if strange.any():
         number = int(np.flatnonzero(strange)[0])

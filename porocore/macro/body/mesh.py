@@ -31,12 +31,15 @@ class BodyMesh:
         Outward facets (facets, 9 or 6) of each named part of the surface, by their nodes.
     volumes
         Elements (k,) of each named volume.
+    unusable
+        Why nothing can be prescribed on the other surfaces that a file names.
     """
 
     points: Array
     cells: IntArray
     surfaces: Mapping[str, IntArray] = field(default_factory=dict)
     volumes: Mapping[str, IntArray] = field(default_factory=dict)
+    unusable: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def element(self) -> ReferenceElement:
@@ -122,16 +125,32 @@ class BodyMesh:
         everywhere[self.cells] = p[self.p_cells] @ self.element.corner_values(self.element.nodes).T
         return everywhere
 
+    @cached_property
+    def unnamed(self) -> int:
+        """Number of facets of the boundary that belong to no named surface."""
+        named = [self.corners_of(facets) for facets in self.surfaces.values()]
+        return len(boundary_facets(self.cells)) - len(set[tuple[int, ...]]().union(*named))
+
+    def corners_of(self, facets: IntArray) -> list[tuple[int, ...]]:
+        """Return the corners of facets (k, m) in ascending order, by which they are known."""
+        corners = np.sort(facets[:, : self.element.facet_corners], axis=1)
+        return [tuple(key) for key in corners.tolist()]
+
     def surface(self, name: str, key: str) -> IntArray:
         """Facets of a named part.
 
         Raises
         ------
         ConfigurationError
-            There is none of that name; the message begins with ``key``.
+            There is none of that name, or nothing can be prescribed on it; the message begins with ``key``.
         """
+        if name in self.unusable and name not in self.surfaces:
+            raise ConfigurationError(f"{key}: {self.unusable[name]}")
         if name not in self.surfaces:
-            names = ", ".join(self.surfaces) or "none; give the surfaces of the mesh file names"
+            listed = (
+                f"{each} (a number, without a name)" if each.isdecimal() else each for each in self.surfaces
+            )
+            names = ", ".join(listed) or "none; give the surfaces of the mesh file names"
             raise ConfigurationError(f"{key}: the body has no surface '{name}'; its surfaces are {names}")
         return self.surfaces[name]
 
@@ -152,13 +171,20 @@ class BodyMesh:
         return self
 
 
-def boundary_facets(cells: IntArray) -> IntArray:
-    """Facets (k, 9 or 6) that belong to one element only, outward."""
+def counted_facets(cells: IntArray) -> tuple[IntArray, IntArray]:
+    """Return all facets (k, 9 or 6), each once and outward of its first element, and how many elements have it (k,)."""
     element = ELEMENTS[cells.shape[1]]
     facets = cells[:, element.facets].reshape(-1, element.facets.shape[1])
     corners = np.sort(facets[:, : element.facet_corners], axis=1)
     _, first, count = np.unique(corners, axis=0, return_index=True, return_counts=True)
-    return np.asarray(facets[np.sort(first[count == 1])])
+    order = np.argsort(first)
+    return np.asarray(facets[first[order]]), count[order]
+
+
+def boundary_facets(cells: IntArray) -> IntArray:
+    """Facets (k, 9 or 6) that belong to one element only, outward."""
+    facets, count = counted_facets(cells)
+    return np.asarray(facets[count == 1])
 
 
 def facet_middles(points: Array, facets: IntArray) -> Array:

@@ -1,4 +1,4 @@
-"""Bodies from files: meshes with named surfaces by meshio, geometries that gmsh meshes; checks of both."""
+"""Bodies from files: meshes of other programs with named surfaces, geometries that gmsh meshes; checks of both."""
 
 from __future__ import annotations
 
@@ -8,28 +8,30 @@ from typing import Any
 
 import numpy as np
 
-from porocore.cell.geometry.cad import import_gmsh
 from porocore.cell.meshing.estimate import PER_CUBE, require_few
 from porocore.cell.meshing.tetrahedra import order_by_place
-from porocore.core.files.foreign_mesh import read_mesh
+from porocore.core.files.foreign_mesh import (
+    CORNERS,
+    FORMATS,
+    ForeignMesh,
+    mesh_of_model,
+    read_mesh,
+    require_apart,
+)
+from porocore.core.files.gmsh_session import gmsh_session, merge_file
 from porocore.core.files.reading import read_text, require_ordinary
 from porocore.errors import ConfigurationError
 from porocore.macro.body.element import HEXAHEDRON, TETRAHEDRON
-from porocore.macro.body.mesh import BodyMesh, boundary_facets
+from porocore.macro.body.mesh import BodyMesh, counted_facets
 from porocore.states import Array, IntArray
 
 KEY = "macro.body.path"
 #: What gmsh meshes itself.
 GEOMETRIES = (".geo", ".geo_unrolled", ".step", ".stp", ".brep", ".iges", ".igs", ".opt")
-#: Share of the body's length within which two nodes are at the same place.
-SAME = 1e-10
 #: Commands of a .geo file that run other programs, or take in what its checksum does not cover.
 EXECUTING = re.compile(r"\b(NonBlockingSystemCall|SystemCall|System|Include)\b")
-#: Volume and surface elements that are understood: name in meshio, nodes; name, corners.
-VOLUMES = {"tetra": 4, "tetra10": 10, "hexahedron": 8, "hexahedron27": 27}
-FACES = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
-#: Nodes, volume elements by their kind, faces by name, and numbers of the elements of each named volume.
-Read = tuple[Array, dict[str, IntArray], dict[str, list[IntArray]], dict[str, IntArray]]
+#: Volume elements that are understood.
+VOLUMES = ("tetra", "tetra10", "hexahedron", "hexahedron27")
 
 
 def read_body(path: Path, size: float | None, scale: float) -> BodyMesh:
@@ -44,159 +46,99 @@ def read_body(path: Path, size: float | None, scale: float) -> BodyMesh:
         require_ordinary(path)
     except OSError as error:
         raise ConfigurationError(f"{KEY}: {path}: {error.strerror or error}") from error
-    if path.suffix.lower() in GEOMETRIES:
-        if size is None:
-            raise ConfigurationError(
-                f"macro.body.size: missing; {path.name} is a geometry, which is meshed by it"
-            )
-        points, volumes, faces, named = _by_gmsh(path, size)
-    elif size is not None:
+    if path.suffix.lower() in GEOMETRIES and size is None:
+        raise ConfigurationError(
+            f"macro.body.size: missing; {path.name} is a geometry, which is meshed by it"
+        )
+    if path.suffix.lower() not in GEOMETRIES and size is not None:
         raise ConfigurationError(
             f"macro.body.size: {path.name} is a mesh, whose elements have their size; remove it"
         )
-    else:
-        points, volumes, faces, named = _by_meshio(path)
-    if len(volumes) != 1 or next(iter(volumes)) not in VOLUMES:
-        held = " and ".join(volumes) or "none"
+    try:
+        foreign = read_mesh(path) if size is None else _meshed(path, size)
+        return _body(foreign, path, scale)
+    except ConfigurationError as error:
+        said = str(error)
+        raise ConfigurationError(said if said.startswith("macro.") else f"{KEY}: {said}") from error
+
+
+def _body(foreign: ForeignMesh, path: Path, scale: float) -> BodyMesh:
+    if len(foreign.elements[3]) != 1 or next(iter(foreign.elements[3])) not in VOLUMES:
+        held = " and ".join(foreign.elements[3]) or "none"
         raise ConfigurationError(
-            f"{KEY}: expected volume elements of one kind, {', '.join(VOLUMES)}; {path.name} has {held}"
+            f"expected volume elements of one kind, {', '.join(VOLUMES)}; {path.name} has {held}"
         )
-    ((kind, cells),) = volumes.items()
-    _require_apart(points, path)
+    ((kind, cells),) = foreign.elements[3].items()
+    kept, flat = np.unique(cells, return_inverse=True)
+    points, cells = foreign.points[kept], flat.reshape(cells.shape)
+    require_apart(points, path)
     mesh = _quadratic(points * scale, kind, _upright(points, cells))
-    mesh, faces, named = _neighbours_together(mesh, faces, named)
-    return BodyMesh(mesh.points, mesh.cells, _named(mesh, faces, path), named)
+    # What is near in the body is near in memory.
+    elements, nodes = order_by_place(mesh.points, mesh.cells, mesh.element.corners)
+    number, place = np.empty_like(nodes), np.empty_like(elements)
+    number[nodes], place[elements] = np.arange(len(nodes)), np.arange(len(elements))
+    mesh = BodyMesh(mesh.points[nodes], number[mesh.cells[elements]])
+    #: Of the file's nodes; negative for one that no element with a volume has.
+    new = -1 - np.arange(len(foreign.points))
+    new[kept] = number[: len(kept)]
+    faces = {
+        name: [
+            new[foreign.elements[2][kind][rows][:, : CORNERS[kind]]]
+            for kind, rows in members.items()
+            if kind in CORNERS
+        ]
+        for name, members in foreign.groups[2].items()
+    }
+    surfaces, unusable = _surfaces(mesh, faces, path)
+    unusable |= {
+        str(tag): f"this is the number of the surface '{name}' of {path.name}; call it by its name"
+        for tag, name in foreign.tags[2].items()
+        if name != str(tag)
+    }
+    volumes = {
+        name: np.sort(place[members[kind]]) for name, members in foreign.groups[3].items() if kind in members
+    }
+    return BodyMesh(mesh.points, mesh.cells, surfaces, volumes, unusable)
 
 
-def _by_gmsh(path: Path, size: float) -> Read:
-    """Second-order tetrahedra; the names are those of physical surfaces and volumes."""
-    if path.suffix.lower().startswith(".geo"):
+def _meshed(path: Path, size: float) -> ForeignMesh:
+    """Return second-order tetrahedra of a geometry; the names are those of physical surfaces and volumes."""
+    if path.suffix.lower().startswith((".geo", ".opt")):
         found = EXECUTING.search(read_text(path).replace("\0", " "))
         if found:
             raise ConfigurationError(
-                f"{KEY}: {path.name} holds the command {found[0]}; nothing that is read may execute a program, and "
+                f"{path.name} holds the command {found[0]}; nothing that is read may execute a program, and "
                 "what it includes is not covered by sha256: leave it out, or mesh it into a .msh file"
             )
-    gmsh = import_gmsh()
-    gmsh.initialize(readConfigFiles=False, interruptible=False)
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        gmsh.option.setNumber("General.NumThreads", 1)
-        gmsh.open(str(path))
-        _require_few(gmsh, size)
-        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
-        gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
-        gmsh.model.mesh.generate(3)
-        gmsh.model.mesh.setOrder(2)
-        tags, coordinates, _ = gmsh.model.mesh.getNodes()
-        number = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
-        number[tags.astype(np.int64)] = np.arange(len(tags))
-        kinds, _, nodes = gmsh.model.mesh.getElements(3)
-        if list(kinds) != [11]:
+    with gmsh_session() as gmsh:
+        try:
+            merge_file(gmsh, path)
+            _require_few(gmsh, size)
+            gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+            gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
+            gmsh.model.mesh.generate(3)
+            gmsh.model.mesh.setOrder(2)
+            mesh = mesh_of_model(gmsh, path)
+        except ConfigurationError:
+            raise
+        except Exception as error:  # gmsh raises plain Exception
             raise ConfigurationError(
-                f"{KEY}: gmsh made no tetrahedra alone of {path.name}; mesh it into a .msh file"
-            )
-        cells = number[nodes[0].astype(np.int64)].reshape(-1, 10)[:, [0, 1, 2, 3, 4, 5, 6, 7, 9, 8]]
-        faces: dict[str, list[IntArray]] = {}
-        for _, group in gmsh.model.getPhysicalGroups(2):
-            name = gmsh.model.getPhysicalName(2, group) or str(group)
-            for entity in gmsh.model.getEntitiesForPhysicalGroup(2, group):
-                triangles = gmsh.model.mesh.getElements(2, entity)[2]
-                faces.setdefault(name, []).extend(
-                    number[t.astype(np.int64)].reshape(-1, 6)[:, :3] for t in triangles
-                )
-        return *_used(coordinates.reshape(-1, 3), {"tetra10": cells}, faces), _volumes_of_gmsh(gmsh)
-    except ConfigurationError:
-        raise
-    except Exception as error:  # gmsh raises plain Exception
-        raise ConfigurationError(f"{KEY}: gmsh could not mesh {path}: {error}") from error
-    finally:
-        gmsh.finalize()
-
-
-def _volumes_of_gmsh(gmsh: Any) -> dict[str, IntArray]:
-    """Return the elements of each physical volume, by their places among all of the model."""
-    tags = gmsh.model.mesh.getElements(3)[1][0]
-    order = np.argsort(tags)
-    found: dict[str, IntArray] = {}
-    for _, group in gmsh.model.getPhysicalGroups(3):
-        name = gmsh.model.getPhysicalName(3, group) or str(group)
-        entities = gmsh.model.getEntitiesForPhysicalGroup(3, group)
-        own = np.concatenate([gmsh.model.mesh.getElements(3, entity)[1][0] for entity in entities])
-        found[name] = np.sort(order[np.searchsorted(tags, own, sorter=order)])
-    return found
+                f"gmsh could not mesh {path} ({error}); mesh it into a .msh file, and read that"
+            ) from error
+    if list(mesh.elements[3]) != ["tetra10"]:
+        raise ConfigurationError(f"gmsh made no tetrahedra alone of {path.name}; mesh it into a .msh file")
+    return mesh
 
 
 def _require_few(gmsh: Any, size: float) -> None:
     """Refuse a geometry without a volume, and more elements than memory holds, by the boxes around the volumes."""
     volumes = gmsh.model.getEntities(3)
     if not volumes:
-        raise ConfigurationError(
-            f"{KEY}: expected a geometry with a volume, got none, so there are no tetrahedra"
-        )
+        raise ConfigurationError("expected a geometry with a volume, got none, so there are no tetrahedra")
     boxes = np.array([gmsh.model.getBoundingBox(*volume) for volume in volumes])
     require_few(
         float(np.prod(boxes[:, 3:] - boxes[:, :3], axis=1).sum()) * PER_CUBE / size**3, "macro.body.size"
     )
-
-
-def _by_meshio(path: Path) -> Read:
-    try:
-        mesh = read_mesh(path)
-    except ConfigurationError as error:
-        raise ConfigurationError(f"{KEY}: {error}") from error
-    volumes: dict[str, list[Any]] = {}
-    faces: dict[str, list[IntArray]] = {}
-    names, names_of_volumes = (
-        {int(tag): name for name, (tag, dimension) in mesh.field_data.items() if dimension == d}
-        for d in (2, 3)
-    )
-    named: dict[str, list[IntArray]] = {}
-    count = 0
-    tags = next(
-        (mesh.cell_data[k] for k in ("gmsh:physical", "medit:ref", "surface") if k in mesh.cell_data), None
-    )
-    for i, block in enumerate(mesh.cells):
-        if block.type in VOLUMES or block.dim == 3:
-            volumes.setdefault(block.type, []).append(block.data)
-            if tags is not None:
-                of = np.asarray(tags[i]).ravel().astype(int)
-                for tag in np.unique(of):
-                    members = count + np.flatnonzero(of == tag)
-                    named.setdefault(names_of_volumes.get(int(tag), str(tag)), []).append(members)
-            count += len(block.data)
-        elif block.type in FACES:
-            corners = np.asarray(block.data)[:, : FACES[block.type]]
-            of = (
-                np.zeros(len(corners), dtype=int) if tags is None else np.asarray(tags[i]).ravel().astype(int)
-            )
-            for tag in np.unique(of):
-                faces.setdefault(names.get(int(tag), str(tag)), []).append(corners[of == tag])
-    joined = {k: np.concatenate(v).astype(np.int64) for k, v in volumes.items()}
-    elements = {name: np.concatenate(parts) for name, parts in named.items()}
-    return *_used(np.asarray(mesh.points, float), joined, faces), elements
-
-
-def _used(
-    points: Array, volumes: dict[str, IntArray], faces: dict[str, list[IntArray]]
-) -> tuple[Array, dict[str, IntArray], dict[str, list[IntArray]]]:
-    """Leave out the nodes that no volume element has, and the faces on them."""
-    kept = np.unique(np.concatenate([np.zeros(0, np.int64), *(cells.ravel() for cells in volumes.values())]))
-    number = np.full(len(points), -1, dtype=np.int64)
-    number[kept] = np.arange(len(kept))
-    found = {name: [number[part] for part in parts] for name, parts in faces.items()}
-    on = {name: [part[(part >= 0).all(axis=1)] for part in parts] for name, parts in found.items()}
-    return points[kept], {kind: number[cells] for kind, cells in volumes.items()}, on
-
-
-def _require_apart(points: Array, path: Path) -> None:
-    """Refuse nodes that are there twice, between which the body would be torn."""
-    grain = np.ptp(points, axis=0).max() * SAME if len(points) else 0.0
-    if grain > 0 and (twice := len(points) - len(np.unique(np.rint(points / grain), axis=0))):
-        raise ConfigurationError(
-            f"{KEY}: {twice:,} nodes of {path.name} lie at the same place as others, so that the body is torn there; "
-            "merge them (gmsh: Coherence Mesh;)"
-        )
 
 
 def _upright(points: Array, cells: IntArray) -> IntArray:
@@ -239,34 +181,48 @@ def _quadratic(points: Array, kind: str, cells: IntArray) -> BodyMesh:
     return BodyMesh(np.concatenate(found), whole)
 
 
-def _neighbours_together(
-    mesh: BodyMesh, faces: dict[str, list[IntArray]], named: dict[str, IntArray]
-) -> tuple[BodyMesh, dict[str, list[IntArray]], dict[str, IntArray]]:
-    """Number elements and nodes by place, so that what is near in the body is near in memory."""
-    elements, nodes = order_by_place(mesh.points, mesh.cells, mesh.element.corners)
-    number, place = np.empty_like(nodes), np.empty_like(elements)
-    number[nodes], place[elements] = np.arange(len(nodes)), np.arange(len(elements))
-    return (
-        BodyMesh(mesh.points[nodes], number[mesh.cells[elements]]),
-        {name: [number[part] for part in parts] for name, parts in faces.items()},
-        {name: np.sort(place[own]) for name, own in named.items()},
-    )
+def _surfaces(
+    mesh: BodyMesh, faces: dict[str, list[IntArray]], path: Path
+) -> tuple[dict[str, IntArray], dict[str, str]]:
+    """Return the facets whose corners are those of the faces of each name, and why names cannot be used.
 
-
-def _named(mesh: BodyMesh, faces: dict[str, list[IntArray]], path: Path) -> dict[str, IntArray]:
-    """Facets of the boundary whose corners are those of the faces of each name."""
-    facets = boundary_facets(mesh.cells)
-    corners = facets[:, : mesh.element.facet_corners]
-    number = {tuple(key): i for i, key in enumerate(np.sort(corners, axis=1).tolist())}
-    surfaces = {}
-    for name, parts in faces.items():
-        places = [number.get(tuple(sorted(face))) for part in parts for face in part.tolist()]
-        inside = [p for p in places if p is not None]
-        if inside:
-            surfaces[name] = facets[np.unique(inside)]
-    if not surfaces:
+    A name can be used if all of its faces lie on the boundary: with a part of them, it would stand for less than the
+    file says.
+    """
+    facets, count = counted_facets(mesh.cells)
+    if (count > 2).any():
         raise ConfigurationError(
-            f"{KEY}: {path.name} names no part of its surface, so nothing can be prescribed; give physical groups of "
-            'surfaces (gmsh: Physical Surface("top") = {...};)'
+            f"{path}: {int((count > 2).sum()):,} faces belong to more than two elements, so that elements lie over "
+            "one another; mesh the body anew, so that neighbours share their nodes"
         )
-    return surfaces
+    outer = facets[count == 1]
+    number = {key: i for i, key in enumerate(mesh.corners_of(outer))}
+    surfaces, unusable = dict[str, IntArray](), dict[str, str]()
+    for name, parts in faces.items():
+        keys = {tuple(sorted(face)) for part in parts for face in part.tolist()}
+        if lost := keys - number.keys():
+            unusable[name] = _of_lost(mesh, facets[count == 2], lost, len(keys), path)
+        elif keys:
+            surfaces[name] = outer[np.sort([number[key] for key in keys])]
+    if not surfaces and not unusable:
+        raise ConfigurationError(
+            f"{path.name} names no part of its surface, so nothing can be prescribed; give physical groups of "
+            f'surfaces (gmsh: Physical Surface("top") = {{...}};); {FORMATS}'
+        )
+    return surfaces, unusable
+
+
+def _of_lost(mesh: BodyMesh, inner: IntArray, lost: set[tuple[int, ...]], faces: int, path: Path) -> str:
+    """Return why faces are no part of the boundary."""
+    nodes = np.unique([node for key in lost for node in key])
+    near = np.isin(inner[:, : mesh.element.facet_corners], nodes).all(axis=1)
+    inside = len(lost.intersection(mesh.corners_of(inner[near])))
+    if outside := len(lost) - inside:
+        return (
+            f"{outside} of its {faces} faces in {path.name} belong to no element with a volume, so that a part of the "
+            "body is missing there; put all volumes into physical groups (gmsh), or take these faces out"
+        )
+    return (
+        f"{inside} of its {faces} faces in {path.name} lie inside the body, between two elements, where nothing can "
+        "be prescribed; take these faces out"
+    )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from porocore.macro.body.surfaces import Facets
 from porocore.macro.boundary.frames import SAME, Constraint, in_frames
 from porocore.macro.boundary.reactions import Share, Support, shares
 from porocore.macro.boundary.surface_conditions import SurfaceConditions
-from porocore.macro.problem import MacroProblem
+from porocore.macro.problem import Boundary, MacroProblem
 from porocore.states import Array, IntArray
 
 
@@ -96,7 +97,8 @@ def boundary_data(mesh: BodyMesh, problem: MacroProblem) -> BoundaryData:
     Raises
     ------
     ConfigurationError
-        There is no such surface, two surfaces prescribe different values where they meet, one holds the edge of
+        There is no such surface, two surfaces load the same faces or prescribe different values where they meet, one
+        holds the edge of
         another's plate along the axis of that, two plates with one axis share an edge, a plate or a normal displacement
         is on a curved surface, or a translation is not held.
     """
@@ -120,6 +122,7 @@ class Collector:
         self.drains: dict[str, Support] = {}
 
     def result(self) -> BoundaryData:
+        self._require_one_load_on_each_face()
         for name, boundary in self.problem.boundary.items():
             key = f"macro.boundary.{name}"
             facets = Facets(self.mesh, self.mesh.surface(name, key))
@@ -179,6 +182,21 @@ class Collector:
                 "neighbouring surface where they meet; prescribe it on one of them only"
             )
         self.function[unknowns], self.factor[unknowns] = function, factor
+
+    def _require_one_load_on_each_face(self) -> None:
+        """Refuse faces that belong to two surfaces whose conditions cannot both be meant there."""
+        keys: dict[str, set[tuple[int, ...]]] = {}
+        for (one, first), (other, second) in combinations(self.problem.boundary.items(), 2):
+            if not (fault := _contradiction(first, second)):
+                continue
+            for name in (one, other):
+                if name not in keys:
+                    keys[name] = set(self.mesh.corners_of(self.mesh.surface(name, f"macro.boundary.{name}")))
+            if both := len(keys[one] & keys[other]):
+                raise ConfigurationError(
+                    f"macro.boundary.{other}: {both} of its {len(keys[other])} faces belong to the surface '{one}' "
+                    f"too, and there {fault}; prescribe it on one of the two, or take these faces out of the other"
+                )
 
     def _body_force(self) -> None:
         element = self.mesh.element
@@ -243,6 +261,38 @@ class Collector:
                         f"displacement of the common edge along ({normal}), a direction that is not perpendicular "
                         f"to {'xyz'[axis]}; end the plate before that surface"
                     )
+
+
+def _contradiction(one: Boundary, other: Boundary) -> str:
+    """Return what cannot be meant where a face has the conditions of two surfaces; empty where they go together."""
+    loads = [
+        {
+            *(f"a traction t_{i + 1}" for i, t in enumerate(each.traction) if t != 0),
+            *(["a pressure on the deformed surface"] if each.follower != 0 else []),
+            *(["a force on a plate"] if each.plate is not None else []),
+        }
+        for each in (one, other)
+    ]
+    if all(loads):
+        apart = not loads[0] & loads[1] and all(load.startswith("a traction") for load in loads[0] | loads[1])
+        if not apart:
+            return f"{' and '.join(sorted(loads[0] | loads[1]))} would act twice or on top of each other"
+    if one.flux != 0 and other.flux != 0:
+        return "both prescribe a flux, which would be counted twice"
+    for a, b in ((one, other), (other, one)):
+        if a.pressure is not None and b.flux != 0:
+            return "one prescribes a pressure, beside which the flux of the other does nothing"
+        for i, (u, t) in enumerate(zip(a.displacement, b.traction, strict=True)):
+            if u is not None and t != 0:
+                return f"one prescribes u_{i + 1}, beside which the traction of the other does nothing"
+    pairs = {
+        f"u_{i + 1}": each for i, each in enumerate(zip(one.displacement, other.displacement, strict=True))
+    }
+    pairs |= {"p": (one.pressure, other.pressure), "the normal displacement": (one.normal, other.normal)}
+    for name, (a_value, b_value) in pairs.items():
+        if a_value is not None and b_value is not None and a_value != b_value:
+            return f"each of them prescribes another value of {name}"
+    return ""
 
 
 def _show(value: Value, name: str) -> str:

@@ -86,12 +86,14 @@ def held_sideways(macro: MacroSetup) -> int | None:
 
     It is that of two whole flat faces. Along it the other surfaces slide.
     """
-    names = set(body_mesh(macro).surfaces)
+    mesh = body_mesh(macro)
+    names = set(mesh.surfaces)
     for axis, letter in enumerate("xyz"):
         ends, others = {f"{letter}-", f"{letter}+"}, [i for i in range(3) if i != axis]
         sides = [macro.boundary.get(name, Boundary()) for name in names - ends]
-        if ends <= names and not macro.surfaces and all(_slides(side, axis, others) for side in sides):
-            return axis
+        if not ends <= names or macro.surfaces or not all(_slides(side, axis, others) for side in sides):
+            continue
+        return axis if mesh.unnamed == 0 else None
     return None
 
 

@@ -9,8 +9,10 @@ order of the surfaces.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
+from operator import add
 from typing import Any
 
 import numpy as np
@@ -23,6 +25,8 @@ from porocore.states import Array, IntArray
 
 #: Of the largest eigenvalue of a node, below which a direction is not held.
 RANK = 1e-9
+#: Sine of an angle between directions below which they are one.
+SAME = 1e-6
 #: Of the largest vector area of a facet's node.
 ROUND_OFF = 1e-12
 
@@ -78,8 +82,57 @@ class Share:
 
 
 def shares(mesh: BodyMesh, supports: Mapping[str, Support], *, fluid: bool = False) -> dict[str, Share]:
-    """Return the share of each surface in the nodal reactions, of forces or of the ``fluid``."""
-    parts = {name: _Part(mesh, support, fluid) for name, support in supports.items()}
+    """Return the share of each surface in the nodal reactions, of forces or of the ``fluid``.
+
+    A face that belongs to several surfaces counts wholly for each.
+    """
+    pieces = _without_overlap(mesh, supports)
+    found = _shares_of_pieces(mesh, pieces, fluid)
+    total = {}
+    for name, support in supports.items():
+        own = [share for names, share in found.items() if name in names]
+        total[name] = Share(
+            support.directions.T @ support.directions,
+            reduce(add, (share.by_reaction for share in own)),
+            reduce(add, (share.by_field for share in own)),
+        )
+    return total
+
+
+def _without_overlap(mesh: BodyMesh, supports: Mapping[str, Support]) -> dict[tuple[str, ...], Support]:
+    """Return the pieces of surfaces that overlap, each by the names of the surfaces to which it belongs."""
+    names_of: dict[tuple[int, ...], list[str]] = {}
+    keys = {name: mesh.corners_of(support.facets.nodes) for name, support in supports.items()}
+    for name, own in keys.items():
+        for key in own:
+            names_of.setdefault(key, []).append(name)
+    rows: dict[tuple[str, ...], list[int]] = {}
+    for name, own in keys.items():
+        for row, key in enumerate(own):
+            if names_of[key][0] == name:
+                rows.setdefault(tuple(names_of[key]), []).append(row)
+    return {
+        names: Support(
+            Facets(mesh, supports[names[0]].facets.nodes[own]),
+            _together([supports[name].directions for name in names]),
+        )
+        for names, own in rows.items()
+    }
+
+
+def _together(directions: Sequence[Array]) -> Array:
+    """Return orthonormal directions (k, d) of the space of all given ones."""
+    if len(directions) == 1:
+        return directions[0]
+    _, sizes, rows = np.linalg.svd(np.concatenate(directions), full_matrices=False)
+    return np.asarray(rows[sizes > SAME * sizes[0]])
+
+
+def _shares_of_pieces(
+    mesh: BodyMesh, pieces: Mapping[tuple[str, ...], Support], fluid: bool
+) -> dict[tuple[str, ...], Share]:
+    """Return the share of each piece; no two have a facet in common."""
+    parts = {names: _Part(mesh, support, fluid) for names, support in pieces.items()}
     count, c = np.zeros(len(mesh.points), dtype=np.int64), 1 if fluid else 3
     whole = np.zeros((len(mesh.points), c, c))
     for part in parts.values():
@@ -90,9 +143,9 @@ def shares(mesh: BodyMesh, supports: Mapping[str, Support], *, fluid: bool = Fal
     held = np.flatnonzero(count)
     inverse[held] = np.linalg.pinv(whole[held], rcond=RANK, hermitian=True)
     shared = count > 1
-    fields = {name: part.by_field(shared) for name, part in parts.items()}
+    fields = {names: part.by_field(shared) for names, part in parts.items()}
     together = sum(fields.values())
-    return {name: part.share(inverse, fields[name], together) for name, part in parts.items()}
+    return {names: part.share(inverse, fields[names], together) for names, part in parts.items()}
 
 
 class _Part:

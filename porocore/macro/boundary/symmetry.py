@@ -195,10 +195,16 @@ def _normal(facets: Facets) -> Array | None:
 def _fault(setup: MacroSetup, mesh: BodyMesh, name: str, normal: Array) -> str:
     """Return why a plane surface is no symmetry plane; empty if it is one."""
     face, depth = setup.boundary.get(name, Boundary()), mesh.points @ normal
-    if face.pressure is not None or face.flux != 0:
-        return "lets fluid through"
-    if any(t != 0 for t in face.traction) or face.follower != 0 or face.plate is not None:
-        return "is loaded"
+    if fault := _crossed(face):
+        return fault
+    own = set(mesh.corners_of(mesh.surfaces[name]))
+    for other, its in setup.boundary.items():
+        if (
+            other != name
+            and (fault := _crossed(its))
+            and own.intersection(mesh.corners_of(mesh.surface(other, f"macro.boundary.{other}")))
+        ):
+            return f"shares faces with '{other}', which {fault}"
     held = [i for i, u in enumerate(face.displacement) if u is not None]
     along = len(held) == 1 and abs(normal[held[0]]) > 1 - SAME and face.displacement[held[0]] == 0
     if not along and (face.normal is None or face.normal != 0):
@@ -210,6 +216,15 @@ def _fault(setup: MacroSetup, mesh: BodyMesh, name: str, normal: Array) -> str:
     H = np.array(setup.initial.gradient)
     shear = (np.eye(3) - np.outer(normal, normal)) @ np.column_stack([H @ normal, H.T @ normal])
     return "" if np.abs(shear).max() <= SAME * np.abs(H).max() else "is sheared by the initial gradient"
+
+
+def _crossed(face: Boundary) -> str:
+    """Return why something crosses a surface with these conditions; empty if nothing does."""
+    if face.pressure is not None or face.flux != 0:
+        return "lets fluid through"
+    if any(t != 0 for t in face.traction) or face.follower != 0 or face.plate is not None:
+        return "is loaded"
+    return ""
 
 
 def _require_one_whole(normals: dict[str, Array]) -> None:

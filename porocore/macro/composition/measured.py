@@ -15,7 +15,7 @@ from pydantic import Field, field_validator
 
 from porocore.cell.level_sets.image import open_image
 from porocore.core.echo import echo, suggestion
-from porocore.core.files.foreign_mesh import read_mesh
+from porocore.core.files.foreign_mesh import CORNERS, read_mesh
 from porocore.core.files.input_file import FromFile
 from porocore.core.models.bounds import MOST_TIMES
 from porocore.core.units.dimensions import Dimension
@@ -26,8 +26,8 @@ from porocore.macro.composition.field import ParameterField, Points
 from porocore.states import Array
 
 Length = Annotated[float, Field(gt=0), Dimension("displacement")]
-#: Corners of the elements whose data are read.
-CORNERS = {"tetra": 4, "tetra10": 4, "hexahedron": 8, "hexahedron27": 8}
+#: Elements whose data are read.
+KINDS = ("tetra", "tetra10", "hexahedron", "hexahedron27")
 
 
 class MeasuredField(FromFile, ParameterField):
@@ -194,28 +194,27 @@ def _mesh_data(path: Path, name: str, key: str) -> tuple[Array, Any, Array]:
     """Return corners of tetrahedra (k, 4, 3), the element of each (k,), and the data of the elements."""
     with _told_with(key):
         mesh = read_mesh(path)
-    if name not in mesh.cell_data:
-        advice = suggestion(name, mesh.cell_data, "its data of elements are", "it has no data of elements")
+    if name not in mesh.data:
+        advice = suggestion(name, mesh.data, "its data of elements are", "it has no data of elements")
         raise ConfigurationError(
             f"{key}.data: {path.name} has no data {echo(name)} of its elements; {advice}"
         )
     corners, element, data, count = [], [], [], 0
-    for block, values in zip(mesh.cells, mesh.cell_data[name], strict=True):
-        if block.type not in CORNERS:
+    for kind, values in mesh.data[name].items():
+        if kind not in KINDS:
             continue
-        values = np.asarray(values, float)
-        if values.ndim != 1 and values.shape[1:] != (1,):
+        if values.ndim != 1:
             raise ConfigurationError(
                 f"{key}.data: expected one number for each element, got {echo(name)} of the shape {values.shape}"
             )
-        nodes = np.asarray(block.data)[:, : CORNERS[block.type]]
-        of_block, number = tetrahedra(mesh.points, nodes)
-        corners.append(of_block)
+        nodes = mesh.elements[3][kind][:, : CORNERS[kind]]
+        of_kind, number = tetrahedra(mesh.points, nodes)
+        corners.append(of_kind)
         element.append(number + count)
-        data.append(values.reshape(-1))
+        data.append(values)
         count += len(nodes)
     if not count:
-        raise ConfigurationError(f"{key}.path: {path.name} has no {', '.join(CORNERS)} elements")
+        raise ConfigurationError(f"{key}.path: {path.name} has no {', '.join(KINDS)} elements")
     return np.concatenate(corners), np.concatenate(element), np.concatenate(data)
 
 

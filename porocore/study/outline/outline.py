@@ -195,6 +195,8 @@ def _body(config: RunConfig) -> Iterator[str]:
         said = _said(macro.boundary.get(name), units)
         count = f"{len(facets)} {'facet' if len(facets) == 1 else 'facets'}"
         yield f"  surface {name}, {count}: {said or 'free of traction and impermeable'}"
+    if mesh.unnamed:
+        yield f"  {mesh.unnamed} facets without a name: free of traction and impermeable"
     for name, at in macro.probes.items():
         yield f"  probe {name} at {', '.join(f'{x * length:.4g}' for x in at)}{name_of_length}"
     loads = ", ".join(f"{load:g}" for load in macro.loads)
