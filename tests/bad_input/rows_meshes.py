@@ -81,6 +81,14 @@ def flat(mesh):
     mesh.tetrahedra[0][1] = mesh.tetrahedra[0][0]
 
 
+def twice(mesh):
+    mesh.elements += [(TETRAHEDRON, 3, nodes[::-1]) for nodes in mesh.tetrahedra[:2]]
+
+
+def again(mesh):
+    mesh.elements.append((TETRAHEDRON, 0, list(mesh.tetrahedra[0])))
+
+
 def torn(mesh):
     """The second half has nodes of its own, at the same places."""
     count = len(mesh.points)
@@ -133,15 +141,23 @@ LAUGHS = (
     + "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 10}">' for i in range(1, 12))
     + ']><VTKFile type="UnstructuredGrid">&a11;</VTKFile>'
 )
-UNREADABLE = "not a mesh that meshio can read"
+UNREADABLE, BY_GMSH = "not a mesh that meshio can read", "not a mesh that gmsh can read"
 #: What is wrong in a mesh's own terms: suffix, content, words of the message as a body, and as a cell.
 FAULTS: dict[str, tuple[str, Content, str, str]] = {
-    "empty": (".msh", "", UNREADABLE, UNREADABLE),
+    "empty": (".msh", "", "the file is empty", "the file is empty"),
+    "with a byte order mark": (".msh", "\ufeff" + WHOLE, "got a byte order mark", "got a byte order mark"),
+    "with a blank line before it": (".msh", "\n" + WHOLE, "begins with $MeshFormat", "begins with $MeshFormat"),
+    "of gmsh's first format": (".msh", "$NOD\n0\n$ENDNOD\n", "got '$NOD", "got '$NOD"),
+    "a script of gmsh": (".msh", 'SystemCall "touch hacked";\n', UNREADABLE, UNREADABLE),
+    "tetrahedra given twice": (
+        ".msh", altered(twice), "2 tetra elements are there more than once", "with the same nodes, in '3'",
+    ),
+    "a tetrahedron given twice, once in no group": (".msh", altered(again), "in no group", "in no group"),
     "binary junk": (".msh", bytes(range(256)) * 40, UNREADABLE, UNREADABLE),
     "words": (".msh", "Dear diary,\n", UNREADABLE, UNREADABLE),
     "no known suffix": (".xyzzy", WHOLE, UNREADABLE, UNREADABLE),
     "no suffix": ("", WHOLE, UNREADABLE, UNREADABLE),
-    "cut short": (".msh", WHOLE[: len(WHOLE) // 2], UNREADABLE, UNREADABLE),
+    "cut short": (".msh", WHOLE[: len(WHOLE) // 2], BY_GMSH, BY_GMSH),
     "of zeros": (".msh", b"\0" * 5000, UNREADABLE, UNREADABLE),
     "JSON": (".vtu", "{}", UNREADABLE, UNREADABLE),
     "XML entities that grow": (".vtu", LAUGHS, UNREADABLE, UNREADABLE),
@@ -151,17 +167,19 @@ FAULTS: dict[str, tuple[str, Content, str, str]] = {
     "VTK with a node beyond the last": (
         ".vtu", VTU.format(points=4, cells=1, values="0 0 0 1 0 0 0 1 0 0 0 1", nodes="0 1 2 99"), "node 99", "node 99",
     ),
-    "10^15 nodes": (".msh", WHOLE.replace("$Nodes\n27", f"$Nodes\n{10**15}"), UNREADABLE, UNREADABLE),
-    "10^15 elements": (".msh", WHOLE.replace("$Elements\n64", f"$Elements\n{10**15}"), UNREADABLE, UNREADABLE),
+    "10^15 nodes": (".msh", WHOLE.replace("$Nodes\n27", f"$Nodes\n{10**15}"), BY_GMSH, BY_GMSH),
+    "10^15 elements": (
+        ".msh", WHOLE.replace("$Elements\n64", f"$Elements\n{10**15}"), "no nodes are in this file", "no nodes are in this file",
+    ),
     "STL": (".stl", STL, "mesh.stl has none", "no elements with a volume"),
     "binary STL that declares 2^31 facets": (".stl", BINARY_STL, "an array of shape", "an array of shape"),
     "an infinite node": (".msh", altered(node([float("inf"), 0, 0])), "not finite", "not finite"),
     "a node that is no number": (".msh", altered(node([float("nan"), 0, 0])), "not finite", "not finite"),
     "a node at 1e300": (".msh", altered(node([1e300, 0, 0])), "1e+300", "1e+300"),
-    "an index beyond the last node": (".msh", altered(index(10**6)), UNREADABLE, UNREADABLE),
-    "an index of 10^18": (".msh", altered(index(10**18)), UNREADABLE, UNREADABLE),
+    "an index beyond the last node": (".msh", altered(index(10**6)), BY_GMSH, BY_GMSH),
+    "an index of 10^18": (".msh", altered(index(10**18)), BY_GMSH, BY_GMSH),
     "a tetrahedron without volume": (".msh", altered(flat), "turned inside out or flat", "inside of the cell"),
-    "nodes that are there twice": (".msh", altered(torn), "same place", "not periodic"),
+    "nodes that are there twice": (".msh", altered(torn), "same place", "same place"),
     "a flat mesh": (".msh", altered(shrunk), "same place", "which is flat"),
     "pyramids too": (".msh", altered(pyramids), "expected volume elements of one kind", "expected tetrahedra"),
     "hexahedra too": (".msh", altered(hexahedra), "expected volume elements of one kind", "expected tetrahedra"),

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import io
+import json
 import mmap
 import re
 import threading
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.core.files.gmsh_session import gmsh_session, merge_file
+from porocore.core.files.gmsh_model import Arrays, file_arrays, model_arrays
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 
@@ -144,7 +145,9 @@ def require_apart(points: Array, path: Path) -> None:
 
 def mesh_of_model(gmsh: Any, path: Path) -> ForeignMesh:
     """Return the mesh of gmsh's current model with its physical groups; messages begin with ``path``."""
-    return _of_model(gmsh, path, lambda dim, tag: gmsh.model.getPhysicalName(dim, tag), None, by_group=False)
+    arrays = model_arrays(gmsh)
+    names = {(dim, group): name for dim, group, name in json.loads(str(arrays["names"]))}
+    return _of_model(arrays, path, names, None, by_group=False)
 
 
 def _beginning(path: Path) -> bytes:
@@ -309,23 +312,10 @@ def _require_groups_of_copies(
 
 def _read_by_gmsh(path: Path, numbering: str | None) -> ForeignMesh:
     """Read a .msh file; without physical groups the entities of the model are the groups."""
-    names = _physical_names(path)
     with path.open("rb") as file:
         version_2 = re.search(rb"\$MeshFormat\s+[12](\.\d+)?\s", file.read(10_000)) is not None
-    with gmsh_session() as gmsh:
-        # In the older formats every element has a group of its own accord, which gmsh keeps as its entity only.
-        by_group = version_2 and numbering != GEOMETRICAL
-        gmsh.option.setNumber("Mesh.SwitchElementTags", float(by_group))
-        try:
-            merge_file(gmsh, path)
-        except ConfigurationError:
-            raise
-        except Exception as error:  # gmsh raises plain Exception
-            raise ConfigurationError(
-                f"{path}: not a mesh that gmsh can read ({error}); it is damaged or cut short: save it anew, as .msh "
-                "of version 4.1 or 2.2"
-            ) from error
-        mesh = _of_model(gmsh, path, lambda dim, tag: names.get((dim, tag), ""), numbering, by_group=by_group)
+    by_group = version_2 and numbering != GEOMETRICAL
+    mesh = _of_model(file_arrays(path, by_group), path, _physical_names(path), numbering, by_group=by_group)
     if numbering is None and not any(mesh.groups.values()):
         return _read_by_gmsh(path, GEOMETRICAL)
     return mesh
@@ -344,87 +334,61 @@ def _physical_names(path: Path) -> dict[tuple[int, int], str]:
 
 
 def _of_model(
-    gmsh: Any, path: Path, name: Callable[[int, int], str], numbering: str | None, *, by_group: bool
+    arrays: Arrays, path: Path, names: Mapping[tuple[int, int], str], numbering: str | None, *, by_group: bool
 ) -> ForeignMesh:
-    """Return the mesh of the current model.
+    """Return the mesh of a model of gmsh.
 
     Parameters
     ----------
-    name
-        Name of a physical group by dimension and number; empty without one.
+    arrays
+        From :func:`porocore.core.files.gmsh_model.model_arrays`.
+    path
+        With which messages begin.
+    names
+        Of physical groups by dimension and number.
     numbering
         As in :func:`read_mesh`.
     by_group
         The number of an entity is that of the physical group of its elements, 0 without.
     """
-    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    tags, parts = arrays["tags"], _Parts(path)
     if not len(tags):
         raise ConfigurationError(
             f"{path}: no nodes are in this file; it is damaged or cut short: save it anew"
         )
-    by_tag = np.argsort(tags)
-    parts, views = _Parts(path), _Views(gmsh)
-    for dim in (2, 3):
-        pieces: dict[str, list[tuple[int, Any, Any]]] = {}
-        for _, entity in gmsh.model.getEntities(dim):
-            if entity < 0:
-                raise ConfigurationError(
-                    f"{path}: expected numbers of groups from 1, got {entity}; give that group a positive number"
-                )
-            for type_, own, flat in zip(*gmsh.model.mesh.getElements(dim, entity), strict=True):
-                kind = _OF_GMSH.get(int(type_)) or str(gmsh.model.mesh.getElementProperties(type_)[0])
-                pieces.setdefault(kind, []).append((entity, own, flat))
-        for kind, of in pieces.items():
-            # By their numbers, which are their order in most files, so that one mesh is one in every format.
-            elements = np.concatenate([own for _, own, _ in of])
-            order = np.argsort(elements, kind="stable")
-            nodes = np.searchsorted(tags, np.concatenate([flat for *_, flat in of]), sorter=by_tag)
-            nodes = nodes.reshape(len(elements), -1)[order]
-            parts.add(dim, kind, nodes[:, _ORDERS[kind]] if kind in _ORDERS else nodes)
-            place = np.empty_like(order)
-            place[order] = np.arange(len(order))
-            first = 0
-            for entity, own, _ in of:
-                rows = place[first : first + len(own)]
-                first += len(own)
-                groups = [entity] if by_group else gmsh.model.getPhysicalGroupsForEntity(dim, entity).tolist()
-                groups = [abs(group) for group in groups if group]
-                if dim == 3:
-                    number = groups[0] if len(groups) == 1 else np.nan if groups else 0
-                    parts.set_data(PHYSICAL, kind, rows, np.full(len(rows), float(number)))
-                    if not by_group:
-                        parts.set_data(GEOMETRICAL, kind, rows, np.full(len(rows), float(entity)))
-                    views.add(parts, kind, rows, own)
-                if numbering == GEOMETRICAL:
-                    parts.join(dim, kind, rows, "", entity)
-                elif numbering in (None, PHYSICAL) or dim == 2:
-                    for group in groups:
-                        parts.join(dim, kind, rows, name(dim, group), group)
-    return parts.mesh(
-        coordinates.reshape(-1, 3)[by_tag], None if numbering in (PHYSICAL, GEOMETRICAL) else numbering
-    )
-
-
-class _Views:
-    """Data of elements, which gmsh keeps as views."""
-
-    def __init__(self, gmsh: Any) -> None:
-        self.found: dict[str, tuple[Any, Array]] = {}
-        for view in gmsh.view.getTags():
-            kind, tags, values, _, _ = gmsh.view.getModelData(view, 0)
-            if kind == "ElementData" and len({len(each) for each in values}) == 1:
-                order = np.argsort(tags)
-                columns = np.array(values, dtype=float)[order]
-                self.found[gmsh.view.option.getString(view, "Name")] = np.asarray(tags)[order], columns
-
-    def add(self, parts: _Parts, kind: str, rows: IntArray, elements: Any) -> None:
-        """Give elements, by their numbers in gmsh, their data."""
-        for name, (tags, values) in self.found.items():
-            at = np.minimum(np.searchsorted(tags, elements), len(tags) - 1)
-            there = tags[at] == elements
-            if there.any():
-                columns = values[at[there]]
-                parts.set_data(name, kind, rows[there], columns[:, 0] if columns.shape[1] == 1 else columns)
+    kinds, views = json.loads(str(arrays["kinds"])), json.loads(str(arrays["views"]))
+    blocks: dict[tuple[int, str], list[tuple[int, int]]] = {}
+    for i, (dim, type_, entity) in enumerate(arrays["blocks"].tolist()):
+        blocks.setdefault((dim, _OF_GMSH.get(type_, kinds[str(type_)])), []).append((i, entity))
+    for (dim, kind), of in blocks.items():
+        # By their numbers, which are their order in most files, so that one mesh is one in every format.
+        order = np.argsort(np.concatenate([arrays[f"elements{i}"] for i, _ in of]), kind="stable")
+        nodes = np.searchsorted(tags, np.concatenate([arrays[f"nodes{i}"] for i, _ in of])[order])
+        parts.add(dim, kind, nodes[:, _ORDERS[kind]] if kind in _ORDERS else nodes)
+        place = np.empty_like(order)
+        place[order] = np.arange(len(order))
+        first = 0
+        for i, entity in of:
+            elements = arrays[f"elements{i}"]
+            rows = place[first : first + len(elements)]
+            first += len(elements)
+            groups = [group for group in ([entity] if by_group else arrays[f"groups{i}"].tolist()) if group]
+            if dim == 3:
+                number = groups[0] if len(groups) == 1 else np.nan if groups else 0
+                parts.set_data(PHYSICAL, kind, rows, np.full(len(rows), float(number)))
+                if not by_group:
+                    parts.set_data(GEOMETRICAL, kind, rows, np.full(len(rows), float(entity)))
+                for j, name in enumerate(views):
+                    known, values = arrays[f"view{j}"], _without_columns(arrays[f"values{j}"])
+                    at = np.minimum(np.searchsorted(known, elements), len(known) - 1)
+                    there = known[at] == elements
+                    parts.set_data(name, kind, rows[there], values[at[there]])
+            if numbering == GEOMETRICAL:
+                parts.join(dim, kind, rows, "", entity)
+            elif numbering in (None, PHYSICAL) or dim == 2:
+                for group in groups:
+                    parts.join(dim, kind, rows, names.get((dim, group), ""), group)
+    return parts.mesh(arrays["points"], None if numbering in (PHYSICAL, GEOMETRICAL) else numbering)
 
 
 def _read_by_meshio(path: Path, numbering: str | None) -> ForeignMesh:

@@ -56,7 +56,7 @@ def gmsh_session() -> Iterator[Any]:
             gmsh.finalize()
 
 
-def merge_file(gmsh: Any, path: Path) -> None:
+def open_file(gmsh: Any, path: Path) -> None:
     """Read a file into the current model.
 
     Raises
@@ -69,7 +69,7 @@ def merge_file(gmsh: Any, path: Path) -> None:
     options = path.with_name(f"{path.name}.opt")
     if options.exists():
         raise ConfigurationError(
-            f"{path}: gmsh would also read {options.name}, which lies beside it, and execute its commands; move it "
+            f"gmsh would also read {options.name}, which lies beside {path.name}, and execute its commands; move it "
             "elsewhere"
         )
-    gmsh.merge(str(path))
+    gmsh.open(str(path))

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Discriminator, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, ValidationError
 from pydantic_core import ErrorDetails
 
 from porocore.core.echo import did_you_mean, echo
@@ -22,6 +22,13 @@ class StrictModel(BaseModel):
         """Return the quantity of a number below the section, by default as it is declared; '' is a plain number."""
         return declared
 
+
+def _as_text(value: Any) -> Any:
+    return str(value) if isinstance(value, int) and not isinstance(value, bool) else value
+
+
+#: A name that may be the number of a group of a mesh, quoted or not.
+Name = Annotated[str, BeforeValidator(_as_text)]
 
 if TYPE_CHECKING:
     # The constructors of models are known of pydantic's own metaclass only.

@@ -12,7 +12,7 @@ from pydantic import Field, Tag, field_validator
 
 from porocore.core.files.input_file import FromFile
 from porocore.core.models.bounds import MOST_ELEMENTS
-from porocore.core.models.strict import StrictModel, by_kind
+from porocore.core.models.strict import Name, StrictModel, by_kind
 from porocore.core.units.dimensions import Dimension, Unit
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.body.structured import box, graded, sector
@@ -33,7 +33,7 @@ class Body(StrictModel, ABC):
     surfaces: ClassVar[tuple[str, ...]] = ()
     #: Those of them at which the kind is cut out of a whole.
     cuts: ClassVar[tuple[str, ...]] = ()
-    symmetry: tuple[str, ...] | None = None
+    symmetry: tuple[Name, ...] | None = None
     """Surfaces that are symmetry planes: the body stands for a whole that is mirrored there, and forces and volumes are
     those of the whole; null: the planes of a quarter-cylinder or a wedge that have ``normal: 0`` alone; []: none."""
 

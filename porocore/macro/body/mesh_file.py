@@ -18,7 +18,7 @@ from porocore.core.files.foreign_mesh import (
     read_mesh,
     require_apart,
 )
-from porocore.core.files.gmsh_session import gmsh_session, merge_file
+from porocore.core.files.gmsh_session import gmsh_session, open_file
 from porocore.core.files.reading import read_text, require_ordinary
 from porocore.errors import ConfigurationError
 from porocore.macro.body.element import HEXAHEDRON, TETRAHEDRON
@@ -112,7 +112,7 @@ def _meshed(path: Path, size: float) -> ForeignMesh:
             )
     with gmsh_session() as gmsh:
         try:
-            merge_file(gmsh, path)
+            open_file(gmsh, path)
             _require_few(gmsh, size)
             gmsh.option.setNumber("Mesh.MeshSizeMax", size)
             gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
@@ -191,6 +191,7 @@ def _surfaces(
     """
     facets, count = counted_facets(mesh.cells)
     if (count > 2).any():
+        mesh.check("macro.body")
         raise ConfigurationError(
             f"{path}: {int((count > 2).sum()):,} faces belong to more than two elements, so that elements lie over "
             "one another; mesh the body anew, so that neighbours share their nodes"

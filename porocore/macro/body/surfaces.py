@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import model_validator
 
-from porocore.core.models.strict import StrictModel
+from porocore.core.models.strict import Name, StrictModel
 from porocore.core.units.dimensions import Dimension
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import BodyMesh, facet_middles
@@ -21,7 +21,7 @@ Range = Annotated[tuple[float, float], Dimension("displacement")]
 class Patch(StrictModel):
     """The facets of a surface whose middles lie within bounds; they no longer belong to that surface."""
 
-    of: str
+    of: Name
     """The surface that it is a part of."""
     x: Range | None = None
     """[from, to] of the middles of its facets along x."""

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import Field, Tag, model_validator
 
 from porocore.core.echo import echo
-from porocore.core.models.strict import StrictModel, by_kind
+from porocore.core.models.strict import Name, StrictModel, by_kind
 from porocore.core.units.dimensions import Dimension
 from porocore.core.units.results import spoken
 from porocore.errors import ConfigurationError
@@ -134,7 +134,7 @@ class VolumeRegion(Region):
 
     kind: Literal["volume"]
     """A named volume of the body's file, such as a physical volume of gmsh."""
-    name: Annotated[str, Field(min_length=1)]
+    name: Annotated[Name, Field(min_length=1)]
     """Its name, or its number where it has none."""
 
     def holds(self, mesh: BodyMesh, centres: Array, key: str) -> Array:

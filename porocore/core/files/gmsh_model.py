@@ -1,0 +1,151 @@
+"""Mesh of a gmsh model as arrays (model_arrays); that of a .msh file, read in a process of its own (file_arrays)."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from porocore.core.files.gmsh_session import gmsh_session, open_file
+from porocore.errors import ConfigurationError, PorocoreError
+
+#: What reading a file may take beyond what its size explains: time [s] and memory [bytes].
+SECONDS, MEMORY = 60.0, 1 << 30
+#: Bytes that are read in a second at least, and memory for each byte of a file.
+PER_SECOND, PER_BYTE = 1e6, 60
+#: It finds what this process finds, whatever the environment and the folder say.
+_COMMAND = "import sys; sys.path[:] = sys.argv[5:]; from porocore.core.files.gmsh_model import serve; serve()"
+#: Exit status of the process after a refusal, whose text it prints.
+_REFUSED = 3
+
+Arrays = Mapping[str, Any]
+
+
+def model_arrays(gmsh: Any) -> dict[str, Any]:
+    """Return faces and volumes of gmsh's current model as plain arrays.
+
+    Returns
+    -------
+    tags, points : (nodes,), (nodes, 3)
+        Numbers of the nodes, ascending, and their places.
+    blocks : (blocks, 3)
+        Dimension, type and entity of each block of elements. Block i has ``elements{i}`` (k,), their numbers,
+        ``nodes{i}`` (k, n), the numbers of their nodes, and ``groups{i}``, its physical groups.
+    kinds, names, views
+        Texts in JSON: gmsh's names of the types, those of the physical groups (dimension, number, name), and of the
+        data of elements. Data j have ``view{j}`` (k,), numbers of elements, and ``values{j}`` (k, components).
+    """
+    tags, coordinates, _ = gmsh.model.mesh.getNodes()
+    order = np.argsort(tags)
+    found: dict[str, Any] = {"tags": tags[order], "points": coordinates.reshape(-1, 3)[order]}
+    blocks, views = list[tuple[int, int, int]](), list[str]()
+    kinds: dict[int, str] = {}
+    for dim in (2, 3):
+        for _, entity in gmsh.model.getEntities(dim):
+            if entity < 0:
+                raise ConfigurationError(
+                    f"expected numbers of groups from 1, got {entity}; give that group a positive number"
+                )
+            groups = gmsh.model.getPhysicalGroupsForEntity(dim, entity)
+            for type_, elements, nodes in zip(*gmsh.model.mesh.getElements(dim, entity), strict=True):
+                i = len(blocks)
+                found[f"elements{i}"], found[f"nodes{i}"] = elements, nodes.reshape(len(elements), -1)
+                found[f"groups{i}"] = np.abs(groups)
+                blocks.append((dim, type_, entity))
+                kinds[int(type_)] = gmsh.model.mesh.getElementProperties(type_)[0]
+    for view in gmsh.view.getTags():
+        kind, tags, values, _, _ = gmsh.view.getModelData(view, 0)
+        if kind == "ElementData" and len({len(each) for each in values}) == 1:
+            order = np.argsort(tags)
+            found[f"view{len(views)}"] = np.asarray(tags)[order]
+            found[f"values{len(views)}"] = np.array(values, dtype=float)[order]
+            views.append(gmsh.view.option.getString(view, "Name"))
+    names = [
+        (dim, group, gmsh.model.getPhysicalName(dim, group)) for dim, group in gmsh.model.getPhysicalGroups()
+    ]
+    texts = {"kinds": kinds, "names": names, "views": views}
+    found["blocks"] = np.array(blocks, dtype=np.int64).reshape(-1, 3)
+    return found | {name: np.array(json.dumps(text)) for name, text in texts.items()}
+
+
+def file_arrays(path: Path, by_group: bool) -> Arrays:
+    """Return :func:`model_arrays` of a .msh file, read by another process, which a crash of gmsh ends instead of this.
+
+    Parameters
+    ----------
+    path
+        The file.
+    by_group
+        Take the physical group of each element for its entity. In formats before 4 each element has a group of its
+        own, of which gmsh keeps only that some element of the entity has it.
+
+    Raises
+    ------
+    ConfigurationError
+        gmsh cannot read it, crashes or comes to no end; the message begins with the path.
+    PorocoreError
+        gmsh cannot be loaded.
+    """
+    size = path.stat().st_size
+    anew = "it is damaged or cut short: save it anew, as .msh of version 4.1 or 2.2"
+    with TemporaryDirectory(prefix="porocore-") as folder:
+        result = Path(folder) / "mesh.npz"
+        words = [str(path.absolute()), str(result), str(int(by_group)), str(MEMORY + PER_BYTE * size)]
+        try:
+            done = subprocess.run(
+                [sys.executable, "-I", "-c", _COMMAND, *words, *sys.path],
+                stdin=subprocess.DEVNULL,
+                capture_output=True,
+                timeout=SECONDS + size / PER_SECOND,
+                check=False,
+            )
+        except subprocess.TimeoutExpired as error:
+            raise ConfigurationError(f"{path}: gmsh comes to no end with this file; {anew}") from error
+        printed = done.stdout.decode("utf-8", "replace").strip()
+        if done.returncode == _REFUSED:
+            told = json.loads(printed)
+            if told["kind"] == "other":
+                raise PorocoreError(told["text"])
+            text = (
+                told["text"]
+                if told["kind"] == "file"
+                else f"not a mesh that gmsh can read ({told['text']}); {anew}"
+            )
+            raise ConfigurationError(f"{path}: {text}")
+        if done.returncode != 0:
+            raise ConfigurationError(f"{path}: gmsh crashes with this file; {anew}")
+        with np.load(result, allow_pickle=False) as arrays:
+            return dict(arrays)
+
+
+def serve() -> None:
+    """Read the file that the command line of this process names, and write its arrays to another one."""
+    path, result, by_group, memory = sys.argv[1:5]
+    with suppress(ImportError, ValueError):
+        import resource
+
+        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+        most = int(memory) if hard == resource.RLIM_INFINITY else min(int(memory), hard)
+        resource.setrlimit(resource.RLIMIT_DATA, (most, hard))
+    kind = "other"
+    try:
+        with gmsh_session() as gmsh:
+            gmsh.option.setNumber("Mesh.SwitchElementTags", float(by_group))
+            kind = "gmsh"
+            open_file(gmsh, Path(path))
+            arrays = model_arrays(gmsh)
+            kind = "other"
+            np.savez(result, **arrays)
+    except Exception as error:  # gmsh raises plain Exception
+        text = str(error) or type(error).__name__
+        kind = "file" if isinstance(error, ConfigurationError) else kind
+        sys.stdout.write(json.dumps({"kind": kind, "text": text}))
+        sys.stdout.flush()
+        raise SystemExit(_REFUSED) from error
