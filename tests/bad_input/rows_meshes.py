@@ -169,7 +169,7 @@ FAULTS: dict[str, tuple[str, Content, str, str]] = {
     ),
     "10^15 nodes": (".msh", WHOLE.replace("$Nodes\n27", f"$Nodes\n{10**15}"), BY_GMSH, BY_GMSH),
     "10^15 elements": (
-        ".msh", WHOLE.replace("$Elements\n64", f"$Elements\n{10**15}"), "no nodes are in this file", "no nodes are in this file",
+        ".msh", WHOLE.replace("$Elements\n64", f"$Elements\n{10**15}"), "no nodes are in", "no nodes are in",
     ),
     "STL": (".stl", STL, "mesh.stl has none", "no elements with a volume"),
     "binary STL that declares 2^31 facets": (".stl", BINARY_STL, "an array of shape", "an array of shape"),

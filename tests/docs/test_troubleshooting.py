@@ -16,9 +16,9 @@ from unittest import mock
 import pytest
 from pages import ROOT, page
 
-from porocore.core.files.gmsh_session import import_gmsh
 from porocore.cli import main
 from porocore.core.files.atomic import atomic_path
+from porocore.core.files.gmsh_session import import_gmsh
 from porocore.errors import PorocoreError
 from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.integration.stepping import Stepper

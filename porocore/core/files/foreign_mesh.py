@@ -394,6 +394,7 @@ def _of_model(
 def _read_by_meshio(path: Path, numbering: str | None) -> ForeignMesh:
     import meshio  # heavy, and needed here only
 
+    sets = _abaqus_sets(path) if path.suffix.lower() == ".inp" else []
     try:
         # What it prints is redirected for all threads.
         with _ONE_AT_A_TIME, redirect_stdout(io.StringIO()) as printed, redirect_stderr(printed):
@@ -410,14 +411,15 @@ def _read_by_meshio(path: Path, numbering: str | None) -> ForeignMesh:
         raise ConfigurationError(
             f"{path}: expected nodes in three dimensions, got an array of shape {points.shape} and type {points.dtype}"
         )
-    return _of_meshio(mesh, path, numbering).mesh(points.astype(float), numbering)
+    return _of_meshio(mesh, path, numbering, sets).mesh(points.astype(float), numbering)
 
 
-def _of_meshio(mesh: Any, path: Path, numbering: str | None) -> _Parts:
-    """Return the parts of a mesh of meshio: its sets, families and numbers are groups."""
-    suffix = path.suffix.lower()
-    parts, markers = _Parts(path), _su2_names(path) if suffix == ".su2" else {}
-    of_blocks = _abaqus_sets(path) if suffix == ".inp" else []
+def _of_meshio(mesh: Any, path: Path, numbering: str | None, of_blocks: list[str]) -> _Parts:
+    """Return the parts of a mesh of meshio: its sets, families and numbers are groups.
+
+    ``of_blocks`` are the sets of whole blocks, as far as the file names them.
+    """
+    parts, markers = _Parts(path), _su2_names(path) if path.suffix.lower() == ".su2" else {}
     families = getattr(mesh, "cell_tags", None) or {}
     chosen = {dim: _numbering(mesh, dim) for dim in (2, 3)}
     for i, block in enumerate(mesh.cells):

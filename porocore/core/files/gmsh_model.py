@@ -113,12 +113,10 @@ def file_arrays(path: Path, by_group: bool) -> Arrays:
             told = json.loads(printed)
             if told["kind"] == "other":
                 raise PorocoreError(told["text"])
-            text = (
-                told["text"]
-                if told["kind"] == "file"
-                else f"not a mesh that gmsh can read ({told['text']}); {anew}"
-            )
-            raise ConfigurationError(f"{path}: {text}")
+            if told["kind"] == "file":
+                raise ConfigurationError(f"{path}: {told['text']}")
+            reason = f" ({told['text']})" if told["text"] else ""
+            raise ConfigurationError(f"{path}: not a mesh that gmsh can read{reason}; {anew}")
         if done.returncode != 0:
             raise ConfigurationError(f"{path}: gmsh crashes with this file; {anew}")
         with np.load(result, allow_pickle=False) as arrays:
@@ -144,8 +142,9 @@ def serve() -> None:
             kind = "other"
             np.savez(result, **arrays)
     except Exception as error:  # gmsh raises plain Exception
-        text = str(error) or type(error).__name__
         kind = "file" if isinstance(error, ConfigurationError) else kind
+        # What C++ throws has no words.
+        text = str(error) or ("" if kind == "gmsh" else type(error).__name__)
         sys.stdout.write(json.dumps({"kind": kind, "text": text}))
         sys.stdout.flush()
         raise SystemExit(_REFUSED) from error

@@ -1,0 +1,328 @@
+"""Groups of meshes from files: every element once, in all of its groups, whatever the format."""
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from porocore.core.files.foreign_mesh import read_mesh
+from porocore.core.files.gmsh_session import gmsh_session
+from porocore.errors import ConfigurationError, PorocoreError
+from porocore.macro.body.kinds import Box, make_body
+from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.body.mesh_file import read_body
+from porocore.macro.body.surfaces import Facets
+from porocore.macro.boundary.conditions import boundary_data
+from porocore.macro.boundary.reactions import Support, shares
+from porocore.macro.problem import MacroProblem
+
+#: A column of 0.1 × 1 × 0.1 in three layers; the volume 'core' is the middle one, 'all' are the three.
+CORE = Path(__file__).parents[1] / "strangers" / "volumes_overlap_msh22" / "core41.msh"
+FORMATS = {
+    "4.1": (".msh", {"Mesh.MshFileVersion": 4.1}),
+    "4.1 binary": (".msh", {"Mesh.MshFileVersion": 4.1, "Mesh.Binary": 1}),
+    "4.1 with all elements": (".msh", {"Mesh.MshFileVersion": 4.1, "Mesh.SaveAll": 1}),
+    "4.0": (".msh", {"Mesh.MshFileVersion": 4.0}),
+    "2.2": (".msh", {"Mesh.MshFileVersion": 2.2}),
+    "2.2 binary": (".msh", {"Mesh.MshFileVersion": 2.2, "Mesh.Binary": 1}),
+    "Salome": (".med", {}),
+    "Abaqus": (".inp", {"Mesh.SaveGroupsOfElements": 1}),
+    "second order": (".msh", {"Mesh.MshFileVersion": 2.2}),
+}
+HEAD = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n"
+
+
+@pytest.fixture(scope="module")
+def reference():
+    return read_body(CORE, None, 1.0)
+
+
+def by_place(mesh: BodyMesh, elements):
+    return np.sort(np.round(mesh.centres[elements], 9).view("f8,f8,f8"), axis=0)
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_mesh_is_one_in_every_format(tmp_path, reference, name):
+    suffix, options = FORMATS[name]
+    path = tmp_path / f"core{suffix}"
+    with gmsh_session() as gmsh:
+        gmsh.open(str(CORE))
+        if name == "second order":
+            gmsh.model.mesh.setOrder(2)
+        for option, value in options.items():
+            gmsh.option.setNumber(option, value)
+        gmsh.write(str(path))
+    body = read_body(path, None, 1.0)
+    assert len(body.cells) == 233
+    assert body.weights.sum() == pytest.approx(0.01, rel=1e-12)
+    assert {"all", "core"} <= set(body.volumes)
+    assert body.weights[body.volumes["core"]].sum() == pytest.approx(0.01 / 3, rel=1e-12)
+    for each in ("all", "core"):
+        assert (by_place(body, body.volumes[each]) == by_place(reference, reference.volumes[each])).all()
+    for each in Box.surfaces:
+        area = 0.01 if each[0] == "y" else 0.1
+        assert Facets(body, body.surfaces[each]).areas.sum() == pytest.approx(area, rel=1e-12)
+    if suffix == ".msh" and name != "second order":
+        np.testing.assert_array_equal(body.cells, reference.cells)
+        np.testing.assert_array_equal(body.points, reference.points)
+        assert list(body.surfaces) == list(reference.surfaces)
+
+
+def two_tetrahedra(elements, names=""):
+    """Two tetrahedra on one triangle, in lines of gmsh's format 2.2."""
+    lines = elements.strip().splitlines()
+    return (
+        f"{HEAD}{names}$Nodes\n5\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 -1\n5 0 0 1\n$EndNodes\n"
+        f"$Elements\n{len(lines)}\n" + "\n".join(lines) + "\n$EndElements\n"
+    )
+
+
+def test_elements_of_one_entity_have_the_groups_that_the_file_gives_to_each(tmp_path):
+    """Many programs give all elements the entity 1 in the format 2.2, in which gmsh keeps groups of entities alone."""
+    path = tmp_path / "a.msh"
+    names = '$PhysicalNames\n3\n3 7 "low"\n3 8 "high"\n3 9 "low"\n$EndPhysicalNames\n'
+    path.write_text(
+        two_tetrahedra("1 4 2 8 1 1 2 3 5\n2 4 2 7 1 1 3 2 4\n3 4 2 9 1 1 2 3 5\n4 2 2 5 1 1 2 4", names)
+    )
+    body = read_body(path, None, 1.0)
+    assert {name: elements.tolist() for name, elements in body.volumes.items()} == {
+        "low": [0, 1],
+        "high": [0],
+    }
+    assert list(body.surfaces) == ["5"]
+
+
+def test_without_physical_groups_the_entities_are_the_groups(tmp_path):
+    path = tmp_path / "a.msh"
+    path.write_text(two_tetrahedra("1 4 2 0 3 1 2 3 5\n2 4 2 0 4 1 3 2 4\n3 2 2 0 6 1 2 4"))
+    body = read_body(path, None, 1.0)
+    assert set(body.volumes) == {"3", "4"}
+    assert set(body.surfaces) == {"6"}
+
+
+def test_data_of_elements_come_with_a_mesh_of_gmsh(tmp_path):
+    path = tmp_path / "a.msh"
+    data = '$ElementData\n1\n"density"\n1\n0\n3\n0\n1\n2\n2 0.25\n1 0.5\n$EndElementData\n'
+    path.write_text(two_tetrahedra("1 4 2 2 1 1 2 3 5\n2 4 2 1 1 1 3 2 4") + data)
+    found = read_mesh(path)
+    np.testing.assert_array_equal(found.data["density"]["tetra"], [0.5, 0.25])
+    np.testing.assert_array_equal(found.data["gmsh:physical"]["tetra"], [2, 1])
+
+
+def test_a_surface_with_faces_that_are_no_boundary_cannot_be_used(tmp_path):
+    path = tmp_path / "a.msh"
+    names = '$PhysicalNames\n3\n2 5 "base"\n2 6 "between"\n2 7 "beyond"\n$EndPhysicalNames\n'
+    faces = "3 2 2 5 5 1 2 4\n4 2 2 6 6 1 2 3\n5 2 2 6 6 1 2 4\n6 2 2 7 7 3 4 5"
+    path.write_text(two_tetrahedra("1 4 2 2 2 1 2 3 5\n2 4 2 1 1 1 3 2 4\n" + faces, names))
+    body = read_body(path, None, 1.0)
+    assert list(body.surfaces) == ["base"]
+    assert body.unnamed == 5
+    for name, message in (
+        ("between", "key: 1 of its 2 faces in a.msh lie inside the body"),
+        ("beyond", "key: 1 of its 1 faces in a.msh belong to no element with a volume"),
+        ("5", "key: this is the number of the surface 'base' of a.msh"),
+        ("top", "key: the body has no surface 'top'; its surfaces are base"),
+    ):
+        with pytest.raises(ConfigurationError) as refused:
+            body.surface(name, "key")
+        assert str(refused.value).startswith(message)
+
+
+def test_elements_that_lie_over_one_another_are_refused(tmp_path):
+    path = tmp_path / "a.msh"
+    text = two_tetrahedra("1 4 2 2 2 1 2 3 5\n2 4 2 1 1 1 3 2 4\n3 4 2 1 1 1 2 3 6\n4 2 2 5 5 1 2 4")
+    path.write_text(text.replace("$Nodes\n5", "$Nodes\n6").replace("5 0 0 1\n", "5 0 0 1\n6 0 0 2\n"))
+    with pytest.raises(ConfigurationError, match="1 faces belong to more than two elements"):
+        read_body(path, None, 1.0)
+
+
+def test_sets_of_abaqus_that_would_be_read_in_part_are_refused(tmp_path):
+    path = tmp_path / "a.inp"
+    mesh = "*NODE\n1, 0,0,0\n2, 1,0,0\n3, 0,1,0\n4, 0,0,-1\n5, 0,0,1\n"
+    elements = "*ELEMENT, TYPE=C3D4\n1, 1,2,3,5\n*ELEMENT, TYPE=C3D4, ELSET=low\n2, 1,3,2,4\n"
+    elements += "*ELEMENT, TYPE=CPS3, ELSET=base\n3, 1,2,4\n*ELEMENT, TYPE=CPS3, ELSET=base\n4, 1,3,4\n"
+    path.write_text(mesh + elements + "*ELSET, ELSET=Both\n1, 2\n*ELSET, ELSET=all, GENERATE\n1, 2, 1\n")
+    body = read_body(path, None, 1.0)
+    found = {name: body.centres[own][:, 2].round(3).tolist() for name, own in body.volumes.items()}
+    assert {name: sorted(z) for name, z in found.items()} == {
+        "low": [-0.25], "Both": [-0.25, 0.25], "all": [-0.25, 0.25],
+    }  # fmt: skip
+    assert {name: len(facets) for name, facets in body.surfaces.items()} == {"base": 2}
+    for more, message in (
+        ("*ELSET, ELSET=both\n1\n*ELSET, ELSET=BOTH\n2\n", "'BOTH' is given in several places"),
+        ("*ELSET, ELSET=low\n1\n", "'low' is given in several places"),
+        ("*ELSET, ELSET=both\nlow\n", "'both' is made of other sets"),
+        ("*INCLUDE, INPUT=b.inp\n", r"got \*INCLUDE of another"),
+    ):
+        path.write_text(mesh + elements + more)
+        with pytest.raises(ConfigurationError, match=message):
+            read_body(path, None, 1.0)
+
+
+def test_markers_of_su2_keep_their_names(tmp_path):
+    path = tmp_path / "a.su2"
+    text = "NDIME= 3\nNELEM= 1\n10 0 1 2 3 0\nNPOIN= 4\n0 0 0 0\n1 0 0 1\n0 1 0 2\n0 0 1 3\nNMARK= 2\n"
+    faces = "MARKER_TAG= {}\nMARKER_ELEMS= 1\n5 0 1 2\nMARKER_TAG= {}\nMARKER_ELEMS= 1\n5 0 1 3\n"
+    path.write_text(text + faces.format("base", "side"))
+    assert set(read_body(path, None, 1.0).surfaces) == {"base", "side"}
+    path.write_text(text + faces.format("base", "1"))
+    with pytest.raises(ConfigurationError, match="the markers 'base' and '1' cannot be told apart"):
+        read_body(path, None, 1.0)
+
+
+def test_a_damaged_file_that_makes_gmsh_crash_is_refused(tmp_path):
+    """It has more nodes than it says, which gmsh writes beyond the end of its memory."""
+    path = tmp_path / "core.msh"
+    content = CORE.read_text(encoding="utf-8")
+    assert "$Nodes\n47 104 1 104\n" in content
+    path.write_text(content.replace("$Nodes\n47 104 1 104\n", "$Nodes\n47 3 1 3\n"), encoding="utf-8")
+    with pytest.raises(ConfigurationError, match="gmsh crashes with this file; it is damaged"):
+        read_mesh(path)
+
+
+def test_options_of_gmsh_beside_a_file_are_refused(tmp_path):
+    path = tmp_path / "a.msh"
+    path.write_text(two_tetrahedra("1 4 2 2 1 1 2 3 5\n2 2 2 5 5 1 2 3"))
+    (tmp_path / "a.msh.opt").write_text(f'SystemCall "touch {tmp_path}/hacked";\n')
+    with pytest.raises(ConfigurationError, match=r"would also read a\.msh\.opt"):
+        read_body(path, None, 1.0)
+    assert not (tmp_path / "hacked").exists()
+
+
+def test_gmsh_in_use_by_the_program_is_left_alone():
+    import gmsh
+
+    gmsh.initialize(readConfigFiles=False, interruptible=False)
+    try:
+        with pytest.raises(PorocoreError, match="gmsh is in use by this program"), gmsh_session():
+            pass
+        assert gmsh.isInitialized()
+    finally:
+        gmsh.finalize()
+
+
+FREE = {"x-": {"normal": 0}, "z-": {"normal": 0}, "y-": {"normal": 0}}
+
+
+@pytest.fixture
+def overlapping(monkeypatch):
+    """A box whose top has three names, one of which is the side x+ too."""
+    body = Box(size=(1, 1, 1), elements=(2, 2, 2))
+    mesh = make_body(body)
+    top, side = mesh.surfaces["y+"], mesh.surfaces["x+"]
+    surfaces = {**mesh.surfaces, "half": top[:2], "lid": np.concatenate([top[::-1], side])}
+    return BodyMesh(mesh.points, mesh.cells, surfaces)
+
+
+def data(mesh, boundary):
+    problem = MacroProblem.model_validate(
+        {"body": {"kind": "box", "size": [1, 1, 1], "elements": [2, 2, 2]}, "boundary": FREE | boundary}
+    )
+    return boundary_data(mesh, problem)
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "fault"),
+    [
+        ({"traction": [0, -1, 0]}, {"traction": [0, -1, 0]}, "a traction t_2 would act twice"),
+        ({"traction": [0, -1, 0]}, {"follower": 1}, "would act twice or on top of each other"),
+        ({"follower": 1}, {"follower": 1}, "would act twice"),
+        ({"plate": -1}, {"follower": 1}, "would act twice"),
+        ({"flux": 1}, {"flux": 1}, "both prescribe a flux, which would be counted twice"),
+        ({"pressure": 0}, {"flux": 1}, "the flux of the other does nothing"),
+        ({"flux": 1}, {"pressure": 0}, "the flux of the other does nothing"),
+        (
+            {"displacement": [None, 0, None]},
+            {"traction": [0, 1, 0]},
+            "the traction of the other does nothing",
+        ),
+        ({"pressure": 0}, {"pressure": 1}, "another value of p"),
+        ({"displacement": [None, 0, None]}, {"displacement": [None, 1, None]}, "another value of u_2"),
+    ],
+)
+def test_faces_of_two_surfaces_cannot_be_loaded_twice(overlapping, one, other, fault):
+    with pytest.raises(ConfigurationError) as refused:
+        data(overlapping, {"y+": one, "lid": other})
+    text = str(refused.value)
+    assert text.startswith("macro.boundary.lid: 4 of its 8 faces belong to the surface 'y+' too, and there ")
+    assert fault in text
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "together"),
+    [
+        ({"traction": [0, -1, 0]}, {"pressure": 0}, {"traction": [0, -1, 0], "pressure": 0}),
+        ({"traction": [0, -1, 0]}, {"traction": [1, 0, 0]}, {"traction": [1, -1, 0]}),
+        ({"pressure": 0}, {"pressure": 0}, {"pressure": 0}),
+        ({"normal": 0}, {"displacement": [0, 0, None]}, {"displacement": [0, 0, None]}),
+    ],
+)
+def test_conditions_of_two_surfaces_add_where_they_go_together(overlapping, one, other, together):
+    """A part of the top that has them under two names bears what one name with both would."""
+    found = data(overlapping, {"half": one, "y+": other})
+    surfaces = {**overlapping.surfaces, "rest": overlapping.surfaces["y+"][2:]}
+    expected = data(
+        BodyMesh(overlapping.points, overlapping.cells, surfaces), {"half": together, "rest": other}
+    )
+    np.testing.assert_array_equal(found.prescribed, expected.prescribed)
+    np.testing.assert_array_equal(found.values, expected.values)
+    np.testing.assert_allclose(found.external, expected.external, atol=1e-15)
+
+
+def test_a_face_of_two_surfaces_counts_wholly_for_each(overlapping):
+    """A stress (3, 3) of which the force on each surface is known, and a flow through them."""
+    stress, flow = np.array([[1.0, 2.0, 0.5], [2.0, -1.0, 0.3], [0.5, 0.3, 4.0]]), np.array([0.3, 2.0, 1.0])
+    names = ("half", "y+", "lid", "x+", "z+", "y-")
+    facets = {name: Facets(overlapping, overlapping.surfaces[name]) for name in names}
+    reference = overlapping.element.facet
+    total = np.zeros((len(overlapping.points), 3))
+    inflow = np.zeros(len(overlapping.points))
+    for name in ("y+", "x+", "z+", "y-"):
+        vectors = np.einsum("fqi,q,qa->fai", facets[name].normals, reference.weights, reference.values)
+        np.add.at(total, facets[name].nodes, vectors @ stress.T)
+        corners = np.einsum("fqi,q,qa->fai", facets[name].normals, reference.weights, reference.corner_values)
+        np.add.at(inflow, facets[name].nodes[:, :4], -corners @ flow)
+    n = len(overlapping.p_nodes)
+    held = {name: Support(each, np.eye(3)) for name, each in facets.items()}
+    field = np.broadcast_to(stress, (len(overlapping.cells), 3, 3))
+    area = {
+        "half": [0, 0.5, 0],
+        "y+": [0, 1, 0],
+        "lid": [1, 1, 0],
+        "x+": [1, 0, 0],
+        "z+": [0, 0, 1],
+        "y-": [0, -1, 0],
+    }
+    for name, share in shares(overlapping, held).items():
+        force = share.total(np.concatenate([total.ravel(), np.zeros(n)]), field)
+        np.testing.assert_allclose(force, stress @ area[name], atol=1e-12)
+    drains = {name: Support(each, np.ones((1, 1))) for name, each in facets.items()}
+    at_nodes = np.concatenate([np.zeros(total.size), inflow[overlapping.p_nodes]])
+    for name, share in shares(overlapping, drains, fluid=True).items():
+        rate = share.total(at_nodes, np.broadcast_to(-flow, (len(overlapping.cells), 3)))
+        np.testing.assert_allclose(rate, [-flow @ np.array(area[name])], atol=1e-12)
+
+
+def test_threads_make_and_read_meshes_one_after_the_other():
+    """gmsh has one state in a process; threads that share it mixed up their models."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    from porocore.cell.cell import Cell
+
+    def points(radius):
+        cell = Cell.model_validate(
+            {
+                "geometry": {"kind": "orthogonal-channels", "radius": radius},
+                "mesh": {"size": 0.5, "element": "linear"},
+            }
+        )
+        return np.sort(cell.geometry.tetrahedra(0.5, "linear")["solid"].points, axis=0)
+
+    radii = [0.25, 0.3, 0.27, 0.32] * 3
+    with ThreadPoolExecutor(4) as threads:
+        found = list(threads.map(points, radii))
+    alone = {radius: points(radius) for radius in {*radii}}
+    for radius, each in zip(radii, found, strict=True):
+        np.testing.assert_array_equal(each, alone[radius])
+    assert all(not np.array_equal(a, b) for a, b in pairwise(alone.values()))
