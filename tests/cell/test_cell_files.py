@@ -187,6 +187,26 @@ def test_several_tags_of_the_solid_are_its_regions(tmp_path):
     assert (mesh.regions == (mesh.points[mesh.cells].mean(axis=1)[:, 2] > 0)).all()
 
 
+def test_tags_are_quoted_or_not_and_may_overlap_beyond_the_phases(tmp_path):
+    """A group of the whole cell, in which every tetrahedron is there again."""
+    _, points, cells, tags = joined(OrthogonalChannels(), "linear")
+    names = {"solid": np.array([1, 3]), "pores": np.array([2, 3]), "cell": np.array([7, 3])}
+    twice, all_tags = np.concatenate([cells, cells]), np.concatenate([tags, np.full(len(tags), 7)])
+    path = written(tmp_path / "cell.msh", points, twice, all_tags, field_data=names)
+    found = [
+        MeshFile(kind="mesh-file", path=str(path), solid=solid, fluid=fluid).porosity
+        for solid, fluid in (((1,), (2,)), (("1",), ("2",)), (("solid",), ("pores",)), (("1", "solid"), (2,)))
+    ]
+    assert found == [found[0]] * 4
+    assert found[0] == pytest.approx(volume(points, cells[tags == 2]), rel=1e-12)
+    for solid, fluid, message in (
+        (("cell",), ("pores",), "of the .* tetrahedra of .* with the tag 'pores' have the tag 'cell' too"),
+        (("solid",), (9,), r"has the tag 9; its tags are 1 \('solid'\), 2 \('pores'\), 7 \('cell'\)"),
+    ):
+        with pytest.raises(ConfigurationError, match=message):
+            _ = MeshFile(kind="mesh-file", path=str(path), solid=solid, fluid=fluid).porosity
+
+
 def test_meshes_that_are_refused(tmp_path):
     _, points, cells, tags = joined(OrthogonalChannels(), "linear")
     path = tmp_path / "cell.vtu"

@@ -117,6 +117,36 @@ def offered(kind, name, source, **more):
     return Offered(kind, Offer(name=name, load=lambda: object, summary="", **more), source)
 
 
+STRANGERS = ROOT / "tests" / "strangers"
+
+
+def twice_in_a_mesh(reader):
+    text = (STRANGERS / "volumes_overlap_msh22" / "core22.msh").read_text(encoding="utf-8")
+    # All elements of the volume 'core' are given to 'all' instead, where they are already.
+    text = re.sub(r"^(\d+ 4 2) 2 2 ", r"\1 1 2 ", text, flags=re.MULTILINE)
+    (reader.folder / "twice.msh").write_text(text, encoding="utf-8")
+    return on_a_mesh(
+        reader, "volumes_overlap_msh22/core22.yaml", "core22.msh", str(reader.folder / "twice.msh")
+    )
+
+
+def two_names(reader):
+    mesh = STRANGERS / "groups_second_lost_msh41" / "double.msh"
+    new = 'x-": {normal: 0}\n    second: {traction: [0, -0.01, 0]}'
+    return on_a_mesh(
+        reader, "groups_second_lost_msh41/double.yaml", "double.msh", str(mesh), 'x-": {normal: 0}', new
+    )
+
+
+def on_a_mesh(reader, study, *pairs):
+    text = (STRANGERS / study).read_text(encoding="utf-8")
+    for old, new in zip(pairs[::2], pairs[1::2], strict=True):
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    (reader.folder / "my.yaml").write_text(text, encoding="utf-8")
+    return reader.type("check", "my.yaml")
+
+
 def without_gmsh(reader):
     load = builtins.__import__
 
@@ -285,6 +315,8 @@ PRINTED = {
     "A value out of its bounds": lambda reader: reader.changed("radius: 0.25\n", "radius: 0.6\n"),
     "A value with a unit, and no scales": lambda reader: reader.changed("end: 150\n", "end: 150 s\n"),
     "An unknown surface": lambda reader: reader.changed("    y-: {", "    bottom: {"),
+    "Elements that are in a mesh twice": twice_in_a_mesh,
+    "Faces under two names": two_names,
     "Parts of the body are flagged": lambda reader: outside(reader)[0],
     "The end is not steady": lambda reader: outside(reader)[1],
     "A time step failed": failed_step,

@@ -1,4 +1,4 @@
-"""Mesh of a gmsh model as arrays (model_arrays); that of a .msh file, read in a process of its own (file_arrays)."""
+"""Faces and volumes of a gmsh model as arrays; those of a .msh file, read by another process."""
 
 from __future__ import annotations
 
