@@ -8,7 +8,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from porocore.core.echo import joined
+from porocore.core.echo import joined, reason
 from porocore.core.files.atomic import require_outside_a_run
 from porocore.core.files.claim import claim_folder, lock_folder
 from porocore.core.files.plain_data import write_json
@@ -60,7 +60,9 @@ class CalibrationFolder:
         try:
             found = read_json(record)
         except ValueError as error:
-            raise RunFolderError(f"{record} is damaged ({error}); start again in another --out") from error
+            raise RunFolderError(
+                f"{record} is damaged ({reason(error)}); start again in another --out"
+            ) from error
         if found != self._expected:
             raise RunFolderError(
                 f"{self.path} holds another calibration, {self._difference(found)}; choose another --out, or undo the "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import json
 import reprlib
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -71,6 +72,26 @@ def without_long_words(message: str, words: Iterable[str]) -> str:
             if len(part) > MOST:
                 message = message.replace(part, cut(part))
     return message
+
+
+def reason(error: BaseException, most: int = 160) -> str:
+    """Return why something could not be read, in words of one line: no class and no repr of an exception."""
+    if isinstance(error, OSError):
+        text = error.strerror or ""
+    elif isinstance(error, json.JSONDecodeError):
+        text = f"it is no JSON from line {error.lineno} on"
+    elif isinstance(error, UnicodeDecodeError):
+        text = "its bytes are no UTF-8"
+    elif isinstance(error, KeyError):
+        key = str(error.args[0]) if error.args else ""
+        text = key if key.endswith(" is missing") or not key else f"{echo(key)} is missing"
+    elif isinstance(error, TypeError | AttributeError | IndexError | AssertionError | SystemError):
+        text = ""  # Python's own words on values that are not what they should be
+    else:
+        text = str(error)
+    if "values to unpack" in text:
+        text = ""
+    return cut(" ".join(text.split()), most) or "it does not hold what it should"
 
 
 def did_you_mean(name: str, names: Iterable[str], *, most: int = 1, cutoff: float = 0.6) -> str:

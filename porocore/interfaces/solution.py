@@ -251,10 +251,10 @@ class MacroSolution:
         DataError
             The file is truncated or foreign.
         """
-        with opened(path, "porocore solution", "delete it and solve again") as file:
+        with opened(path, "porocore solution", "solve again") as file:
             if not file.is_of("porocore-solution", 3):
                 raise DataError(
-                    f"{path}: expected a porocore solution of version 3; delete it and solve again"
+                    f"{path}: expected a porocore solution of version 3; move it elsewhere and solve again"
                 )
             history = {
                 f.name: file.array(f"history/{file_name(f.name)}", "steps", kind="number")

@@ -11,8 +11,9 @@ import numpy as np
 from porocore.cell.cell import Cell
 from porocore.cell.materials.composite import Solid
 from porocore.cell.meshing.mesh import Domain
+from porocore.core.echo import reason
 from porocore.core.files.plain_data import write_json
-from porocore.core.files.reading import read_json
+from porocore.core.files.reading import read_json, set_aside
 from porocore.errors import ConfigurationError, DataError, PorocoreError
 from porocore.interfaces.cell import CellSolver
 from porocore.macro.laws import Closure, make_closure
@@ -173,13 +174,15 @@ class CellReference:
         DataError
             The file is damaged or belongs to another cell.
         """
-        advice = "delete it and run porocore sample on the folder again"
+        again = "run porocore sample on the folder again"
         try:
             document = read_json(path)
             if (document["format"], document["version"]) != (FORMAT, VERSION):
-                raise DataError(f"{path}: expected {FORMAT} version {VERSION}; {advice}")
+                raise DataError(f"{path}: expected {FORMAT} version {VERSION}; move it elsewhere and {again}")
             if document["identity"] != identity:
-                raise DataError(f"{path}: belongs to another cell ({document['identity']}); {advice}")
+                raise DataError(
+                    f"{path}: belongs to another cell ({document['identity']}); move it elsewhere and {again}"
+                )
             arrays = {name: _array(document[name]) for name in AVERAGES}
             arrays |= {name: _array(document.get("pores", {}).get(name)) for name in OF_SWOLLEN_PORES}
             before = document.get("before_swelling")
@@ -191,7 +194,9 @@ class CellReference:
             K = np.array(document["conductivity"])
             return cls(identity, response, K, document["mesh"], None if before is None else float(before))
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise DataError(f"{path}: not a complete cell reference ({error!r}); {advice}") from error
+            raise DataError(
+                f"{path}: not a complete cell reference ({reason(error)}); {set_aside(path, again)}"
+            ) from error
 
 
 def porosity_before_swelling(solver: CellSolver, cell: Cell) -> float:

@@ -37,7 +37,7 @@ def foreign(path: Path) -> Path:
 
 
 def read(path: Path) -> tuple[list[float], list[str]]:
-    with opened(path, "file", "delete it") as file:
+    with opened(path, "file", "make it again") as file:
         return file.array("x", 3, 2).ravel().tolist(), file.texts("key", 2)
 
 
@@ -107,6 +107,6 @@ def test_a_whole_number_without_bound_is_refused_in_a_short_message(tmp_path: Pa
         file.attrs["version"] = 1e308
     with (
         pytest.raises(DataError, match=r"attribute 'version' is 1e\+308"),
-        opened(tmp_path / "data.h5", "file", "delete it") as file,
+        opened(tmp_path / "data.h5", "file", "make it again") as file,
     ):
         file.attribute("version", int)

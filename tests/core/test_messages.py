@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import ast
+import json
+import re
 from pathlib import Path
 
 import pytest
@@ -10,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import porocore
-from porocore.core.echo import choices, cut, did_you_mean, echo, joined, suggestion
+from porocore.core.echo import choices, cut, did_you_mean, echo, joined, reason, suggestion
 from porocore.study.config.errors import unexpected
 
 ROOT = Path(porocore.__file__).parent
@@ -83,6 +85,34 @@ def _ends_in_a_list(text: ast.JoinedStr) -> bool:
         return False
     names = [node.id for node in ast.walk(call) if isinstance(node, ast.Name)]
     return not any(name.isupper() for name in names)
+
+
+def test_no_message_advises_to_delete():
+    """A damaged file is moved, which keeps a copy: see ``set_aside``."""
+    words = re.compile(r"\bdelete\b", re.IGNORECASE)
+    found = []
+    for path in sorted(ROOT.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str) and words.search(node.value):
+                found.append(f"{path}:{node.lineno}")
+    assert found == []
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (KeyError("format"), "'format' is missing"),
+        (KeyError("'x/y' is missing"), "'x/y' is missing"),
+        (OSError(28, "No space left on device"), "No space left on device"),
+        (TypeError("'int' object is not subscriptable"), "it does not hold what it should"),
+        (ValueError("not enough values to unpack (expected 2, got 1)"), "it does not hold what it should"),
+        (ValueError(), "it does not hold what it should"),
+        (json.JSONDecodeError("Expecting value", "{\n?", 2), "it is no JSON from line 2 on"),
+        (ValueError("'x' has\nshape (3,)"), "'x' has shape (3,)"),
+    ],
+)
+def test_the_reason_is_words(error, said):
+    assert reason(error) == said
 
 
 def test_no_message_ends_in_a_list_that_may_be_empty():

@@ -33,7 +33,7 @@ def refuse(run, step, name):
     assert fingerprint(run) == before
     assert str(run / name) in refused
     assert len(refused.splitlines()) == 1
-    assert any(advice in refused for advice in ("delete it", "--out", "again", "sample"))
+    assert any(advice in refused for advice in ("move it", "--out", "again", "sample"))
     return refused
 
 
@@ -71,7 +71,7 @@ def test_states_and_surrogate_of_another_cell(a_copy, finished, other_cell):
     for step in ("train", "solve", "report"):
         refused = refuse(run, step, "surrogate.h5")
         assert "trained for another cell" in refused
-        assert f"delete it and run porocore train {run}" in refused
+        assert f"move it elsewhere and run porocore train {run}" in refused
     shutil.copy(other_cell / "cell.json", run)
     assert "belongs to another cell" in refuse(run, "solve", "cell.json")
 
@@ -106,7 +106,7 @@ def test_a_configuration_edited_after_the_run_began(a_copy):
 def test_following_the_advice_mends_the_run(a_copy, finished):
     run = a_copy()
     os.truncate(run / SOLUTION, 1000)
-    assert "delete it and solve again" in refuse(run, "solve", SOLUTION)
+    assert f"move it to {(run / SOLUTION).name}.damaged, then solve again" in refuse(run, "solve", SOLUTION)
     (run / SOLUTION).unlink()
     succeeded(porocore("solve", run))
     assert contents(run / SOLUTION) == contents(finished / SOLUTION)

@@ -111,7 +111,7 @@ def test_a_finished_sampling_solves_nothing_and_a_damaged_file_is_refused(run: P
     path.write_bytes(path.read_bytes()[:-1000])
     said = called("sample", out, "--no-store", status=2)
     assert f"{path}: " in said
-    assert "delete it and undeformed.h5.parts and sample again" in said
+    assert "move it to undeformed.h5.damaged, then sample again" in said
 
 
 @pytest.mark.slow

@@ -51,7 +51,7 @@ def write_dataset(path: Path) -> None:
 
 
 def read_dataset(path: Path) -> Any:
-    header, block = read_block(path, "delete it")
+    header, block = read_block(path, "make it again")
     rows = [(block, row) for row in range(len(block.keys))]
     return header, block.keys, block.starts, block.x, block.states, block.response, list(read_fields(rows))
 

@@ -155,7 +155,10 @@ def test_a_damaged_record_is_refused_by_name(tmp_path):
     assert direct_records(path) == {}
     for text in ("{", '{"a": 3}', json.dumps({"a": {"solves": "many"}})):
         path.write_text(text)
-        with pytest.raises(DataError, match=r"direct.json: not a record of direct solves .* delete it"):
+        with pytest.raises(
+            DataError,
+            match=r"direct.json: not a record of direct solves .* move it to direct.json.damaged, then go on",
+        ):
             direct_records(path)
 
 

@@ -187,7 +187,8 @@ def test_an_existing_file_is_not_created_again(dataset: Dataset) -> None:
 
 def test_states_of_another_identity_or_of_other_inputs_are_refused(dataset: Dataset) -> None:
     with pytest.raises(
-        DataError, match=r"data\.h5: .*identity abc, expected xyz\); choose another --out, or delete"
+        DataError,
+        match=r"data\.h5: .*identity abc, expected xyz\); choose another --out, or move it elsewhere",
     ):
         Dataset.open(dataset.path, identity="xyz")
     other = InputSpace(("p", "H22"), (-0.1, -0.4), (0.2, 0.2))
@@ -201,7 +202,7 @@ def test_parts_of_another_dataset_are_refused(dataset: Dataset, tmp_path: Path) 
     (part,) = parts_folder(stranger.path).iterdir()
     shutil.copy(part, parts_folder(dataset.path))
     with pytest.raises(
-        DataError, match=r"belongs to another dataset than data\.h5; delete the folder data\.h5\.parts"
+        DataError, match=r"belongs to another dataset than data\.h5; move the folder data\.h5\.parts"
     ):
         Dataset.open(dataset.path)
 
@@ -217,7 +218,9 @@ def test_a_truncated_file_is_refused(dataset: Dataset, share: float) -> None:
 def test_a_truncated_part_is_refused_and_named(dataset: Dataset) -> None:
     part = min(parts_folder(dataset.path).iterdir())
     os.truncate(part, part.stat().st_size // 2)
-    with pytest.raises(DataError, match=rf"{part.name}: not a complete dataset .*delete it and resume"):
+    with pytest.raises(
+        DataError, match=rf"{part.name}: not a complete dataset .*move it to {part.name}.damaged, then resume"
+    ):
         Dataset.open(dataset.path)
     part.unlink()
     assert len(Dataset.open(dataset.path)) == 4

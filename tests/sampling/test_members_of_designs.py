@@ -114,7 +114,7 @@ def test_undeformed_members_are_kept_with_their_conductivity_and_resumed(tmp_pat
     assert (summary.solved, again.solved) == (7, 0)
     assert Dataset.open(path).digest() == digest
     path.write_bytes(path.read_bytes()[:-500])
-    with pytest.raises(DataError, match="delete it"):
+    with pytest.raises(DataError, match="move it"):
         Dataset.open(path)
 
 

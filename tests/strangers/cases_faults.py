@@ -16,8 +16,9 @@ import pytest
 from command_run import PROGRAM, Ended
 from stranger_case import Case
 
-from porocore import Study
+from porocore import DataError, Study
 from porocore.macro.series import write_series
+from porocore.sampling.datasets.dataset import Dataset
 
 
 def _shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:
@@ -103,6 +104,49 @@ def _solved_and_read_again(*names: str) -> Callable[[Path, Ended | None], None]:
     return check
 
 
+_HOLD = (
+    "import h5py, sys; file = h5py.File(sys.argv[1], 'r+'); print('held', flush=True); input(); file.close()"
+)
+
+
+def _open_elsewhere(folder: Path, done: Ended | None) -> None:
+    """A data set that another program has open is no damaged one, and is read again once it is closed."""
+    study = Study("base.yaml", out="r", progress=False)
+    study.sample()
+    samples = folder / "r" / "samples.h5"
+    before = Dataset.open(samples).digest()
+    holder = subprocess.Popen(
+        [sys.executable, "-c", _HOLD, str(samples)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    assert holder.stdout is not None
+    assert holder.stdout.readline() == "held\n"
+    with pytest.raises(DataError) as refused:
+        study.train()
+    assert str(refused.value) == (
+        "r/samples.h5: open in another program, which may write it; close it there and try again"
+    )
+    holder.communicate("\n")
+    assert Dataset.open(samples).digest() == before
+    study.train()
+
+
+def _not_closed(folder: Path, done: Ended | None) -> None:
+    """A program that was killed while it had a data set open is told apart from damage."""
+    Study("base.yaml", out="r", progress=False).sample()
+    holder = subprocess.Popen(
+        [sys.executable, "-c", _HOLD, "r/samples.h5"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert holder.stdout is not None
+    holder.stdout.readline()
+    holder.kill()
+    holder.communicate()
+    with pytest.raises(DataError, match=r"did not close it; .* move it to samples\.h5\.damaged, then"):
+        Dataset.open(folder / "r" / "samples.h5")
+
+
 _BASE = (Path(__file__).parent / "stderr_closed" / "base.yaml").read_text(encoding="utf-8")
 
 
@@ -166,6 +210,8 @@ CASES = [
         check=_solved_and_read_again("probeslash", "probedot", "surfslash", "spaces"),
         slow=True,
     ),
+    Case("h5_open_elsewhere", "a data set is open in another program", check=_open_elsewhere),
+    Case("h5_open_elsewhere", "a program with a data set open was killed", check=_not_closed),
     Case("stderr_closed", "a run without standard error", check=_runs_in_silence, slow=True),
     Case("stderr_closed", "Study.sample() without standard error", check=_python_samples_in_silence),
     Case("pickle_study", "a study is pickled and copied", check=_study_is_copied),

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from porocore.calibration.problem import CurveModel, CurvePrediction
-from porocore.core.files.reading import read_text
+from porocore.core.echo import reason
+from porocore.core.files.reading import read_text, set_aside
 from porocore.errors import RunFolderError, SolveError
 from porocore.states import Array
 
@@ -105,7 +106,9 @@ class EvaluationRecord:
                 )
             self._known = {tuple(line["unknowns"]): line for line in rest}
         except (ValueError, KeyError, TypeError) as error:
-            raise self._unusable(f"is damaged ({error!r}); delete it") from error
+            raise self._unusable(
+                f"is damaged ({reason(error)}); {set_aside(self.path, 'start again')}"
+            ) from error
 
     def _append(self, line: dict[str, Any]) -> None:
         try:

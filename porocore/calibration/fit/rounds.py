@@ -15,8 +15,9 @@ from porocore.calibration.forward.model import StudiesModel
 from porocore.calibration.plan import CalibrationPlan
 from porocore.calibration.problem import CurveData, CurveModel, CurvePrediction, Misfit
 from porocore.core.console import Console
+from porocore.core.echo import reason
 from porocore.core.files.plain_data import json_hash, write_json
-from porocore.core.files.reading import read_json
+from porocore.core.files.reading import read_json, set_aside
 from porocore.core.parallel.calls import CallProcesses
 from porocore.errors import RunFolderError
 from porocore.states import Array
@@ -110,7 +111,9 @@ class FitRounds:
         try:
             return dict(read_json(path)) if path.exists() else {}
         except (OSError, ValueError, TypeError) as error:
-            raise RunFolderError(f"{path} is damaged ({error!r}); delete it") from error
+            raise RunFolderError(
+                f"{path} is damaged ({reason(error)}); {set_aside(path, 'start again')}"
+            ) from error
 
     def _keep_steps(self, name: str, model: ExperimentModel) -> None:
         known = self._known_steps()

@@ -9,8 +9,9 @@ from pathlib import Path
 from porocore.calibration.forward.experiment import ExperimentModel
 from porocore.calibration.plan import CalibrationPlan
 from porocore.core.console import Console
+from porocore.core.echo import reason
 from porocore.core.files.plain_data import json_hash, write_json
-from porocore.core.files.reading import read_json
+from porocore.core.files.reading import read_json, set_aside
 from porocore.core.files.store import ResultStore
 from porocore.core.units.results import speaking
 from porocore.errors import DataError, RunFolderError
@@ -84,7 +85,9 @@ class FamilyCells:
         try:
             return [[str(key) for key in keys] for keys in read_json(path)]
         except (OSError, ValueError, TypeError) as error:
-            raise RunFolderError(f"{path} is damaged ({error!r}); delete it") from error
+            raise RunFolderError(
+                f"{path} is damaged ({reason(error)}); {set_aside(path, 'start again')}"
+            ) from error
 
     def _further(self) -> Dataset | None:
         path = self.folder.fallback

@@ -157,14 +157,14 @@ def load(path: Path, identity: str | None = None) -> list[StabilityLine]:
     DataError
         The file is damaged, or belongs to another map.
     """
-    with opened(path, "stability map", "delete it and map again") as file:
+    with opened(path, "stability map", "map again") as file:
         if not file.is_of(FORMAT, VERSION):
             raise DataError(f"{path}: expected a stability map of version {VERSION}; choose another --out")
         found = file.attribute("identity", str)
         lines = [_read_line(file, group) for group in numbered(file, "lines")]
     if identity is not None and found != identity:
         raise DataError(
-            f"{path}: holds the map of another cell, backend or plan; choose another --out or delete it"
+            f"{path}: holds the map of another cell, backend or plan; choose another --out, or move it elsewhere"
         )
     return lines
 

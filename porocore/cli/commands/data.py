@@ -187,7 +187,7 @@ def _fresh(out: Path) -> Path:
 
     place_for(out)
     if os.path.lexists(out):
-        raise RunFolderError(f"{out} exists; choose another --out or delete it")
+        raise RunFolderError(f"{out} exists; choose another --out, or move it elsewhere")
     return out
 
 

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from porocore.core.echo import reason
 from porocore.core.files.reading import require_ordinary
 from porocore.errors import RunFolderError
 
@@ -123,7 +124,9 @@ def atomic_path(path: Path) -> Iterator[Path]:
             os.fsync(file.fileno())
         os.replace(part, path)
     except OSError as error:
-        raise RunFolderError(f"cannot write {path}: {error}; make room or choose another --out") from error
+        raise RunFolderError(
+            f"cannot write {path}: {reason(error)}; make room or choose another --out"
+        ) from error
     finally:
         with suppress(OSError):  # not only a missing file: the error above is the one to tell
             part.unlink()

@@ -79,5 +79,10 @@ def read_json(path: Path) -> Any:
         raise ValueError("nested too deeply") from error
 
 
+def set_aside(path: Path, then: str) -> str:
+    """Return the advice on a damaged file: to move it, which keeps a copy, and what to do ``then``."""
+    return f"move it to {path.name}.damaged, then {then}"
+
+
 def _size(count: int) -> str:
     return f"{count / 1e6:,.3g} MB" if count < 1e9 else f"{count / 1e9:,.3g} GB"

@@ -7,8 +7,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from porocore.core.echo import reason
 from porocore.core.files.plain_data import write_json
-from porocore.core.files.reading import read_json
+from porocore.core.files.reading import read_json, set_aside
 from porocore.errors import DataError, RunFolderError
 
 Numbers = dict[str, float]
@@ -63,4 +64,6 @@ def read_totals(path: Path, what: str, numbers: Callable[[Any], Numbers]) -> dic
     try:
         return {str(entry): numbers(value) for entry, value in read_json(path).items()}
     except (OSError, ValueError, TypeError, AttributeError, KeyError, OverflowError) as error:
-        raise DataError(f"{path}: not a record of {what} ({error}); delete it, it is not needed") from error
+        raise DataError(
+            f"{path}: not a record of {what} ({reason(error)}); {set_aside(path, 'go on without it')}"
+        ) from error

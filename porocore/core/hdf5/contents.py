@@ -15,16 +15,14 @@ import numpy as np
 import numpy.typing as npt
 from h5py import h5a, h5t
 
-from porocore.core.echo import shortened
-from porocore.core.files.reading import require_ordinary
+from porocore.core.echo import reason
+from porocore.core.files.reading import require_ordinary, set_aside
 from porocore.core.hdf5.guard import require_harmless
-from porocore.core.hdf5.seal import check_ends
+from porocore.core.hdf5.seal import check_ends, use_elsewhere
 from porocore.core.hdf5.structure import COMPRESSION, SPARE, Stored, Structure, examine
 from porocore.errors import ConfigurationError, DataError
 
 Kind = Literal["float", "int", "number"]
-#: Characters of a reason in a message.
-LONGEST = 160
 #: What h5py raises depends on where a file is damaged.
 UNREADABLE = (
     OSError, KeyError, IndexError, ValueError, TypeError, AttributeError, RuntimeError, ArithmeticError, MemoryError,
@@ -194,7 +192,7 @@ def _utf8(value: Any, where: str) -> str:
 
 
 @contextmanager
-def opened(path: str | Path, what: str, advice: str, missing: str | None = None) -> Iterator[Contents]:
+def opened(path: str | Path, what: str, then: str, missing: str | None = None) -> Iterator[Contents]:
     """Open an HDF5 file to read it, after its structure was checked.
 
     Parameters
@@ -203,15 +201,16 @@ def opened(path: str | Path, what: str, advice: str, missing: str | None = None)
         Anything: it is opened only if it is an ordinary file.
     what
         What the file should be, such as ``dataset of porocore``.
-    advice
-        What to do if it is not.
+    then
+        What makes it anew, such as ``sample again``; a damaged one is moved out of the way before.
     missing
         What to do if there is none; None: the same.
 
     Raises
     ------
     DataError
-        The file is missing, truncated, damaged or foreign, or lacks what is asked for within the block.
+        The file is missing, truncated, damaged or foreign, lacks what is asked for within the block, or is open in
+        another program.
     """
     path = Path(path)
     try:
@@ -221,19 +220,24 @@ def opened(path: str | Path, what: str, advice: str, missing: str | None = None)
         with h5py.File(path, "r") as file:
             yield Contents(file, path)
     except FileNotFoundError as error:
-        raise DataError(f"{path}: no such file; {missing or advice}") from error
+        raise DataError(f"{path}: no such file; {missing or then}") from error
     except UNREADABLE as error:
-        raise damaged(path, what, error, advice) from error
+        raise damaged(path, what, error, then) from error
 
 
-def damaged(path: Path, what: str, error: BaseException, advice: str) -> DataError:
-    """Return the error of a file that does not hold what it should, with the reason in at most 160 characters."""
-    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    if isinstance(error, KeyError) and error.args:
-        text = str(error.args[0])
-    # HDF5 may speak in several lines.
-    reason = " ".join((text or type(error).__name__).split())
-    return DataError(f"{path}: not a complete {what} ({shortened(reason, LONGEST)}); {advice}")
+def damaged(path: Path, what: str, error: BaseException, then: str) -> DataError:
+    """Return the error of a file that does not hold what it should, with the reason in at most 160 characters.
+
+    A file that another program has open, or did not close, is not called damaged.
+    """
+    if (use := use_elsewhere(path)) == "open":
+        return DataError(f"{path}: open in another program, which may write it; close it there and try again")
+    if use == "not closed":
+        return DataError(
+            f"{path}: the program that last wrote it did not close it; if it is open nowhere, "
+            + set_aside(path, then)
+        )
+    return DataError(f"{path}: not a complete {what} ({reason(error)}); {set_aside(path, then)}")
 
 
 def numbered(file: Contents, group: str) -> list[str]:

@@ -10,6 +10,12 @@ import hashlib
 import struct
 from functools import lru_cache
 from pathlib import Path
+from typing import Literal
+
+try:
+    from fcntl import LOCK_NB, LOCK_SH, flock
+except ImportError:  # Windows
+    flock = None  # type: ignore[assignment]
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _LABEL = b"\nporocore-sha256:"
@@ -17,6 +23,8 @@ _LENGTH = len(_LABEL) + 64
 #: Where a superblock of a version says how long the file is: behind which byte.
 _END_AT = {0: 40, 1: 44, 2: 28, 3: 28}
 _BLOCK = 1 << 20
+#: Mark of a file that is being written, in the flags of a superblock from version 2 on.
+_WRITTEN = 1
 
 
 def seal_of(image: bytes) -> bytes:
@@ -62,6 +70,27 @@ def _check_ends(path: str, inode: int, size: int, changed: int) -> bool:
     if digest.hexdigest().encode() != seal[len(_LABEL) :]:
         raise ValueError("its bytes do not match its checksum, so it was damaged")
     return True
+
+
+def use_elsewhere(path: Path) -> Literal["", "open", "not closed"]:
+    """Return whether another program has a file open for writing, or did not close it.
+
+    HDF5 locks a file that it writes, and marks it until it is closed; old versions do neither, and some network file
+    systems have no locks.
+    """
+    try:
+        with open(path, "rb") as file:
+            head = file.read(64)
+            if not head.startswith(SIGNATURE):
+                return ""
+            if flock is not None:
+                try:
+                    flock(file.fileno(), LOCK_SH | LOCK_NB)
+                except BlockingIOError:
+                    return "open"
+    except OSError:
+        return ""
+    return "not closed" if len(head) == 64 and head[8] >= 2 and head[11] & _WRITTEN else ""
 
 
 def _end_of_data(head: bytes) -> int:

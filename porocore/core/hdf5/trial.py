@@ -12,6 +12,7 @@ from typing import Any
 
 import h5py
 
+from porocore.core.echo import reason
 from porocore.core.hdf5.contents import UNREADABLE
 from porocore.core.hdf5.structure import COMPRESSION, examine
 
@@ -66,7 +67,7 @@ def _read(path: str) -> str:
             names = examine(file.id, size).datasets
             _read_all(file, list(names))
     except UNREADABLE as error:
-        return str(error) or type(error).__name__
+        return reason(error)
     return ""
 
 

@@ -36,7 +36,9 @@ STEPPER: dict[str, Any] = {"time": float, "halvings": int, "streak": int, "propo
 MOST_HALVINGS = 1000
 #: A law whose answers moved by more than this is another one; machines differ by round-off only.
 SAME_LAW = 1e-8
-AGAIN = "remove it to start anew"
+#: What makes a checkpoint anew, and the advice on one of something else.
+AGAIN = "start anew"
+OTHER = "move it elsewhere to start anew"
 
 
 class CheckpointFile:
@@ -87,7 +89,7 @@ class CheckpointFile:
         moved = float(np.abs(answer - memory.mean_grad).max(initial=0.0))
         if not d.communicator.max(np.inf if np.isnan(moved) else moved) <= SAME_LAW * scale:
             raise DataError(
-                f"{path}: the law '{law.name}' answers differently from when this was written; {AGAIN}"
+                f"{path}: the law '{law.name}' answers differently from when this was written; {OTHER}"
             )
         record.rows, record.profiles = [tuple(map(float, row)) for row in rows], profiles
         self._written = monotonic()
@@ -97,9 +99,9 @@ class CheckpointFile:
         mesh = self._d.mesh
         with opened(path, "macro checkpoint", AGAIN) as file:
             if not file.is_of(FORMAT, VERSION):
-                raise DataError(f"{path}: expected a macro checkpoint of version {VERSION}; {AGAIN}")
+                raise DataError(f"{path}: expected a macro checkpoint of version {VERSION}; {OTHER}")
             if file.attribute("identity", str) != self._owner:
-                raise DataError(f"{path}: this checkpoint belongs to another macro problem or law; {AGAIN}")
+                raise DataError(f"{path}: this checkpoint belongs to another macro problem or law; {OTHER}")
             whole = file.array("x", mesh.size)
             memories = {
                 name: file.array(name, mesh.weights.size, *value.shape[1:])

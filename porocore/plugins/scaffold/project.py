@@ -12,7 +12,7 @@ from importlib.resources import files
 from pathlib import Path
 from string import Template as Text
 
-from porocore.core.echo import echo
+from porocore.core.echo import echo, reason
 from porocore.errors import ConfigurationError
 from porocore.plugins.kinds import FIRST_PARTY, KINDS, Kind, kind_of
 from porocore.plugins.kit_version import KIT_VERSION
@@ -59,7 +59,7 @@ def write_project(name: str, kind: str, to: Path | None = None) -> Path:
             target.write_text(text, encoding="utf-8")
         part.rename(folder)
     except OSError as error:
-        raise ConfigurationError(f"cannot write {folder}: {error}; choose another --to") from error
+        raise ConfigurationError(f"cannot write {folder}: {reason(error)}; choose another --to") from error
     finally:
         shutil.rmtree(part, ignore_errors=True)
     return folder

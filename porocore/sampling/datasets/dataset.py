@@ -10,6 +10,7 @@ from typing import Self
 
 import numpy as np
 
+from porocore.core.echo import reason
 from porocore.core.files.plain_data import stable_hash
 from porocore.core.inputs.input_space import InputSpace
 from porocore.errors import DataError, RunFolderError
@@ -188,7 +189,7 @@ class Dataset:
             if folder.exists():
                 folder.rmdir()
         except OSError as error:
-            raise RunFolderError(f"cannot remove {folder}: {error}; mend its permissions") from error
+            raise RunFolderError(f"cannot remove {folder}: {reason(error)}; mend its permissions") from error
 
     def __len__(self) -> int:
         return len(self._where)
@@ -281,7 +282,7 @@ class Dataset:
             provided = frozenset(flatten_response(block.response))
             if self._provided not in (None, provided):
                 raise DataError(
-                    f"{block.path}: holds other responses than {self.path.name}; delete it and resume"
+                    f"{block.path}: holds other responses than {self.path.name}; move it elsewhere and resume"
                 )
             self._provided = provided
         self._blocks.append(block)

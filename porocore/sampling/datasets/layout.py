@@ -142,30 +142,32 @@ def _write(file: Any, header: Header, block: Block, fields: Iterable[CellField |
         file.create_dataset(name, data=array, fletcher32=array.size > 0)
 
 
-def read_block(path: Path, advice: str, *, sound: bool = True) -> tuple[Header, Block]:
+def read_block(path: Path, then: str, *, sound: bool = True) -> tuple[Header, Block]:
     """Return header and rows of one file, without the fields.
 
     Parameters
     ----------
     path
         The file.
-    advice
-        Advice for a file that cannot be read.
+    then
+        What makes a file anew that cannot be read.
     sound
         Refuse rows with missing or unexpected numbers and unknown statuses; False to examine them.
 
     Raises
     ------
     DataError
-        The file is missing, truncated, damaged, foreign or of another version; ``advice`` says what to do.
+        The file is missing, truncated, damaged, foreign or of another version.
     """
-    with _reading(path, advice) as file:
+    with _reading(path, then) as file:
         if "format" not in file.attributes or file.attribute("format", str) != FORMAT:
             raise DataError(
                 f"{path}: is an HDF5 file, but no dataset of porocore; give the path of one, or choose another --out"
             )
         if (version := file.attribute("version", int)) != VERSION:
-            raise DataError(f"{path}: is a dataset of version {version}, expected {VERSION}; {advice}")
+            raise DataError(
+                f"{path}: is a dataset of version {version}, expected {VERSION}; move it elsewhere and {then}"
+            )
         names = tuple(file.texts("inputs/names", "d"))
         low, high = (tuple(map(float, file.array(f"inputs/{end}", "d"))) for end in ("lower", "upper"))
         parameters = tuple(file.texts("inputs/parameters", "m")) if "inputs/parameters" in file else ()
@@ -229,13 +231,13 @@ def read_fields(rows: list[tuple[Block, int]]) -> Iterator[CellField | None]:
     with ExitStack() as stack:
         large: dict[Path, _Fields] = {}
         for block, row in rows:
-            advice = "delete it and sample again"
+            then = "sample again"
             if len(block.keys) == 1:
-                with _reading(block.path, advice) as file:
+                with _reading(block.path, then) as file:
                     yield _Fields(file)[row]
                 continue
             if block.path not in large:
-                large[block.path] = _Fields(stack.enter_context(_reading(block.path, advice)))
+                large[block.path] = _Fields(stack.enter_context(_reading(block.path, then)))
             yield large[block.path][row]
 
 
@@ -259,5 +261,5 @@ class _Fields:
         return CellField(self.grad_u[row], float(self.p[row]), self.domain[row], u)
 
 
-def _reading(path: Path, advice: str) -> AbstractContextManager[Contents]:
-    return opened(path, "dataset of porocore", advice, missing="sample first")
+def _reading(path: Path, then: str) -> AbstractContextManager[Contents]:
+    return opened(path, "dataset of porocore", then, missing="sample first")

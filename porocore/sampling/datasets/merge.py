@@ -46,7 +46,7 @@ def merge(datasets: Sequence[Dataset], out: Path) -> Dataset:
                 rows[key] = row
     with sole_writer(out):
         if out.exists():
-            raise RunFolderError(f"{out} exists; choose another --out or delete it")
+            raise RunFolderError(f"{out} exists; choose another --out, or move it elsewhere")
         ordered = [rows[key] for key in sorted(rows)]
         merged = Block.join(out, ordered, first.inputs)
         header = Header(first.inputs, first.identity, _provenance(datasets))

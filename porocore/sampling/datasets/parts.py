@@ -33,8 +33,8 @@ def read_with_parts(
 def _read(
     path: Path, inputs: InputSpace | None, identity: str | None, sound: bool
 ) -> tuple[Header, list[Block]]:
-    advice = f"choose another --out, or delete it and {parts_folder(path).name} and sample again"
-    header, block = read_block(path, advice, sound=sound)
+    header, block = read_block(path, "sample again, or choose another --out", sound=sound)
+    advice = "choose another --out, or move it elsewhere and sample again"
     if identity is not None and header.identity != identity:
         raise DataError(
             f"{path}: holds solved states of another cell or other settings (identity "
@@ -47,13 +47,11 @@ def _read(
         )
     blocks, seen = [block], set(block.keys)
     for part in sorted(parts_folder(path).glob("*.h5")):
-        part_header, rows = read_block(
-            part, "delete it and resume; its state is then solved again", sound=sound
-        )
+        part_header, rows = read_block(part, "resume, which solves its state again", sound=sound)
         if (part_header.identity, part_header.inputs) != (header.identity, header.inputs):
             raise DataError(
-                f"{part}: belongs to another dataset than {path.name}; delete the folder "
-                f"{part.parent.name} or choose another --out"
+                f"{part}: belongs to another dataset than {path.name}; move the folder "
+                f"{part.parent.name} elsewhere, or choose another --out"
             )
         # Merged already, but killed before its removal.
         if seen.isdisjoint(rows.keys):

@@ -14,6 +14,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from porocore.core.echo import reason
 from porocore.core.files.atomic import RUN_RECORD, atomic_path, require_outside_a_run
 from porocore.core.files.claim import claim_folder, is_half_written, lock_folder, some_of
 from porocore.core.files.plain_data import write_json
@@ -94,7 +95,7 @@ class RunFolder(RunFiles):
             raise RunFolderError(f"{path / RECORD} cannot be read: {error.strerror or error}") from error
         except (ValueError, KeyError, TypeError) as error:
             raise RunFolderError(
-                f"{path / RECORD} is damaged ({error!r}); start again in another --out"
+                f"{path / RECORD} is damaged ({reason(error)}); start again in another --out"
             ) from error
         if found != (FORMAT, VERSION):
             raise RunFolderError(

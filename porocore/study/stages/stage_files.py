@@ -176,13 +176,13 @@ def load_surrogate(folder: RunFolder, config: RunConfig) -> Surrogate:
     if surrogate.identity != config.stages.cell:
         raise DataError(
             f"{path}: trained for another cell (identity {surrogate.identity}, expected {config.stages.cell}); "
-            f"delete it and run porocore train {folder.whole.path}"
+            f"move it elsewhere and run porocore train {folder.whole.path}"
         )
     expected = config.input_space()
     if surrogate.inputs != expected:
         raise DataError(
             f"{path}: trained on other inputs ({describe(surrogate.inputs)}, expected {describe(expected)}); "
-            f"delete it and run porocore train {folder.whole.path}"
+            f"move it elsewhere and run porocore train {folder.whole.path}"
         )
     return surrogate
 
@@ -218,7 +218,7 @@ def load_solution(folder: RunFolder, law: str, load: float) -> MacroSolution:
     if (solution.law, solution.load) != (law, load):
         raise DataError(
             f"{path}: holds the solution of law '{solution.law}' under load {solution.load:g}, expected "
-            f"'{law}' under {load:g}; delete it and run porocore solve {folder.whole.path}"
+            f"'{law}' under {load:g}; move it elsewhere and run porocore solve {folder.whole.path}"
         )
     return solution
 

@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from porocore.core.console import Console, duration
-from porocore.core.files.reading import read_text
+from porocore.core.echo import reason
+from porocore.core.files.reading import read_text, set_aside
 from porocore.core.files.store import ResultStore
 from porocore.core.parallel.calls import Call, CallProcesses, Tell
 from porocore.core.units.results import speaking
@@ -163,7 +164,7 @@ class TrainingCurveFile:
             raise self._cannot_write(error) from error
 
     def _cannot_write(self, error: OSError) -> RunFolderError:
-        return RunFolderError(f"cannot write {self.path}: {error}; make room or choose another --out")
+        return RunFolderError(f"cannot write {self.path}: {reason(error)}; make room or choose another --out")
 
 
 def read_training_curve(path: Path) -> Array | None:
@@ -183,7 +184,7 @@ def read_training_curve(path: Path) -> Array | None:
         table = np.array([[float(word) for word in row.split(",")] for row in rows]).reshape(len(rows), 3)
     except (OSError, ValueError) as error:
         raise DataError(
-            f"{path}: not a record of losses ({error}); delete it, the report can do without"
+            f"{path}: not a record of losses ({reason(error)}); {set_aside(path, 'report without it')}"
         ) from error
     if not rows:
         return None

@@ -15,6 +15,7 @@ import h5py
 import numpy as np
 
 from porocore.core.files.plain_data import stable_hash
+from porocore.core.files.reading import set_aside
 from porocore.core.hdf5 import atomic_hdf5, opened
 from porocore.errors import DataError
 from porocore.states import Array
@@ -49,29 +50,31 @@ def write_archive(
             file[name] = array
 
 
-def read_archive(path: Path, form: str, version: int, advice: str) -> tuple[dict[str, Any], dict[str, Array]]:
+def read_archive(path: Path, form: str, version: int, then: str) -> tuple[dict[str, Any], dict[str, Array]]:
     """Read what :func:`write_archive` wrote: the header and the arrays.
 
     Raises
     ------
     DataError
-        There is no such file, or it is of another kind or version, truncated or edited; the message ends with
-        ``advice``.
+        There is no such file, or it is of another kind or version, truncated or edited; the message says
+        what to do ``then``.
     """
-    with opened(path, f"file of format {form}", advice) as file:
+    with opened(path, f"file of format {form}", then) as file:
         found = file.attribute("format", str) if "format" in file.attributes else "another"
         if found != form:
-            raise DataError(f"{path}: expected a file of format {form}, got {found[:40]}; {advice}")
+            raise DataError(
+                f"{path}: expected a file of format {form}, got {found[:40]}; move it elsewhere and {then}"
+            )
         if (number := file.attribute("version", int)) != version:
             raise DataError(
                 f"{path}: expected version {version} of {form}, got {number}; use the porocore that wrote it,"
-                f" or {advice}"
+                f" or move it elsewhere and {then}"
             )
         checksum, text = file.attribute("checksum", str), file.text("header")
         arrays = {name: file.array_of_any_shape(name) for name in file.arrays_below("") if name != "header"}
         if checksum != _checksum(text, arrays):
             raise DataError(
-                f"{path}: its numbers do not match its checksum, so it was damaged or edited; {advice}"
+                f"{path}: its numbers do not match its checksum, so it was damaged or edited; {set_aside(path, then)}"
             )
         header = json.loads(text)
         if not isinstance(header, dict):

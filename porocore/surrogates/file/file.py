@@ -39,7 +39,7 @@ from porocore.surrogates.potential.model import NetworkPart, PotentialModel
 
 #: Until version 5 the symmetry of the cell was guessed, and stresses across the sampled components were dropped.
 FORMAT, VERSION = "porocore-surrogate", 6
-ADVICE = "delete it and train the surrogate again"
+AGAIN = "train the surrogate again"
 
 #: Fields of the metadata that the header holds.
 KINDS = {"backend": str, "options": dict, "identity": str, "provenance": dict, "accuracy": dict}
@@ -125,7 +125,7 @@ def read(path: Path) -> tuple[Model, SurrogateMetadata]:
     DataError
         The file is truncated, edited, foreign or of another version.
     """
-    header, arrays = read_archive(path, FORMAT, VERSION, ADVICE)
+    header, arrays = read_archive(path, FORMAT, VERSION, AGAIN)
     try:
         for name, array in arrays.items():
             if not np.isfinite(array).all():
@@ -144,7 +144,7 @@ def read(path: Path) -> tuple[Model, SurrogateMetadata]:
             model = replace(model, estimate=estimates.unpack(header, arrays, model))
         metadata = _unpack_metadata(header, arrays, model)
     except UNREADABLE as error:
-        raise damaged(path, "surrogate", error, ADVICE) from error
+        raise damaged(path, "surrogate", error, AGAIN) from error
     return model, metadata
 
 

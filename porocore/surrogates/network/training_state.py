@@ -26,7 +26,7 @@ NUMBERS: dict[str, type[Any]] = {
     "best_loss": float,
     "validation_loss": float,
 }
-ADVICE = "remove it to train from the beginning"
+AGAIN = "train from the beginning"
 #: Constants of Kingma & Ba (2015).
 BETA1, BETA2, EPSILON = 0.9, 0.999, 1e-8
 
@@ -84,10 +84,11 @@ class TrainingState:
         DataError
             The file is damaged, foreign, or belongs to another training.
         """
-        header, arrays = read_archive(path, FORMAT, VERSION, ADVICE)
+        header, arrays = read_archive(path, FORMAT, VERSION, AGAIN)
         if header.get("belongs_to") != belongs_to:
             raise DataError(
-                f"{path}: this checkpoint belongs to a training with other data, options or seed; {ADVICE}"
+                f"{path}: this checkpoint belongs to a training with other data, options or seed; "
+                f"move it elsewhere to {AGAIN}"
             )
         try:
             weights = [arrays[name] for name in ARRAYS]
@@ -95,6 +96,6 @@ class TrainingState:
                 raise ValueError(f"arrays of shapes {[w.shape for w in weights]}")
             numbers: dict[str, Any] = {name: kind(header[name]) for name, kind in NUMBERS.items()}
         except (KeyError, TypeError, ValueError, OverflowError) as error:
-            raise damaged(path, f"file of format {FORMAT}", error, ADVICE) from error
+            raise damaged(path, f"file of format {FORMAT}", error, AGAIN) from error
         theta, moment, square, best_theta = weights
         return cls(theta, moment, square, best_theta, **numbers)

@@ -6,8 +6,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from porocore.core.echo import reason
 from porocore.core.files.plain_data import json_hash, write_json
-from porocore.core.files.reading import read_json
+from porocore.core.files.reading import read_json, set_aside
 from porocore.errors import DataError
 from porocore.study.config.config import RunConfig
 from porocore.verification.representative.scan import Scan
@@ -46,7 +47,7 @@ def load(path: Path, identity: str) -> dict[str, Subvolume]:
     DataError
         The file is damaged, or of another image, way to make cells, or backend.
     """
-    advice = "choose another --out or delete it"
+    advice = "choose another --out, or move it elsewhere"
     try:
         document = read_json(path)
         if (document["format"], document["version"]) != (FORMAT, VERSION):
@@ -57,7 +58,9 @@ def load(path: Path, identity: str) -> dict[str, Subvolume]:
             )
         known = [Subvolume.from_data(each) for each in document["subvolumes"]]
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise DataError(f"{path}: not a complete record of sub-volumes ({error!r:.100}); {advice}") from error
+        raise DataError(
+            f"{path}: not a complete record of sub-volumes ({reason(error)}); {set_aside(path, 'start again')}"
+        ) from error
     return {each.cell: each for each in known if each.status != LOST}
 
 

@@ -8,8 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from porocore.core.echo import reason
 from porocore.core.files.plain_data import write_json
-from porocore.core.files.reading import read_json
+from porocore.core.files.reading import read_json, set_aside
 from porocore.errors import DataError
 from porocore.interfaces.surrogate import Surrogate
 from porocore.states import MacroState
@@ -44,7 +45,9 @@ def call_times(path: Path, surrogate: Surrogate, states: MacroState) -> CallTime
         try:
             return CallTimes(**read_json(path))
         except (OSError, ValueError, TypeError) as error:
-            raise DataError(f"{path}: not a record of call times ({error}); delete it") from error
+            raise DataError(
+                f"{path}: not a record of call times ({reason(error)}); {set_aside(path, 'start again')}"
+            ) from error
     asked = states[np.resize(np.arange(len(states)), POINTS)]
     best = np.inf
     for _ in range(REPEATS):

@@ -8,6 +8,7 @@ from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 
+from porocore.core.echo import reason
 from porocore.core.files.atomic import atomic_path
 from porocore.core.files.claim import claim_folder
 from porocore.core.files.plain_data import write_json
@@ -54,7 +55,7 @@ def claim_results(results: Results, *, resume: bool) -> None:
             held = read_json(record)["identity"]
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise DataError(
-                f"{record}: not the record of a reproduction ({error}); choose another --out"
+                f"{record}: not the record of a reproduction ({reason(error)}); choose another --out"
             ) from error
         if held != identity:
             raise RunFolderError(

@@ -57,7 +57,7 @@ def load(path: Path) -> Sensitivity:
     DataError
         The file is missing, damaged or something else.
     """
-    with opened(path, "sensitivity study", "delete it and study again") as file:
+    with opened(path, "sensitivity study", "study again") as file:
         if not file.is_of(FORMAT, VERSION):
             raise DataError(
                 f"{path}: expected a sensitivity study of version {VERSION}; choose another --out"

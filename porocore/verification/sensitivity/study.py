@@ -205,7 +205,7 @@ def _load_or_begin(
         study = load(path)
         if study.identity != identity:
             raise DataError(
-                f"{path}: holds the study of another cell, backend or plan; choose another --out or delete it"
+                f"{path}: holds the study of another cell, backend or plan; choose another --out, or move it elsewhere"
             )
         return study
     # As one of the states, since the file of an undeformed cell has no extrema.
