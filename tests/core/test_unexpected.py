@@ -197,6 +197,6 @@ def test_streams_that_are_closed_or_full_end_without_a_traceback(tmp_path):
     )  # fmt: skip
     first, second = done.stdout.split()
     assert (first, second) == ("2", "2")
-    assert done.stderr.startswith("error: No space left on device; make room")
+    assert done.stderr.startswith("error: standard output: No space left on device; send it")
     assert "Traceback" not in done.stderr
     assert not list(Path(tmp_path).iterdir())

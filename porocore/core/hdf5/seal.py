@@ -12,6 +12,8 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Literal
 
+from porocore.core.files.reading import require_ordinary
+
 try:
     from fcntl import LOCK_NB, LOCK_SH, flock
 except ImportError:  # Windows
@@ -79,6 +81,7 @@ def use_elsewhere(path: Path) -> Literal["", "open", "not closed"]:
     systems have no locks.
     """
     try:
+        require_ordinary(path)  # a pipe would be waited for
         with open(path, "rb") as file:
             head = file.read(64)
             if not head.startswith(SIGNATURE):

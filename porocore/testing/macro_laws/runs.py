@@ -222,7 +222,7 @@ class Runs(Solving):
         before = path.read_bytes()
         for problem, law in ((STORM.model_copy(update={"load": -0.05}), TIMID), (STORM, NONLINEAR)):
             state = f"the checkpoint of another {'law' if problem is STORM else 'problem'}"
-            with refused(DataError, state=state, naming=("macro.h5", "another", "remove it")):
+            with refused(DataError, state=state, naming=("macro.h5", "another", "move it")):
                 self.solve(problem, law, checkpoint=path)
         after = path.read_bytes() if path.exists() else b""
         holds(after == before, "a refused checkpoint", "the file as it was", "another content")
@@ -242,7 +242,7 @@ class Runs(Solving):
         data = path.read_bytes()
         path.write_bytes(data[: int(share * len(data))])
         state = f"the first {100 * share:g} % of a checkpoint"
-        with refused(DataError, state=state, naming=("macro.h5", "not a complete", "remove it")):
+        with refused(DataError, state=state, naming=("macro.h5", "not a complete", "move it")):
             self.solve(STORM, TIMID, checkpoint=path)
 
     def test_foreign_and_damaged_checkpoints_are_refused(self, tmp_path: Any) -> None:

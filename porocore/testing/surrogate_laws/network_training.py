@@ -76,7 +76,7 @@ class NetworkTrainings(Fitting):
         path = tmp_path / "training.h5"
         self.surrogate(epochs=SHORT).fit(data, seed=1, checkpoint=path)
         state = f"the checkpoint of {SHORT} epochs, for {2 * SHORT}"
-        with refused(DataError, state=state, naming=("other data, options or seed; remove it",)):
+        with refused(DataError, state=state, naming=("other data, options or seed; move it",)):
             self.surrogate(epochs=2 * SHORT).fit(data, seed=1, checkpoint=path)
 
     def test_a_linear_cell_needs_no_network(self, data: TrainingSet, tmp_path: Path) -> None:
