@@ -259,7 +259,7 @@ def test_derivatives_of_a_member_are_the_slopes() -> None:
         ),
         (
             {"radius": 0.2},
-            "stiffness: no value is given for this parameter of the cell; the parameters are radius, s",
+            "stiffness: no value is given for this parameter of the cell; the parameters are radius and s",
         ),
         (
             {"radius": 0.2, "stifness": 1},

@@ -64,12 +64,12 @@ class Entry:
 
     @property
     def is_number(self) -> bool:
-        """Whether it is a number with one decimal mark at least."""
+        """True where it is a number with one decimal mark at least."""
         return bool(self.readings)
 
     @property
     def is_ambiguous(self) -> bool:
-        """Whether it is two different numbers, such as 1,234."""
+        """True where it is two different numbers, such as 1,234."""
         return len(set(self.readings.values())) > 1
 
     @property

@@ -119,7 +119,7 @@ class _Place:
 
     @property
     def row(self) -> _Row:
-        """The headings."""
+        """The row of the headings."""
         return self.rows[self.start]
 
     @property
@@ -130,7 +130,7 @@ class _Place:
 
     @property
     def has_units(self) -> bool:
-        """Whether the next row is one of units: without numbers, above one with a number in the first column."""
+        """True where the next row is one of units: without numbers, above one with a number in the first column."""
         if len(self.below) < 2:
             return False
         units, first = self.below
@@ -142,12 +142,12 @@ class _Place:
 
     @property
     def has_numbers(self) -> bool:
-        """Whether numbers stand below, or units and numbers."""
+        """True where numbers stand below, or units and numbers."""
         return any(row.holds_number(self.named[:1]) for row in self.below[:1]) or self.has_units
 
     @property
     def rank(self) -> tuple[int, bool, bool, int]:
-        """The larger, the likelier are these the headings."""
+        """Likelihood that these are the headings: compared with that of other rows."""
         return len(self.named), self.has_numbers, not self.row.commented, len(self.row.cells)
 
 
