@@ -7,6 +7,7 @@ import time
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 from porocore.calibration.config.loading import read_plan
 from porocore.calibration.config.settings import PosteriorSettings
 from porocore.calibration.derived import derived_cells
-from porocore.calibration.fit.quality import FitQuality
+from porocore.calibration.fit.quality import FitQuality, at_bounds
 from porocore.calibration.fit.rounds import FitRounds, experiments_identity
 from porocore.calibration.fit.search import CalibrationFit
 from porocore.calibration.folder import CalibrationFolder
@@ -23,7 +24,7 @@ from porocore.calibration.forward.at_rest import cells_at_rest
 from porocore.calibration.forward.cells import families
 from porocore.calibration.forward.further import further_data
 from porocore.calibration.inference.infer import Inference, infer
-from porocore.calibration.inference.rule import POISSON_RATIO, IdentifiabilityRule
+from porocore.calibration.inference.words import shift_words
 from porocore.calibration.observations.curve import ObservedCurve, curve_data
 from porocore.calibration.plan import CalibrationPlan, Experiment
 from porocore.calibration.posterior.posterior import Posterior, sample_posterior
@@ -102,7 +103,9 @@ def _calibrated(rounds: FitRounds, synthetic: bool, began: float) -> Calibration
     if synthetic:
         plan = rounds.plan = _with_made_up_data(plan, rounds.model)
     misfit, found = rounds.fitted(curve_data(plan.curves))
-    inference = _inferred(plan, misfit, found, rounds, console)
+    inference = _with_error_of_steps(
+        _inferred(plan, misfit, found, rounds, console), misfit, rounds, synthetic
+    )
     posterior = _posterior(plan.posterior, misfit, inference, console)
     done = _finished(rounds, misfit, found, inference, posterior, time.monotonic() - began)
     truth = np.array([each.unknown.start for each in plan.unknowns]) if synthetic else None
@@ -159,13 +162,7 @@ def _inferred(
     plan: CalibrationPlan, misfit: Misfit, found: CalibrationFit, rounds: FitRounds, console: Console
 ) -> Inference:
     """Return what the data say, with progress."""
-    names = {each.unknown.name: next(iter(each.numbers.values())).name for each in plan.unknowns}
-    ratios = {
-        name: IdentifiabilityRule().poisson_ratio
-        for name, number in names.items()
-        if number.rsplit(".", 1)[-1] == POISSON_RATIO
-    }
-    asked, total = 0, 2 * len(names) + 3
+    asked, total = 0, 2 * len(plan.unknowns) + 3
     with console.task("intervals", "ends") as task:
 
         def tell(words: str) -> None:
@@ -173,10 +170,36 @@ def _inferred(
             task.update(min(asked, total), total, detail=words)
             asked += 1
 
-        rule = IdentifiabilityRule(distances=ratios)
         values = misfit.values(found.best.coordinates)
         further = further_data(rounds.experiments, plan, values, rounds.processes, tell)
-        return infer(misfit, found.best, rule=rule, further=further, rays=plan.fit.rays, tell=tell)
+        return infer(
+            misfit,
+            found.best,
+            dependence=partial(rounds.dependence, misfit),
+            rule=plan.rule,
+            further=further,
+            rays=plan.fit.rays,
+            tell=tell,
+        )
+
+
+def _with_error_of_steps(
+    inference: Inference, misfit: Misfit, rounds: FitRounds, synthetic: bool
+) -> Inference:
+    """Return the statements with the error of the steps in time, which the intervals hold unless it is small.
+
+    Data that are made up have the same error, which then moves nothing; it is told for the test that is planned.
+    """
+    try:
+        once = inference.with_error(rounds.error_of_steps(misfit, inference.best, 1), not synthetic)
+        assert once.systematic is not None
+        if synthetic or once.systematic.is_small:
+            return once
+        # How fast the error falls says how large it is; it is asked only where that counts.
+        return inference.with_error(rounds.error_of_steps(misfit, inference.best, 2))
+    except SolveError as error:
+        rounds.console.warn(f"the error of the steps in time is not known: {error}")
+        return inference
 
 
 def _posterior(
@@ -212,23 +235,24 @@ def _finished(
         )
     if inference.best.prediction.flagged:
         warnings.append(
-            "the fitted body leaves the states that the surrogate is trusted in; sample wider ranges, or raise "
-            "fit.rounds"
+            "the fitted body leaves the states that the surrogate is trusted in; "
+            + (
+                "no further cells were solved there, since they would not explain the data"
+                if rounds.given_up
+                else "sample wider ranges, or raise fit.rounds"
+            )
         )
-    warnings += _at_bounds(misfit, inference.best.coordinates)
+    error = inference.systematic
+    if error is not None and error.counted:
+        warnings.append(
+            "the steps in time are long for these data: with ever shorter ones "
+            f"{shift_words(inference.unknowns, inference.best.coordinates, error)}. The intervals hold these values, "
+            "too. A quarter of macro.time.tolerance, or half of macro.time.step where there is none, halves the error"
+        )
+    warnings += at_bounds(misfit, inference.best.coordinates)
     warnings += () if posterior is None else posterior.complaints
     derived = derived_cells(inference, cells_at_rest(plan, rounds.cells))
     solves = sum(family.solves for family in rounds.cells)
     return Calibration(
         rounds.folder.path, plan, inference, quality, posterior, derived, solves, seconds, tuple(warnings)
     )
-
-
-def _at_bounds(misfit: Misfit, coordinates: Array) -> list[str]:
-    lower, upper = misfit.bounds
-    close = 1e-6 * (upper - lower)
-    return [
-        f"the fitted {one.name} lies at the bound of the search; widen the bounds"
-        for one, x, low, high, gap in zip(misfit.unknowns, coordinates, lower, upper, close, strict=True)
-        if x - low < gap or high - x < gap
-    ]

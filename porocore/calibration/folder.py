@@ -103,6 +103,11 @@ class CalibrationFolder:
         return self.path / "steps.json"
 
     @property
+    def halved_steps(self) -> Path:
+        """Curves at the best values with halved time steps."""
+        return self.path / "halved-steps.json"
+
+    @property
     def results(self) -> Path:
         """Values, intervals and directions."""
         return self.path / "calibration.json"

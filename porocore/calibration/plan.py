@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from porocore.calibration.config.numbers import AXES, StudyNumber
 from porocore.calibration.config.settings import FitSettings, PosteriorSettings
+from porocore.calibration.inference.rule import IdentifiabilityRule
 from porocore.calibration.observations.curve import ObservedCurve
 from porocore.calibration.problem import Unknown
 from porocore.core.units.quantities import pretty, unit_in_si
@@ -45,10 +48,14 @@ class PlannedUnknown:
         Name, bounds, start, scale, prior, unit.
     numbers
         The number by the name of the experiment; experiments that it does not belong to are left out.
+    resolution
+        Distance of the ends of its interval from its value with which it is identifiable, in its unit; None: by the
+        rule.
     """
 
     unknown: Unknown
     numbers: dict[str, StudyNumber]
+    resolution: float | None = None
 
     def dimensionless(self, experiment: Experiment) -> float:
         """Return the factor from values of the unknown to the dimensionless numbers of an experiment."""
@@ -137,6 +144,32 @@ class CalibrationPlan:
         if not self.title or self.title != self.experiments[0].config.title:
             return self.title or "Calibration"
         return f"Calibration: {self.title}"
+
+    @property
+    def rule(self) -> IdentifiabilityRule:
+        """Rule by which the unknowns are identifiable."""
+        plain = IdentifiabilityRule()
+        found = {each.unknown.name: self._resolution(each, plain) for each in self.unknowns}
+        return IdentifiabilityRule(distances={name: x for name, x in found.items() if x is not None})
+
+    def _resolution(self, each: PlannedUnknown, rule: IdentifiabilityRule) -> float | None:
+        """Return the distance for an unknown whose value is no scale for it, in its unit; None: its value is one.
+
+        A clock is read against the times of the data, half of which lie before the middle one. The length of the test
+        would say less: many end with a long rest, in which the clock does not matter.
+        """
+        number = next(iter(each.numbers.values()))
+        if each.resolution is not None:
+            return each.resolution
+        if number.kind == "time_shift":
+            middles = [
+                float(np.median(curve.times) - curve.times[0]) / each.dimensionless(experiment)
+                for experiment in self.experiments
+                if experiment.name in each.numbers
+                for curve in experiment.curves
+            ]
+            return rule.relative * min(middles) or None
+        return rule.without_scale(number.name) if each.unknown.scale == "linear" else None
 
     @property
     def curves(self) -> list[ObservedCurve]:

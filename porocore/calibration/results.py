@@ -16,7 +16,9 @@ from porocore.calibration.folder import CalibrationFolder
 from porocore.calibration.inference.entries import (
     direction_entries,
     precision_entries,
+    product_entries,
     suggestion_entries,
+    systematic_entry,
     unknown_entries,
 )
 from porocore.calibration.inference.infer import Inference
@@ -131,9 +133,11 @@ def results_of(done: Calibration) -> dict[str, Any]:
         },
         "derived": {"method": METHOD, "cells": [each.entries() for each in done.derived]},
         "directions": direction_entries(done.inference),
+        "products": product_entries(done.inference),
         "misfit": done.quality.chi_square,
         "reduced_misfit": done.quality.reduced,
         "deviations_off": done.quality.deviations_off,
+        "error_of_steps": systematic_entry(done.inference),
         "precision": precision_entries(done.inference),
         "suggestions": suggestion_entries(done.inference),
         "warnings": list(done.warnings),
@@ -175,6 +179,16 @@ def _sample_rows(misfit: Misfit, record: EvaluationRecord) -> Iterator[list[Any]
             yield [*values.tolist(), float(residuals @ residuals), int(found.flagged)]
 
 
+def _error_text(inference: Inference) -> str:
+    """Return how far the error of the steps moves the unknowns, in words."""
+    error = inference.systematic
+    if error is None:
+        return "not known"
+    return f"moves the unknowns by {error.size:.2g} standard deviations" + (
+        ", which the intervals hold" if error.counted else ""
+    )
+
+
 def _write_report(
     folder: CalibrationFolder, done: Calibration, misfit: Misfit, evaluations: int, truth: Array | None
 ) -> None:
@@ -185,6 +199,7 @@ def _write_report(
     facts = (
         ("Values of all curves", str(len(misfit.data.values))),
         ("Reduced chi-square", f"{quality.reduced:.3g}"),
+        ("Error of the steps in time", _error_text(done.inference)),
         ("Cell solves", str(done.cell_solves)),
         ("Runs of the experiments", str(evaluations)),
         ("Time of the last call", duration(done.seconds)),

@@ -95,6 +95,8 @@ def print_unknowns(done: Calibration) -> None:
         print_posterior(done.posterior)
     for words in done.inference.words:
         typer.echo(f"not told by the data: {words}")
+    for product in done.inference.products:
+        typer.echo(f"told by the data: {product.words}")
 
 
 def print_posterior(posterior: Posterior) -> None:

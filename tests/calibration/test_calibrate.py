@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import shutil
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -19,8 +21,12 @@ from report_page import Page
 
 import porocore
 from porocore.calibration.calibrate import _identity, _with_made_up_data
+from porocore.calibration.forward.cells import families
+from porocore.calibration.forward.experiment import ExperimentModel
 from porocore.calibration.problem import Unknown
 from porocore.cli.calibrate import print_unknowns
+from porocore.core.console import Console
+from porocore.core.files.store import ResultStore
 from porocore.errors import RunFolderError, SolveError
 from porocore.macro.laws.effective import EffectiveProperties
 
@@ -343,9 +349,85 @@ def test_intervals_of_data_that_nothing_explains_are_told_as_such(
     assert "presume a right model, but the reduced chi-square is 500" in capsys.readouterr().out
 
 
+def measured(base: Path, folder: Path, values: np.ndarray, times: np.ndarray) -> dict[str, Any]:
+    """The study with a file of data in place of made-up ones."""
+    rows = "".join(f"{t},{value}\n" for t, value in zip(times, values, strict=True))
+    (folder / "data.csv").write_text(f"time,settlement\n{rows}", encoding="utf-8")
+    settings = {"quantity": "settlement", "deviation_share": 0.002, "file": str(folder / "data.csv")}
+    study: dict[str, Any] = json.loads(json.dumps(STUDY))
+    study["calibration"]["observations"] = {"settlement": settings}
+    return study
+
+
+def test_intervals_hold_the_truth_in_spite_of_long_steps(
+    done: porocore.Calibration, base: Path, tmp_path: Path
+) -> None:
+    """Data without noise, of steps that are 64 times as short."""
+    store, console = ResultStore(base / "store"), Console(io.StringIO())
+    truth = np.array([0.24, 1.0, 1.0])
+    with ExitStack() as stack:
+        (family,) = families(done.plan, tmp_path / "exact", stack, console, store)
+        family.learn()
+        model = ExperimentModel(done.plan.experiments[0], done.plan.unknowns, family.law())
+        exact = model.halved(6).values(truth)
+    study = measured(base, tmp_path, exact, done.plan.curves[0].times)
+    found = porocore.calibrate(study, tmp_path / "out", progress=False, store=store)
+    error = found.inference.systematic
+    assert error is not None
+    assert error.counted
+    moved = found.inference.best.coordinates + error.shift
+    for one, x, value in zip(found.inference.unknowns, moved, truth, strict=True):
+        low, high = found.intervals[one.name]
+        assert low is not None
+        assert high is not None
+        assert low < value < high, one.name
+        # Ever shorter steps lead to the truth, to first order for these very long ones.
+        assert abs(one.value(float(x)) - value) < 0.4 * abs(found.values[one.name] - value), one.name
+    assert error.size > 2
+    entry = results(found.path)["error_of_steps"]
+    assert entry["counted"] is True
+    assert entry["shift"]["modulus"] == pytest.approx(np.exp(moved[1]) - found.values["modulus"], rel=1e-9)
+    assert any("the steps in time are long for these data" in warning for warning in found.warnings)
+    page = (found.path / "report.html").read_text(encoding="utf-8")
+    assert "Error of the steps in time" in page
+    # The runs with halved steps are kept.
+    before = (found.path / "halved-steps.json").read_bytes()
+    again = porocore.calibrate(study, found.path, resume=True, progress=False, store=False)
+    assert results(again.path)["error_of_steps"] == entry
+    assert (found.path / "halved-steps.json").read_bytes() == before
+
+
+def test_the_steps_of_made_up_data_are_those_of_the_fit(done: porocore.Calibration) -> None:
+    entry = results(done.path)["error_of_steps"]
+    assert entry["counted"] is False
+    assert entry["largest_shift_in_deviations"] > 2
+    assert done.warnings == ()
+
+
+def test_no_further_cells_are_solved_for_data_that_nothing_explains(
+    done: porocore.Calibration, base: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Values of another sign and unit: it is said before anything else is computed."""
+    times, values = done.plan.curves[0].times, done.plan.curves[0].measured
+    assert values is not None
+    study = measured(base, tmp_path, 20 * values, times)
+    study["calibration"]["fit"]["evaluations"] = 8
+    found = porocore.calibrate(study, tmp_path / "out", store=base / "store")
+    told = capsys.readouterr().err
+    assert not (found.path / "cells" / "rounds.json").exists()
+    assert found.inference.best.prediction.flagged
+    first = told.index("warning: fit: no values of the unknowns explain the data")
+    assert "at t = 0 the load of the study begins" in told
+    assert "of the search, 0.5; widen the bounds" in told
+    assert told.index("no further cells are solved there, since they would not explain the data") > first
+    assert told.index("intervals: ") > first
+    assert any("no further cells were solved there" in warning for warning in found.warnings)
+    assert not any("raise fit.rounds" in warning for warning in found.warnings)
+
+
 @pytest.mark.slow
 def test_further_cells_are_solved_where_the_fitted_body_leaves_the_samples(
-    base: Path, tmp_path: Path
+    base: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Data of the wide samples, fitted from samples that end at a fifth of the strain."""
     narrow: dict[str, Any] = json.loads(json.dumps(STUDY))
@@ -357,7 +439,8 @@ def test_further_cells_are_solved_where_the_fitted_body_leaves_the_samples(
     (tmp_path / "data.csv").write_text(f"time,settlement\n{table}", encoding="utf-8")
     settings = {"quantity": "settlement", "deviation_share": 0.002, "file": str(tmp_path / "data.csv")}
     narrow["calibration"]["observations"] = {"settlement": settings}
-    found = porocore.calibrate(narrow, tmp_path / "narrow", progress=False, store=base / "store")
+    found = porocore.calibrate(narrow, tmp_path / "narrow", store=base / "store")
+    assert "\nfurther cells: t = 3000 of 3000" in capsys.readouterr().err
     rounds = json.loads((tmp_path / "narrow" / "cells" / "rounds.json").read_text(encoding="utf-8"))
     assert sum(map(len, rounds)) > 0
     assert (tmp_path / "narrow" / "evaluations-1.jsonl").exists()

@@ -26,7 +26,7 @@ from curve_experiment import (
 import porocore.calibration.forward.experiment as forward
 from porocore.calibration.forward.experiment import ExperimentModel
 from porocore.calibration.forward.further import _noise, further_data
-from porocore.calibration.forward.steps import planned_times, with_fixed_steps
+from porocore.calibration.forward.steps import error_of_steps, planned_times, with_fixed_steps
 from porocore.calibration.plan import CalibrationPlan
 from porocore.calibration.problem import CurvePrediction
 from porocore.core.parallel.calls import CallProcesses
@@ -356,3 +356,44 @@ def test_a_load_that_is_unknown_is_not_enlarged() -> None:
         here = further_data([model_of(plan)], plan, starts(plan))
     for one, other in zip(twice, [*here, *here], strict=True):
         np.testing.assert_array_equal(one.rows, other.rows)
+
+
+def test_halved_steps_lie_between_the_others_and_the_data_are_met(plan: CalibrationPlan) -> None:
+    model = model_of(plan)
+    problem = model.config.macro.problem(-1.0)
+    steps, halved = (planned_times(each.config.macro.problem(-1.0)) for each in (model, model.halved(1)))
+    np.testing.assert_allclose(halved[1::2], steps, rtol=1e-12)
+    np.testing.assert_allclose(np.diff(halved, prepend=0.0)[::2], np.diff(halved, prepend=0.0)[1::2])
+    assert len(planned_times(model.halved(3).config.macro.problem(-1.0))) == 8 * len(steps)
+    assert model.config.macro.problem(-1.0) == problem
+
+
+def test_curves_without_slopes_are_the_same(plan: CalibrationPlan) -> None:
+    model = model_of(plan)
+    np.testing.assert_allclose(model.values(starts(plan)), model.curves(starts(plan)).values, rtol=1e-12)
+
+
+def test_the_error_of_steps_is_that_of_ever_shorter_ones(plan: CalibrationPlan) -> None:
+    """But for the inflow, which jumps where the ramp ends, between two steps where the clock is shifted."""
+    model = model_of(plan).halved(1)
+    lengths = [len(curve) for curve in plan.curves]
+    kept = np.repeat([curve.series.kind != "inflow" for curve in plan.curves], lengths)
+    first, *others = (each.values(starts(plan))[kept] for each in (model, *map(model.halved, (1, 2, 5, 6))))
+    curves, exact = [first, *others[:2]], 2 * others[3] - others[2]
+    error, ones = first - exact, np.ones(len(exact))
+    assert np.abs(error).max() > 1e-4
+    for count, share in ((2, 0.3), (3, 0.15)):
+        found = error_of_steps(curves[:count], ones)
+        assert np.linalg.norm(found - error) < share * np.linalg.norm(error)
+
+
+def test_the_error_of_backward_euler_is_extrapolated() -> None:
+    """Of y' = −y at t = 1, with 8, 16 and 32 steps."""
+    curves = [np.array([(1 + 1 / n) ** -n]) for n in (8, 16, 32)]
+    error = curves[0] - np.exp(-1)
+    assert error_of_steps(curves[:2], np.ones(1)) == pytest.approx(error, rel=0.06)
+    assert error_of_steps(curves, np.ones(1)) == pytest.approx(error, rel=0.02)
+    # Steps that are far too long tell nothing but that; the error stays finite.
+    wild = error_of_steps([np.zeros(1), np.ones(1), np.full(1, 3.0)], np.ones(1))
+    assert wild == pytest.approx(-3 - 2 * 0.8 / 0.2)
+    assert error_of_steps([np.ones(2)] * 3, np.ones(2)).tolist() == [0.0, 0.0]

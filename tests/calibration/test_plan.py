@@ -333,3 +333,20 @@ def test_a_study_without_a_section_is_refused(tmp_path: Path) -> None:
         ConfigurationError, match="a file of its own has 'experiments:' with the study of each"
     ):
         read_plan({"unknowns": SECTION["unknowns"], "observations": SECTION["observations"]})
+
+
+def test_a_number_without_a_scale_is_compared_with_the_test(two: dict[str, Any], tmp_path: Path) -> None:
+    """The clock is compared with the time from the first datum to the middle one."""
+    two["unknowns"]["delay"] = {"of": "time_shift", "lower": "-100 ms", "upper": "100 ms"}
+    found = read_plan(write(tmp_path, study=two, name="both.yaml"))
+    times = [curve.times * curve.time_factor for curve in found.curves]
+    middle = min(float(np.median(each) - each[0]) for each in times)
+    rule = found.rule
+    assert rule.distances == {"delay": pytest.approx(0.1 * middle * 1000)}
+    two["unknowns"]["delay"]["resolution"] = "20 ms"
+    two["unknowns"]["radius"]["resolution"] = 0.005
+    rule = read_plan(write(tmp_path, study=two, name="both.yaml")).rule
+    assert rule.distances == {"delay": pytest.approx(20), "radius": 0.005}
+    two["unknowns"]["delay"]["resolution"] = "0 ms"
+    with pytest.raises(ConfigurationError, match=r"delay\.resolution: expected a number above 0, got '0 ms'"):
+        read_plan(write(tmp_path, study=two, name="both.yaml"))

@@ -51,15 +51,18 @@ class Ended:
 
 
 def run_here(
-    words: tuple[str, ...], monkeypatch: pytest.MonkeyPatch, streams: pytest.CaptureFixture[str]
+    words: tuple[str, ...],
+    monkeypatch: pytest.MonkeyPatch,
+    streams: pytest.CaptureFixture[str],
+    latest: float = LATEST,
 ) -> Ended:
-    """Run the command's entry in this process, in the current folder."""
+    """Run the command's entry in this process, in the current folder; it is stopped after ``latest`` seconds."""
     monkeypatch.setattr(sys, "argv", ["porocore", *words])
     streams.readouterr()
     _forget_the_peak()
     before, begun = _memory("VmRSS"), time.perf_counter()
     status: int | None = None
-    with _limited():
+    with _limited(latest):
         try:
             main()
         except SystemExit as end:
@@ -109,28 +112,28 @@ def fingerprint(folder: Path) -> dict[str, str]:
 
 
 @contextmanager
-def _limited() -> Iterator[None]:
+def _limited(latest: float) -> Iterator[None]:
     """A block that may not run for ever, nor take all memory."""
     soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
 
     def stop() -> None:
-        raise TooLong(f"it has not ended after {LATEST} s")
+        raise TooLong(f"it has not ended after {latest:g} s")
 
     resource.setrlimit(resource.RLIMIT_DATA, (_memory("VmData") + BACKSTOP, hard))
     try:
-        with _alarm(stop):
+        with _alarm(stop, latest):
             yield
     finally:
         resource.setrlimit(resource.RLIMIT_DATA, (soft, hard))
 
 
 @contextmanager
-def _alarm(action: object) -> Iterator[None]:
+def _alarm(action: object, latest: float = LATEST) -> Iterator[None]:
     def ring(number: int, frame: FrameType | None) -> None:
         action()  # type: ignore[operator]
 
     before = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, LATEST)
+    signal.setitimer(signal.ITIMER_REAL, latest)
     try:
         yield
     finally:

@@ -8,9 +8,11 @@ from collections import Counter
 from pathlib import Path
 
 import pytest
-from command_run import run_apart, run_here
+from command_run import LATEST, run_apart, run_here
 
 HERE = Path(__file__).parent
+#: A slow command that has not ended then is stopped [s].
+LATEST_OF_SLOW = 900.0
 sys.path.insert(0, str(HERE))
 CASES = [
     case for path in sorted(HERE.glob("cases_*.py")) for case in importlib.import_module(path.stem).CASES
@@ -32,7 +34,12 @@ def test_a_strangers_files_are_read_right_or_refused_in_one_message(case, tmp_pa
     if isinstance(case.words, str):
         case.check(folder, None)
         return
-    done = run_apart(case.words, folder) if case.own_process else run_here(case.words, monkeypatch, capfd)
+    latest = LATEST_OF_SLOW if case.slow else LATEST
+    done = (
+        run_apart(case.words, folder)
+        if case.own_process
+        else run_here(case.words, monkeypatch, capfd, latest)
+    )
     told = " ".join((done.out + " " + done.err).split())
     assert done.status == case.status, f"{done.status}: {told[-3000:]}"
     assert "Traceback" not in told

@@ -84,6 +84,10 @@ class UnknownSettings(StrictModel):
     field: ControlSettings | None = None
     """Control values along an axis, each of which is an unknown of its own, ``radius[0]``, ``radius[1]`` and so on, all
     with these bounds; null: one value holds everywhere."""
+    resolution: Value | None = None
+    """Largest distance of the ends of its 95 % interval from its value with which it is called identifiable, in its
+    unit; null: 10 % of the value, 0.04 for a Poisson's ratio, 9 degrees for an angle, and for a ``time_shift`` 10 % of
+    the time from the first datum to the middle one."""
     experiments: tuple[Name, ...] = ()
     """Experiments that it belongs to; empty: all."""
 

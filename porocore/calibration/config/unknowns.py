@@ -133,7 +133,11 @@ def _unknown(
             f"lower: expected a number above 0 for a search in ln x, got {echo(given.lower)}; or scale: linear"
         )
     prior, smoothing = _prior(given, unit, number, scale), _smoothing(given, unit, number, scale, control)
-    found = PlannedUnknown(Unknown(name, lower, lower, upper, scale, prior, unit, smoothing), numbers)
+    resolution = None if given.resolution is None else _number("resolution", given.resolution, unit, number)
+    if resolution is not None and resolution <= 0:
+        raise ConfigurationError(f"resolution: expected a number above 0, got {echo(given.resolution)}")
+    unknown = Unknown(name, lower, lower, upper, scale, prior, unit, smoothing)
+    found = PlannedUnknown(unknown, numbers, resolution)
     start = _start(given, found, experiments[first], control)
     return replace(found, unknown=replace(found.unknown, start=start))
 

@@ -1,4 +1,4 @@
-"""Quality of a fit: reduced chi-square, how far each curve is off, data that nothing explains."""
+"""Quality of a fit: reduced chi-square, how far each curve is off, data that nothing explains, bounds that hold."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ from porocore.states import Array
 
 #: Data are not explained where the reduced chi-square is above this, and so large a one comes by chance less often.
 LARGE, CHANCE = 2.0, 1e-6
+#: So near to a bound, as a share of the distance of both, an unknown lies at it.
+CLOSE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,19 @@ class FitQuality:
         name, off = max(self.deviations_off.items(), key=lambda each: each[1])
         return (
             f"no values of the unknowns explain the data: the reduced chi-square is {self.reduced:.3g}, expected about "
-            f"1; the curve '{name}' is off by {off:.3g} standard deviations (root mean square). Check units and signs "
-            "of its columns, the standard deviations, the bounds, and what the study leaves out"
+            f"1; the curve '{name}' is off by {off:.3g} standard deviations (root mean square). Check its clock (at "
+            "t = 0 the load of the study begins; an unknown 'of: time_shift' moves the data), units and signs of its "
+            "columns, the standard deviations, the bounds, and what the study leaves out"
         )
+
+
+def at_bounds(misfit: Misfit, coordinates: Array) -> list[str]:
+    """Return a sentence for each unknown that lies at a bound of the search, at coordinates (k,)."""
+    lower, upper = misfit.bounds
+    return [
+        f"the fitted {one.name} lies at the bound of the search, {one.value(float(bound)):.4g} {one.unit}".rstrip()
+        + "; widen the bounds"
+        for one, x, low, high in zip(misfit.unknowns, coordinates, lower, upper, strict=True)
+        for bound in (low, high)
+        if abs(x - bound) < CLOSE * (high - low)
+    ]

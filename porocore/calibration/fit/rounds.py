@@ -6,14 +6,16 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from porocore.calibration.fit.quality import FitQuality, at_bounds
 from porocore.calibration.fit.record import EvaluationRecord, RecordedModel
 from porocore.calibration.fit.search import CalibrationFit, fit
 from porocore.calibration.folder import CalibrationFolder
 from porocore.calibration.forward.cells import FamilyCells
 from porocore.calibration.forward.experiment import ExperimentModel
 from porocore.calibration.forward.model import StudiesModel
+from porocore.calibration.forward.steps import error_of_steps
 from porocore.calibration.plan import CalibrationPlan
-from porocore.calibration.problem import CurveData, CurveModel, CurvePrediction, Misfit
+from porocore.calibration.problem import CurveData, CurveModel, CurvePrediction, Fitted, Misfit
 from porocore.core.console import Console
 from porocore.core.echo import reason
 from porocore.core.files.plain_data import json_hash, write_json
@@ -21,6 +23,11 @@ from porocore.core.files.reading import read_json, set_aside
 from porocore.core.parallel.calls import CallProcesses
 from porocore.errors import RunFolderError
 from porocore.states import Array
+
+#: With a reduced chi-square above this, no further cells are solved: beyond its samples a surrogate is not that wrong.
+HOPELESS = 100.0
+#: Where the data are not explained, the cells of a round must make the reduced chi-square smaller by this factor.
+LESS = 0.5
 
 
 class LazyModel(CurveModel):
@@ -74,6 +81,8 @@ class FitRounds:
         for family in cells:
             family.keep_rounds(self._last)
         self.round = 0
+        #: True where no further cells are solved because the data are not explained, for which they are no remedy.
+        self.given_up = False
         self._begin()
 
     def _begin(self) -> None:
@@ -125,8 +134,53 @@ class FitRounds:
         """Models of all experiments with the cells of the present round."""
         return self._lazy.made.experiments
 
+    def dependence(self, misfit: Misfit, coordinates: Array) -> Array:
+        """Return the derivatives (n, k), by the coordinates, of all that the experiments know of the unknowns."""
+        values = misfit.values(coordinates)
+        rows = np.concatenate([one.dependence(values) for one in self.experiments])
+        slopes = [one.value_slope(float(x)) for one, x in zip(misfit.unknowns, coordinates, strict=True)]
+        return np.asarray(rows * np.array(slopes))
+
+    def error_of_steps(self, misfit: Misfit, best: Fitted, halvings: int) -> Array:
+        """Return the error (m,) of the curves at a point that is owed to the steps in time, over their deviations.
+
+        It is estimated from runs whose steps are halved so many times.
+
+        Raises
+        ------
+        SolveError
+            An experiment cannot be computed with halved steps.
+        """
+        values, deviations = misfit.values(best.coordinates), misfit.data.deviations
+        known = self._known_halved(values)
+        with self.console.task("error of the steps in time", "halvings") as task:
+            while len(known) < halvings:
+                task.update(len(known), halvings)
+                each = self._lazy.made.with_halved_steps(values, len(known) + 1)
+                known.append(np.concatenate(each).tolist())
+                kept = {"of": self.record.identity, "unknowns": values.tolist(), "curves": known}
+                write_json(self.folder.halved_steps, kept)
+            task.update(halvings, halvings)
+        curves = [best.prediction.values, *map(np.array, known[:halvings])]
+        ends = np.cumsum([sum(map(len, one.curves)) for one in self.plan.experiments])[:-1]
+        parts = zip(*(np.split(each, ends) for each in curves), np.split(deviations, ends), strict=True)
+        return np.concatenate([error_of_steps(part, by) / by for *part, by in parts])
+
+    def _known_halved(self, values: Array) -> list[list[float]]:
+        """Return the curves with halved steps at these values that the folder holds."""
+        path = self.folder.halved_steps
+        try:
+            found = dict(read_json(path)) if path.exists() else {}
+            same = (found.get("of"), found.get("unknowns")) == (self.record.identity, values.tolist())
+            return list(found["curves"]) if same else []
+        except (OSError, ValueError, TypeError, KeyError) as error:
+            raise RunFolderError(f"{path} is damaged ({error!r}); delete it") from error
+
     def fitted(self, data: CurveData) -> tuple[Misfit, CalibrationFit]:
         """Return misfit and fit of the last round.
+
+        Where no values explain the data, that is said before further cells are solved. None are where they would be of
+        no use: the fitted body is then not that of the experiment.
 
         Raises
         ------
@@ -135,9 +189,23 @@ class FitRounds:
         """
         misfit = Misfit(self.model, data)
         found = fit(misfit, self.plan.fit, self.console)
-        while found.best.prediction.flagged and self.round < self.plan.fit.rounds:
+        before = HOPELESS / LESS
+        while True:
+            quality, bounds = FitQuality.of_fit(misfit, found.best), at_bounds(misfit, found.best.coordinates)
+            for complaint in filter(None, (quality.complaint, *bounds)):
+                self.console.warn(f"fit: {complaint}")
+            if not found.best.prediction.flagged or self.round >= self.plan.fit.rounds:
+                break
+            self.given_up = not quality.explains and (bool(bounds) or quality.reduced > LESS * before)
+            if self.given_up:
+                self.console.warn(
+                    "fit: the fitted body leaves the states that the surrogate is trusted in; no further cells are "
+                    "solved there, since they would not explain the data"
+                )
+                break
             if not self._extended(misfit.values(found.best.coordinates)):
                 break
+            before = quality.reduced
             misfit = Misfit(self.model, data)
             found = fit(misfit, self.plan.fit, self.console, [found.best.coordinates])
         return misfit, found

@@ -26,8 +26,8 @@ from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
 from porocore.study.run_folder.folder import RunFolder
 from porocore.study.stages import pipeline
-from porocore.study.stages.laws import macro_laws, porosity_of
-from porocore.study.stages.solving import prepared_body
+from porocore.study.stages.laws import RunLaw, macro_laws, porosity_of
+from porocore.study.stages.solving import body_progress, prepared_body
 from porocore.study.stages.stage_files import load_reference
 
 #: Record of the further cells that each round has solved, in the folder of a family.
@@ -112,7 +112,7 @@ class FamilyCells:
         """Return the law that knows the further cells of all rounds."""
         with ExitStack() as stack:
             if self._known():
-                return _fixed(self._adaptive(stack), self.identity)
+                return _fixed(self._adaptive(stack)[1], self.identity)
             (run,) = macro_laws(self.folder, self.config, stack, ("surrogate",)).values()
             return run.law
 
@@ -140,25 +140,33 @@ class FamilyCells:
 
         return of
 
-    def _adaptive(self, stack: ExitStack) -> AdaptiveLaw:
+    def _adaptive(self, stack: ExitStack) -> tuple[RunLaw, AdaptiveLaw]:
+        """Return the law that learns on the way, with its solves, and the same as what it is."""
         (run,) = macro_laws(self.folder, self.config, stack, ("fallback",), store=self._store).values()
         law = run.law
         if not isinstance(law, AdaptiveLaw):
             raise DataError(
                 "the body has several cells, beyond whose sampled states none are solved; sample wider ranges"
             )
-        return law
+        return run, law
 
     def extend(self, models: Sequence[ExperimentModel], values: Array) -> list[str]:
         """Solve cells where bodies with these values of the unknowns leave the sampled states; return their keys."""
         before = set(self._known())
         with ExitStack() as stack:
-            law = self._adaptive(stack)
+            run, law = self._adaptive(stack)
             for model in models:
-                stack.enter_context(speaking(model.config.result_units))
-                solver = make_backend("macro solver", model.config)
-                problem = model.body(values).problem
-                body_solution_of(solver, prepared_body(solver, model.config, problem), law, problem)
+                units, body = model.config.result_units, model.body(values)
+                stack.enter_context(speaking(units))
+                solver, problem = make_backend("macro solver", model.config), body.problem
+                prepared, name = prepared_body(solver, model.config, problem), model.experiment.name
+                title = f"further cells{f' of {name}' if name else ''}"
+                with body_progress(self._console, title, problem, units, scale=body.scales.factor) as (
+                    show,
+                    say,
+                ):
+                    run.tell_work(say)
+                    body_solution_of(solver, prepared, law, problem, on_step=show)
         further = self._further()
         new = [] if further is None else [key for key in further.keys if key not in before]
         return new

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from functools import partial
 
@@ -11,7 +12,7 @@ import numpy as np
 from porocore.calibration.config.numbers import StudyNumber
 from porocore.calibration.forward.changes import UnknownEffect, effect_of
 from porocore.calibration.forward.setup import BodyAtValues, require_scalable
-from porocore.calibration.forward.steps import with_fixed_steps
+from porocore.calibration.forward.steps import with_fixed_steps, with_halved_steps
 from porocore.calibration.observations.interpolation import HistoryInterpolation
 from porocore.calibration.observations.series import weights_of
 from porocore.calibration.plan import Experiment, PlannedUnknown
@@ -106,6 +107,27 @@ class ExperimentModel:
             plan = with_fixed_steps(own, data, chosen, hit=not shifted)
         return config.model_copy(update={"macro": config.macro.model_copy(update={"time": plan})})
 
+    def halved(self, halvings: int) -> ExperimentModel:
+        """Return the model with each step cut into 2^halvings, which shows the error of the steps."""
+        macro, made = self.config.macro, copy(self)
+        plan = with_halved_steps(macro.problem(self.experiment.load), halvings)
+        made.config = self.config.model_copy(update={"macro": macro.model_copy(update={"time": plan})})
+        return made
+
+    def values(self, values: Array) -> Array:
+        """Return the curves (m,) alone, without their slopes; see :meth:`curves`."""
+        with speaking(self.config.result_units):
+            body, solution, _ = self.solve(values)
+        places = self._places(values, body, solution)
+        return np.concatenate(
+            [
+                curve.factor
+                * body.scales.factor(curve.series.quantity)
+                * at.values(curve.series.values(solution))
+                for curve, at in zip(self.experiment.curves, places, strict=True)
+            ]
+        )
+
     def _values_of(self, values: Array) -> dict[StudyNumber, float]:
         return {number: float(values[j]) * factor for j, number, factor in self.numbers}
 
@@ -172,6 +194,18 @@ class ExperimentModel:
             if effect is not None:
                 found[j] = UnknownEffect(effect.change, effect.factor * factor)
         return found
+
+    def dependence(self, values: Array) -> Array:
+        """Return the derivatives (n, k) of all that the body knows of the unknowns, whatever is measured in it.
+
+        A move of the unknowns along which they are zero changes nothing, in no curve and under no load.
+        """
+        effects = self._effects(values, self.body(values))
+        rows = {effect.change: np.zeros(self._count) for effect in effects.values()}
+        for j, effect in effects.items():
+            rows[effect.change][j] = effect.factor
+        clocks = [np.eye(self._count)[j] for j, _, _ in self.numbers if j not in effects]
+        return np.reshape([*rows.values(), *clocks], (-1, self._count))
 
     def curves(self, values: Array) -> CurvePrediction:
         """Return the curves of the experiment for values (k,) of the unknowns, in the units of the data.

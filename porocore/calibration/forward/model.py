@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -36,19 +37,30 @@ class StudiesModel(CurveModel):
 
     def curves(self, values: Array) -> CurvePrediction:
         """Return the curves; see :class:`~porocore.calibration.problem.CurveModel`."""
-        found = self._each(values)
+        found: list[CurvePrediction] = self._each(curves_elsewhere, values)
         return CurvePrediction(
             np.concatenate([each.values for each in found]),
             np.concatenate([each.slopes for each in found]),
             any(each.flagged for each in found),
         )
 
-    def _each(self, values: Array) -> list[CurvePrediction]:
+    def with_halved_steps(self, values: Array, halvings: int) -> list[Array]:
+        """Return the curves of each experiment without slopes, each step in time cut into 2^halvings.
+
+        Raises
+        ------
+        SolveError
+            An experiment cannot be computed with these steps.
+        """
+        return self._each(halved_elsewhere, values, halvings)
+
+    def _each(self, call: Callable[..., Any], *arguments: Any) -> list[Any]:
+        """Return what a call of each experiment returns, side by side where there are processes."""
         if self._processes is None or len(self.experiments) < 2:
-            return [one.curves(values) for one in self.experiments]
+            return [call(lambda told: None, one, *arguments) for one in self.experiments]
         calls = [
             self._processes.submit(
-                f"while it solved the experiment '{one.experiment.name}'", curves_elsewhere, one, values
+                f"while it solved the experiment '{one.experiment.name}'", call, one, *arguments
             )
             for one in self.experiments
         ]
@@ -58,3 +70,8 @@ class StudiesModel(CurveModel):
 def curves_elsewhere(tell: Tell, model: ExperimentModel, values: Array) -> CurvePrediction:
     """Return the curves of an experiment in this process."""
     return model.curves(values)
+
+
+def halved_elsewhere(tell: Tell, model: ExperimentModel, values: Array, halvings: int) -> Array:
+    """Return the curves of an experiment with halved steps in this process."""
+    return model.halved(halvings).values(values)

@@ -1,8 +1,8 @@
-"""Time steps of an experiment, the same at all values of the unknowns: its curves are smooth functions."""
+"""Time steps of an experiment, the same at all values of the unknowns: smooth curves, and the error of their steps."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from porocore.states import Array
 
 #: A step nearer than this share of its length to the time of a datum is left out, but for kinks of the loads.
 NEAR = 0.5
+#: Differences of curves whose steps are halved again and again fall by 1/2 each time for steps of the first order. A
+#: ratio beyond this is one of steps that are far too long, of which nothing is known but that they are.
+HALF, MOST_RATIO = 0.5, 0.8
 
 
 def planned_times(problem: MacroProblem) -> Array:
@@ -59,6 +62,36 @@ def with_fixed_steps(
         )
     profiles = tuple(float(t) for t in steps[steps < plan.end])
     return plan.model_copy(update={"tolerance": None, "step": plan.end, "profiles": profiles})
+
+
+def with_halved_steps(problem: MacroProblem, halvings: int) -> TimePlan:
+    """Return the time plan with each step cut into 2^halvings equal ones, for a plan whose steps are fixed."""
+    times = np.concatenate([[0.0], planned_times(problem)])
+    parts = 2**halvings
+    shares = np.arange(parts) / parts
+    cut = (times[:-1, None] + np.diff(times)[:, None] * shares).ravel()
+    return problem.time.model_copy(update={"profiles": tuple(float(t) for t in cut[1:])})
+
+
+def error_of_steps(curves: Sequence[Array], deviations: Array) -> Array:
+    """Return the error (m,) of the first of some curves, each with half the steps of the one before.
+
+    The differences of neighbours are taken to go on falling by the ratio of the last two; of a single difference, by
+    that of backward Euler steps.
+
+    Parameters
+    ----------
+    curves : (m,) each
+        Two or more.
+    deviations : (m,)
+        Standard deviations of the values, by which differences are compared.
+    """
+    differences = np.diff(np.stack(curves), axis=0)
+    sizes = np.linalg.norm(differences / deviations, axis=1)
+    ratio = HALF
+    if len(sizes) > 1 and sizes[-2] > 0:
+        ratio = min(float(sizes[-1] / sizes[-2]), MOST_RATIO)
+    return np.asarray(-differences.sum(axis=0) - differences[-1] * ratio / (1 - ratio))
 
 
 def _kinks(problem: MacroProblem) -> Array:

@@ -23,8 +23,9 @@ def derived_intervals(
 ) -> dict[str, tuple[float, IntervalEnd, IntervalEnd]]:
     """Return value and ends of the 95 % interval of each number, by the covariance of the fit (delta method).
 
-    An end is None where the data do not see the number, where on the way to it an unknown meets a bound of the search,
-    or where the profile of an unknown without end leads beyond it.
+    The intervals hold the values of exact curves, too, where those of the unknowns do. An end is None where the data do
+    not see the number, where on the way to it an unknown meets a bound of the search, or where the profile of an
+    unknown without end leads beyond it.
 
     Parameters
     ----------
@@ -74,6 +75,8 @@ def _ends(
     if not np.isfinite(deviation):
         end = IntervalEnd(None, "the data do not see it")
         return end, end
+    error = inference.systematic
+    systematic = float(slopes @ error.shift) if error is not None and error.counted else 0.0
     ends = []
     for side in (-1.0, 1.0):
         steps = side * ROOT_95 * covariances / deviation if deviation else 0 * covariances
@@ -93,5 +96,5 @@ def _ends(
         elif beyond:
             ends.append(IntervalEnd(None, f"it moves with {beyond[0]}"))
         else:
-            ends.append(IntervalEnd(value + room))
+            ends.append(IntervalEnd(value + room + side * max(side * systematic, 0.0)))
     return ends[0], ends[1]

@@ -11,6 +11,8 @@ import numpy.typing as npt
 from porocore.calibration.inference.precision import ROUND_OFF, LinearPrecision
 from porocore.states import Array
 
+#: A move that changes what a model knows of its unknowns by less than this share is exact: round-off.
+EXACT = 1e-12
 #: The step of a direction moves no unknown further than so many limits of the rule.
 MOST_LIMITS = 4.0
 
@@ -29,15 +31,40 @@ class UnseenDirection:
         A move of the coordinates along it: one standard deviation, or less where that is far.
     change
         Largest change of a measured value by the step to first order, in standard deviations of that value.
+    exact
+        True where the model knows nothing of a move along it, so that no measurement of any such test sees it.
     """
 
     direction: Array
     deviation: float
     step: Array
     change: float
+    exact: bool = False
 
 
-def unseen_directions(jacobian: Array, limits: Array) -> tuple[UnseenDirection, ...]:
+def exact_directions(dependence: Array, limits: Array) -> Array:
+    """Return the directions (n, k), in limits, along which a model knows nothing of its unknowns.
+
+    Parameters
+    ----------
+    dependence : (r, k)
+        Derivatives, by the coordinates, of all that the model knows of them.
+    limits : (k,)
+        Of the coordinates.
+    """
+    rows = dependence * limits
+    sizes = np.linalg.norm(rows, axis=1)
+    rows = rows[sizes > 0] / sizes[sizes > 0, None]
+    if not len(rows):
+        return np.eye(len(limits))
+    _, values, right = np.linalg.svd(rows)
+    rank = int((values > EXACT * values[0]).sum())
+    return _sparse(right[rank:])
+
+
+def unseen_directions(
+    jacobian: Array, limits: Array, dependence: Array | None = None
+) -> tuple[UnseenDirection, ...]:
     """Return the directions that weighted data do not see, the least seen one first.
 
     The coordinates are measured in their limits: a step by one is what makes an unknown not identifiable. In these
@@ -51,15 +78,24 @@ def unseen_directions(jacobian: Array, limits: Array) -> tuple[UnseenDirection, 
         Derivatives of the measured values, over their standard deviations, by the coordinates; without priors.
     limits : (k,)
         Of the coordinates, by the rule of identifiability.
+    dependence : (r, k)
+        Derivatives, by the coordinates, of all that the model knows of the unknowns; exact directions are told apart
+        from the others and come first. None: it is not known.
     """
-    precision = LinearPrecision.from_jacobian(jacobian * limits)
-    unseen = precision.directions[_beyond_limits(precision)]
+    k = len(limits)
+    exact = np.zeros((0, k)) if dependence is None else exact_directions(dependence, limits)
+    # The others are sought among what is left.
+    rest = np.linalg.svd(exact)[2][len(exact) :] if len(exact) else np.eye(k)
+    precision = LinearPrecision.from_jacobian(jacobian * limits @ rest.T)
+    others = precision.directions @ rest
+    unseen = others[np.abs(others).max(axis=1, initial=0.0) > precision.singular_values]
     sparse = _sparse(unseen)
     if all(_is_unseen(jacobian * limits, each) for each in sparse):
         unseen = sparse
-    largest = float(precision.singular_values[0])
+    largest = float(precision.singular_values.max(initial=0.0))
     order = np.argsort(np.linalg.norm(jacobian @ (unseen * limits).T, axis=0), kind="stable")
-    return tuple(_direction(jacobian, limits, unseen[i], largest) for i in order)
+    found = [_direction(jacobian, limits, each, largest, exact=True) for each in exact]
+    return (*found, *(_direction(jacobian, limits, unseen[i], largest) for i in order))
 
 
 def _beyond_limits(precision: LinearPrecision) -> npt.NDArray[np.bool_]:
@@ -88,17 +124,19 @@ def _sparse(directions: Array) -> Array:
     return np.asarray(made / np.linalg.norm(made, axis=1, keepdims=True))
 
 
-def _direction(jacobian: Array, limits: Array, scaled: Array, largest: float) -> UnseenDirection:
+def _direction(
+    jacobian: Array, limits: Array, scaled: Array, largest: float, exact: bool = False
+) -> UnseenDirection:
     """Return the direction of a unit vector in limits; ``largest`` is the largest singular value there."""
     moves = np.abs(scaled)
     # The first unknown that counts goes up.
     scaled = scaled * np.sign(scaled[int((moves > moves.max() / 10).argmax())])
     seen = float(np.linalg.norm(jacobian @ (scaled * limits)))
-    deviation = np.inf if seen < ROUND_OFF * largest else 1 / seen
+    deviation = np.inf if exact or seen <= ROUND_OFF * largest else 1 / seen
     step = scaled * limits * min(deviation, MOST_LIMITS / float(np.abs(scaled).max()))
     length = float(np.linalg.norm(scaled * limits))
     change = float(np.abs(jacobian @ step).max(initial=0.0))
-    return UnseenDirection(scaled * limits / length, deviation * length, step, change)
+    return UnseenDirection(scaled * limits / length, deviation * length, step, change, exact)
 
 
 def significant(direction: Array, limits: Array, share: float = 0.02) -> Iterator[int]:

@@ -8,7 +8,6 @@ import numpy as np
 
 from porocore.calibration.inference.infer import Inference
 from porocore.calibration.inference.intervals import ConfidenceInterval
-from porocore.calibration.inference.precision import LinearPrecision
 from porocore.states import Array
 
 
@@ -16,7 +15,8 @@ def unknown_entries(inference: Inference) -> dict[str, dict[str, Any]]:
     """Return value, unit, intervals and identifiability of each unknown, by its name.
 
     ``interval95`` counts the priors, ``interval95_without_prior`` does not; an end that the data do not set is None,
-    and ``open_ends`` has the reason. ``deviation`` is that of ln x where the scale is ``log``, to first order.
+    and ``open_ends`` has the reason. ``deviation`` is that of ln x where the scale is ``log``, to first order. It is
+    ``identifiable`` if the ends without priors lie within ``resolution`` of the value.
     """
     return {
         one.name: {
@@ -29,6 +29,7 @@ def unknown_entries(inference: Inference) -> dict[str, dict[str, Any]]:
             "deviation": _finite(inference.with_priors.deviations[i]),
             "deviation_without_prior": _finite(inference.without_priors.deviations[i]),
             "identifiable": inference.identifiable[i],
+            "resolution": inference.rule.distance(one, float(inference.values[i])),
         }
         for i, one in enumerate(inference.unknowns)
     }
@@ -39,7 +40,7 @@ def direction_entries(inference: Inference) -> list[dict[str, Any]]:
 
     ``direction`` is a unit vector over the coordinates, which are ln x where the scale is ``log``; ``deviation`` is the
     standard deviation along it, None where the data see nothing of it. ``step`` changes no measured value by more than
-    ``largest_change`` of its standard deviations.
+    ``largest_change`` of its standard deviations. No test of the model sees one that is ``exact``.
     """
     names = [one.name for one in inference.unknowns]
     return [
@@ -49,22 +50,57 @@ def direction_entries(inference: Inference) -> list[dict[str, Any]]:
             "deviation": _finite(each.deviation),
             "step": _by_name(names, each.step),
             "largest_change": each.change,
+            "exact": each.exact,
         }
         for words, each in zip(inference.words, inference.directions, strict=True)
     ]
 
 
+def product_entries(inference: Inference) -> dict[str, dict[str, Any]]:
+    """Return value, unit and 95 % interval of the products of powers that alone are seen, by their names."""
+    return {
+        each.name: {"value": each.value, "unit": each.unit, "interval95": list(each.interval)}
+        for each in inference.products
+    }
+
+
 def precision_entries(inference: Inference) -> dict[str, Any]:
-    """Return singular values without priors, and correlations without and with them."""
+    """Return singular values without priors, and correlations without and with them; None where they mean nothing."""
     names = [one.name for one in inference.unknowns]
 
-    def correlations(precision: LinearPrecision) -> dict[str, dict[str, float]]:
-        return {name: _by_name(names, row) for name, row in zip(names, precision.correlations, strict=True)}
+    def correlations(found: Array) -> dict[str, dict[str, float | None]]:
+        rows = zip(names, found, strict=True)
+        return {name: {other: _finite(x) for other, x in zip(names, row, strict=True)} for name, row in rows}
 
+    alone = inference.correlations
+    with_priors = (
+        inference.with_priors.correlations if any(u.has_prior for u in inference.unknowns) else alone
+    )
     return {
         "singular_values": inference.without_priors.singular_values.tolist(),
-        "correlations": correlations(inference.with_priors),
-        "correlations_without_priors": correlations(inference.without_priors),
+        "correlations": correlations(with_priors),
+        "correlations_without_priors": correlations(alone),
+    }
+
+
+def systematic_entry(inference: Inference) -> dict[str, Any] | None:
+    """Return the known error of the curves and how it moves the best values, by the names; None: none is known.
+
+    ``largest_error`` is that of a value in its standard deviations; ``shift`` is what exact curves would add to the
+    values, ``shift_in_deviations`` the same to first order in standard deviations of each unknown. The intervals hold
+    the values of exact curves where it is ``counted``.
+    """
+    found = inference.systematic
+    if found is None:
+        return None
+    names, best = [one.name for one in inference.unknowns], inference.best.coordinates
+    moved = [one.value(float(x)) for one, x in zip(inference.unknowns, best + found.shift, strict=True)]
+    return {
+        "largest_error": float(np.abs(found.errors).max()),
+        "shift": _by_name(names, np.array(moved) - inference.values),
+        "shift_in_deviations": _by_name(names, found.deviations),
+        "largest_shift_in_deviations": found.size,
+        "counted": found.counted,
     }
 
 

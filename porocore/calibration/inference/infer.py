@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from porocore.calibration.inference.directions import UnseenDirection, unseen_directions
+from porocore.calibration.inference.combination import SeenProduct, seen_product
+from porocore.calibration.inference.directions import UnseenDirection, significant, unseen_directions
 from porocore.calibration.inference.intervals import ConfidenceInterval, confidence_interval
 from porocore.calibration.inference.minimise import Minimum, Objective, minimise
 from porocore.calibration.inference.plane import ParameterPlane, parameter_plane
@@ -15,6 +16,7 @@ from porocore.calibration.inference.precision import LinearPrecision
 from porocore.calibration.inference.profile import LowerPoint
 from porocore.calibration.inference.rule import IdentifiabilityRule
 from porocore.calibration.inference.suggestions import FurtherData, Suggestion, ranked, repeated_parts
+from porocore.calibration.inference.systematic import SystematicError
 from porocore.calibration.inference.words import direction_words
 from porocore.calibration.problem import Fitted, Misfit, Unknown
 from porocore.states import Array
@@ -61,6 +63,12 @@ class Inference:
         Number of points that were asked for.
     points
         Those that could be computed, priors included.
+    rule
+        Of identifiability.
+    products
+        Products of powers of two unknowns that alone are seen, of exact directions.
+    systematic
+        Known error of the predicted curves; None: none is known.
     """
 
     unknowns: tuple[Unknown, ...]
@@ -79,12 +87,67 @@ class Inference:
     plane: ParameterPlane | None
     evaluations: int
     points: tuple[Fitted, ...]
+    rule: IdentifiabilityRule
+    products: tuple[SeenProduct, ...] = ()
+    systematic: SystematicError | None = None
 
     @property
     def values(self) -> Array:
         """Values (k,) of the unknowns at the best point."""
         pairs = zip(self.unknowns, self.best.coordinates, strict=True)
         return np.array([one.value(float(x)) for one, x in pairs])
+
+    @property
+    def correlations(self) -> Array:
+        """Correlations (k, k) to first order by the data without priors; NaN where they mean nothing.
+
+        They mean nothing between an unknown of a direction that is not seen and one beside it: the deviation of the
+        first is that of the direction, in which what the data do tell of the two disappears.
+        """
+        found = self.without_priors.correlations
+        moved = np.zeros((len(self.directions), len(self.unknowns)), dtype=bool)
+        for row, each in zip(moved, self.directions, strict=True):
+            row[list(significant(each.direction, self.limits))] = True
+        for row in moved:
+            found[np.ix_(row, ~row)] = found[np.ix_(~row, row)] = np.nan
+        return found
+
+    def with_error(self, errors: Array, counts: bool = True) -> Inference:
+        """Return the statements for curves of which an error is known, which the intervals hold unless it is small.
+
+        Parameters
+        ----------
+        errors : (m,)
+            Predicted less exact values, over the standard deviations of the data.
+        counts
+            Whether the data have no such error themselves.
+        """
+        jacobian = self.best.jacobian
+        found = SystematicError.at_best(errors, jacobian, self.limits)
+        if not counts or found.is_small:
+            return replace(self, systematic=found)
+        alone = SystematicError.at_best(errors, jacobian[: len(errors)], self.limits)
+        intervals = _widened(self.unknowns, self.intervals, found)
+        by_data = intervals
+        if self.data_intervals is not self.intervals:
+            by_data = _widened(self.unknowns, self.data_intervals, alone)
+        return replace(
+            self,
+            systematic=replace(found, counted=True),
+            intervals=intervals,
+            data_intervals=by_data,
+            products=tuple(
+                each.moved(self.unknowns, self.data_best.coordinates, alone) for each in self.products
+            ),
+            identifiable=_identifiable(self.rule, self.unknowns, self.values, by_data),
+        )
+
+
+def _widened(
+    unknowns: Sequence[Unknown], intervals: Sequence[ConfidenceInterval], error: SystematicError
+) -> tuple[ConfidenceInterval, ...]:
+    rows = zip(unknowns, intervals, error.shift, strict=True)
+    return tuple(interval.widened(one, float(shift)) for one, interval, shift in rows)
 
 
 def infer(
@@ -95,6 +158,7 @@ def infer(
     further: Sequence[FurtherData] = (),
     rays: int = RAYS,
     tell: Callable[[str], None] = lambda text: None,
+    dependence: Callable[[Array], Array] | None = None,
 ) -> Inference:
     """Return what the data say about the unknowns, from the best point of a fit.
 
@@ -112,6 +176,9 @@ def infer(
         Of the region of the two least determined unknowns; 0: no plane.
     tell
         Called with what is computed next.
+    dependence
+        Returns, at coordinates (k,), the derivatives (r, k) by them of all that the model knows of the unknowns,
+        whatever is measured; None: it is not known.
 
     Raises
     ------
@@ -128,7 +195,9 @@ def infer(
         data_found, data_intervals = _intervals(alone, found.fitted.coordinates, tell)
     fitted, limits = found.fitted, rule.limits(unknowns, found.fitted.coordinates)
     jacobian = alone.at(fitted.coordinates).jacobian
-    directions = unseen_directions(jacobian, limits)
+    known = None if dependence is None else dependence(fitted.coordinates)
+    directions = unseen_directions(jacobian, limits, known)
+    products = [seen_product(alone, data_found, each, limits, tell) for each in directions if each.exact]
     return Inference(
         unknowns=unknowns,
         best=fitted,
@@ -146,6 +215,8 @@ def infer(
         plane=_plane(alone, data_found, data_intervals, rays, tell),
         evaluations=objective.evaluations,
         points=objective.points,
+        rule=rule,
+        products=tuple(each for each in products if each is not None),
     )
 
 

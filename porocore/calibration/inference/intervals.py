@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from porocore.calibration.inference.minimise import Minimum, Objective
 from porocore.calibration.inference.profile import End, ProfileWalk
-from porocore.calibration.inference.words import bound_words, held_words, lost_words
+from porocore.calibration.inference.words import bound_words, held_words, lost_words, widened_words
 from porocore.calibration.problem import Unknown
 from porocore.states import Array
 
@@ -58,6 +58,25 @@ class ConfidenceInterval:
         """Both ends as values."""
         return self.low.value, self.high.value
 
+    def widened(self, unknown: Unknown, shift: float) -> ConfidenceInterval:
+        """Return the interval that holds the values of this one, and all of them after a shift of the coordinate."""
+        low, high = (
+            _shifted(end, unknown, move)
+            for end, move in ((self.low, min(shift, 0.0)), (self.high, max(shift, 0.0)))
+        )
+        return replace(self, low=low, high=high)
+
+
+def _shifted(end: IntervalEnd, unknown: Unknown, move: float) -> IntervalEnd:
+    """Return an end of an interval after a move of its coordinate; none beyond a bound of the search."""
+    if end.value is None or move == 0:
+        return end
+    value = unknown.value(unknown.coordinate(end.value) + move)
+    if unknown.lower <= value <= unknown.upper:
+        return IntervalEnd(value)
+    bound = unknown.lower if move < 0 else unknown.upper
+    return IntervalEnd(None, widened_words(unknown, bound))
+
 
 def confidence_interval(
     objective: Objective,
@@ -78,7 +97,7 @@ def confidence_interval(
     LowerPoint
         ``best`` was not the minimum, and the interval is ``strict`` about that.
     """
-    unknown, walks = objective.misfit.unknowns[index], []
+    unknown, walks = objective.misfit.unknowns[index], list[ProfileWalk]()
     for sign, name in ((-1.0, "lower"), (1.0, "upper")):
         tell(f"{name} end of {unknown.name}")
         walk = ProfileWalk(objective, best, np.array([index]), np.array([sign]), ROOT_95, strict)

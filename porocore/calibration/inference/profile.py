@@ -124,7 +124,7 @@ class ProfileWalk:
             The best point was none.
         """
         self.points = [self._first()]
-        room = self._room()
+        room = self.room
         beyond: ProfilePoint | None = None
         lost, halvings, why = room, 0, End.bound
         if room <= 0:
@@ -139,7 +139,9 @@ class ProfileWalk:
             )
             if failure is not None or found is None:
                 lost, halvings, why = distance, halvings + 1, failure or End.uncomputable
-                if halvings > MOST_HALVINGS:
+                # Nothing nearer to a best point that is not trusted itself is trusted more.
+                hopeless = failure is End.flagged and self.best.fitted.prediction.flagged
+                if hopeless or halvings > MOST_HALVINGS:
                     self.end = why
                     return self
                 continue
@@ -184,8 +186,9 @@ class ProfileWalk:
         full[self.fixed] = distance * self.direction
         return full
 
-    def _room(self) -> float:
-        """Return the distance at which a fixed coordinate reaches its bound."""
+    @property
+    def room(self) -> float:
+        """Distance at which a fixed coordinate reaches its bound."""
         start = self.best.fitted.coordinates[self.fixed]
         ends = np.where(
             self.direction > 0, self.objective.upper[self.fixed], self.objective.lower[self.fixed]

@@ -8,6 +8,7 @@ from fractions import Fraction
 import numpy as np
 
 from porocore.calibration.inference.directions import UnseenDirection, significant
+from porocore.calibration.inference.systematic import SMALL, SystematicError
 from porocore.calibration.problem import Unknown
 from porocore.states import Array
 
@@ -35,9 +36,15 @@ def direction_words(
     one = len(moves) == 1
     together = f"{moves[0]} alone changes" if one else f"{_listed(moves)} together change"
     told = f"{together} no curve by more than its noise ({change} standard deviations of a value)."
+    if found.exact:
+        told = f"{together} no curve at all."
     pair = _pair_words(found.direction, unknowns, indices, coordinates) if len(indices) == 2 else ""
     if one:
         pair = f"{unknowns[indices[0]].name} is not seen. "
+    if found.exact:
+        told += " No test, load or quantity can tell, since the model knows nothing else of them: fix " + (
+            "it, or leave it out." if one else "one of them, or report what is seen."
+        )
     return f"{pair}{told}"
 
 
@@ -57,6 +64,27 @@ def _listed(texts: Sequence[str]) -> str:
     return texts[0] if len(texts) == 1 else f"{', '.join(texts[:-1])} and {texts[-1]}"
 
 
+def seen_powers(
+    direction: Array, unknowns: Sequence[Unknown], indices: Sequence[int], coordinates: Array
+) -> tuple[int, int] | None:
+    """Return the exponents of the product of powers of two unknowns that stays along a direction; None: it is none."""
+    moves = [_relative_move(unknowns[n], float(direction[n]), float(coordinates[n])) for n in indices]
+    if 0.0 in moves:
+        return None
+    ratio = moves[1] / moves[0]
+    # Along (1, q/p) in logarithms x^q / y^p stays.
+    power = Fraction(abs(ratio)).limit_denominator(LARGEST_EXPONENT)
+    if power.numerator > LARGEST_EXPONENT or not _close(float(power), abs(ratio)):
+        return None
+    return power.numerator, -power.denominator if ratio > 0 else power.denominator
+
+
+def product_words(names: Sequence[str], powers: tuple[int, int]) -> str:
+    """Return a product of powers of two names, such as ``pore²/viscosity``."""
+    kept = [_power(name, abs(power)) for name, power in zip(names, powers, strict=True)]
+    return f"{kept[0]}/{kept[1]}" if powers[1] < 0 else f"{kept[0]}·{kept[1]}"
+
+
 def _pair_words(
     direction: Array, unknowns: Sequence[Unknown], indices: Sequence[int], coordinates: Array
 ) -> str:
@@ -68,17 +96,11 @@ def _pair_words(
         if abs(abs(ratio) - 1) < EXPONENT_TOLERANCE:
             word, sign = ("difference", "−") if ratio > 0 else ("sum", "+")
             return f"Only the {word} {one.name} {sign} {other.name} is seen, not each. "
-    moves = [_relative_move(unknowns[n], float(direction[n]), float(coordinates[n])) for n in indices]
-    if 0.0 in moves:
+    powers = seen_powers(direction, unknowns, indices, coordinates)
+    if powers is None:
         return ""
-    ratio = moves[1] / moves[0]
-    # Along (1, q/p) in logarithms x^q / y^p stays.
-    power = Fraction(abs(ratio)).limit_denominator(LARGEST_EXPONENT)
-    if power.numerator > LARGEST_EXPONENT or not _close(float(power), abs(ratio)):
-        return ""
-    kept = _power(one.name, power.numerator), _power(other.name, power.denominator)
-    text = f"ratio {kept[0]}/{kept[1]}" if ratio > 0 else f"product {kept[0]}·{kept[1]}"
-    return f"Only the {text} is seen, not each. "
+    kind = "ratio" if powers[1] < 0 else "product"
+    return f"Only the {kind} {product_words((one.name, other.name), powers)} is seen, not each. "
 
 
 def _relative_move(unknown: Unknown, move: float, coordinate: float) -> float:
@@ -114,6 +136,26 @@ def held_words(unknowns: Sequence[Unknown], at_bounds: Sequence[tuple[int, float
 def bound_words(unknown: Unknown, value: float) -> str:
     """Return why a profile that reaches the bound of the search has no end."""
     return f"the data do not exclude any value up to the bound of the search, {number_words(unknown, value)}"
+
+
+def widened_words(unknown: Unknown, value: float) -> str:
+    """Return why an end that an error of the curves moves beyond the bound of the search is none."""
+    return f"an error of the curves moves it beyond the bound of the search, {number_words(unknown, value)}"
+
+
+def shift_words(unknowns: Sequence[Unknown], coordinates: Array, error: SystematicError) -> str:
+    """Return the best values that exact curves would give, of the unknowns that an error moves."""
+    moved = [
+        f"{one.name} would be {number_words(one, one.value(float(x + move)))} instead of "
+        f"{number_words(one, one.value(float(x)))} ({abs(by):.2g} standard deviations away)"
+        for one, x, move, by in zip(unknowns, coordinates, error.shift, error.deviations, strict=True)
+        if abs(by) > SMALL
+    ]
+    return (
+        _listed(moved)
+        if moved
+        else f"combinations of unknowns would move by {error.size:.2g} standard deviations"
+    )
 
 
 def lost_words(unknown: Unknown, value: float, reason: str) -> str:

@@ -14,9 +14,9 @@ MOST_NUMBERS = 10
 
 @styled
 def correlation_figure(inference: Inference) -> Figure:
-    """Draw the correlations of the coordinates to first order, without priors, each with its number."""
+    """Draw the correlations of the coordinates to first order, without priors, each with its number, or a dash."""
     names = [named(one.name.replace("_", " ")) for one in inference.unknowns]
-    correlations = inference.without_priors.correlations
+    correlations = inference.correlations
     count = len(names)
     numbers = count <= MOST_NUMBERS
     figure = new_figure(2.4 + 0.75 * count, 1.3 + 0.62 * count) if numbers else new_figure(9.9, 7.5)
@@ -38,7 +38,9 @@ def correlation_figure(inference: Inference) -> Figure:
 
 
 def _text(value: float) -> str:
-    """Return two digits, and as many nines as there are up to four."""
+    """Return two digits, and as many nines as there are up to four; a dash for NaN."""
+    if value != value:
+        return "–"
     for digits in (2, 3, 4):
         if abs(round(value, digits)) < 1:
             # Without the sign of a zero.

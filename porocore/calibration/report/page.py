@@ -73,7 +73,8 @@ def render(contents: CalibrationContents, pictures: Pictures | None = None) -> s
             rows=list(unknown_rows(inference, None if truth is None else truth.tolist())),
             seen=seen_sentence(inference),
             suggestions=[(each.name, gain_text(each)) for each in helpful(inference)],
-            separable=any(each.separates for each in inference.suggestions),
+            separable=any(each.separates for each in inference.suggestions)
+            or all(each.exact for each in inference.directions),
             derived=[(each.title, list(derived_rows(each))) for each in contents.derived],
             searched=[] if contents.plan is None else list(search_rows(contents.plan)),
             data=[] if contents.plan is None else list(data_rows(contents.plan)),

@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 
 from porocore.calibration.inference.infer import Inference
 from porocore.calibration.inference.intervals import ROOT_95, ConfidenceInterval
-from porocore.calibration.problem import Unknown
 from porocore.calibration.report.contents import unknown_label, values_at
 from porocore.report.figures.style import (
     BLACK,
@@ -40,7 +39,7 @@ def profile_figure(inference: Inference, truth: Array | None = None) -> Figure:
     """Draw the rise of the sum of squares over each unknown, the others optimised.
 
     Solid: of the data; dash-dotted: with priors, where there are any; dashed: to first order. The band is the 95 %
-    interval without priors, open to the side where it has no end.
+    interval without priors: up to the side of the panel where it has one end, and none where it has none.
 
     Parameters
     ----------
@@ -60,6 +59,8 @@ def profile_figure(inference: Inference, truth: Array | None = None) -> Figure:
         axes.set_visible(False)
     for axes in panels[:, 0]:
         axes.set_ylabel("rise of the sum of squares")
+    # The first panel has the legend, and may have no band.
+    panels[0, 0].fill_between([], [], color=lighter(BLUE, 0.85), lw=0, label="95 % interval of the data")
     legend_above(figure, panels[0, 0], columns=2 if columns < 3 else 3)
     return figure
 
@@ -72,7 +73,6 @@ def _panel(axes: Axes, inference: Inference, i: int, truth: float | None) -> Non
     if low == high:  # another unknown is at its bound from the first step on, to both sides
         half = ALONE * (unknown.coordinate(unknown.upper) - unknown.coordinate(unknown.lower))
         low, high = low - half, high + half
-    _band(axes, unknown, alone, low, high)
     axes.plot(values_at(unknown, x), rise, color=BLUE, label="profile of the data", zorder=3)
     points, roots = alone.coordinates[:, i], alone.roots
     axes.plot(values_at(unknown, points), roots**2, "o", ms=3, color=BLUE, zorder=3)
@@ -92,21 +92,22 @@ def _panel(axes: Axes, inference: Inference, i: int, truth: float | None) -> Non
     if truth is not None:
         axes.axvline(truth, color=GREEN, lw=1.4, label="truth")
     axes.set_ylim(0, HIGHEST)
+    edges += [unknown.coordinate(value) for value in alone.values if value is not None]
     low, high = min(edges), max(edges)
     margin = 0.04 * (high - low)
-    axes.set_xlim(*values_at(unknown, np.array([low - margin, high + margin])))
+    sides = values_at(unknown, np.array([low - margin, high + margin]))
+    _band(axes, alone, float(sides[0]), float(sides[1]))
+    axes.set_xlim(*sides)
     if unknown.scale == "log" and high - low > np.log(WIDE):
         axes.set_xscale("log")
     axes.set_xlabel(unknown_label(unknown))
 
 
-def _band(axes: Axes, unknown: Unknown, interval: ConfidenceInterval, low: float, high: float) -> None:
-    """Shade the interval; an end that is none is where the profile ends, with an arrow."""
-    ends = [
-        unknown.value(edge) if value is None else value
-        for value, edge in zip(interval.values, (low, high), strict=True)
-    ]
-    axes.axvspan(ends[0], ends[1], color=lighter(BLUE, 0.85), lw=0, label="95 % interval of the data")
+def _band(axes: Axes, interval: ConfidenceInterval, low: float, high: float) -> None:
+    """Shade the interval between the sides of the panel; an arrow points to one on which it has no end."""
+    ends = [side if end is None else end for end, side in zip(interval.values, (low, high), strict=True)]
+    if interval.values != (None, None):
+        axes.axvspan(ends[0], ends[1], color=lighter(BLUE, 0.85), lw=0)
     for end, value, side in zip(ends, interval.values, ("left", "right"), strict=True):
         if value is None:
             axes.annotate(

@@ -275,12 +275,14 @@ def body_progress(
     problem: MacroProblem,
     units: ResultUnits,
     clock: Callable[[], float] | None = None,
+    scale: Callable[[str], float] = lambda quantity: 1.0,
 ) -> Iterator[tuple[Callable[[StepReport], None], Callable[[str], None]]]:
     """Show the progress of a macro solve; yield what to call after each step, and with the work between two steps.
 
-    ``clock`` tells the time of the process that solves; by default this one does.
+    ``clock`` tells the time of the process that solves; by default this one does. ``scale`` returns the factor from the
+    numbers of the problem to those of the study, by the quantity, where the problem is in other units.
     """
-    time, length = units.factor("time"), units.factor("displacement")
+    time, length = (scale(kind) * units.factor(kind) for kind in ("time", "displacement"))
     unit, of_length = (f" {units.name(kind)}" if units.given else "" for kind in ("time", "displacement"))
     forecast, reached, work = StepForecast(problem), 0.0, (0.0, 1.0)
 

@@ -40,3 +40,8 @@ def test_a_distance_may_be_given_by_name():
     unknown = Unknown("nu", 0.3, 0.0, 0.49)
     assert rule.distance(unknown, 0.3) == 0.02
     assert RULE.distance(unknown, 0.3) == pytest.approx(0.03)
+
+
+def test_an_angle_is_compared_with_a_right_one():
+    assert RULE.distance(Unknown("fibres.angle", 2.0, 0.0, 180.0), 2.0) == 9.0
+    assert RULE.distance(Unknown("angle", 2.0, 1.0, 180.0, "log"), 2.0) == pytest.approx(0.2)
