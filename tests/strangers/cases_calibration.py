@@ -80,7 +80,7 @@ def tells_the_conductivity(folder: Path, ended: Ended | None) -> None:
 
 def compares_the_clock_with_the_test(folder: Path, ended: Ended | None) -> None:
     plan = read_plan(folder / "cal_shift.yaml")
-    assert plan.rule.distances == {"start": pytest.approx(0.1 * 4.65, rel=0.2)}
+    assert plan.rule.distances == {"start": pytest.approx(0.1 * 5.782, rel=1e-3)}
 
 
 CASES = [
