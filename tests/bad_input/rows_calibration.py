@@ -122,6 +122,26 @@ ROWS = [
         "creep.csv:1: expected rows of numbers below the headings 'time' and 'settlement'; add",
         CREEP[:15],
     ),
+    Row(
+        "check of two curves",
+        ("check", CONFIG),
+        (
+            "calibration.observations.creep: creep.csv:3: settlement: expected a finite number, got 'x'",
+            "calibration.observations.later: creep.csv: no column is called 'clock'; the headings in line 1 are time,",
+        ),
+        {
+            CONFIG: study(
+                {
+                    "calibration": {
+                        **SECTION,
+                        "observations": {"creep": CURVE, "later": {**CURVE, "time": "clock"}},
+                    }
+                }
+            ),
+            "creep.csv": CREEP.replace("0.2", "x"),
+        },
+        prints=True,
+    ),
     curve("since after until", "since: expected a time before until, got 3.0 and 1.0", since=3, until=1),
     curve(
         "time back", "creep.csv:4: time: expected increasing times, got 2 after 3", "time,s\n1,1\n3,2\n2,3\n"

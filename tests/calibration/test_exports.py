@@ -347,6 +347,11 @@ REFUSED = {
         {},
         "'1,234' may be 1.234 or 1234",
     ),
+    "points in some numbers where commas separate": (
+        rows("time [s],force [N]", "1,1.234", "2,2.345", "3,999"),
+        {},
+        "'1.234' may be 1.234 or 1234",
+    ),
     "points and commas": (
         force("0,5", "0.25", "0,75"),
         {},
@@ -442,6 +447,11 @@ REFUSED = {
         {},
         "no column is called 'time'; the headings in line 2 are t, F",
     ),
+    "no row with numbers": (
+        rows("time;force", "0;---", "1;---"),
+        {"missing": ["---"]},
+        "missing: expected rows with numbers in 'time' and 'force', but every row of",
+    ),
     "a line without text": (
         rows("time;force", *BLOCK),
         {"heading_line": 9},
@@ -481,6 +491,41 @@ def test_every_number_has_one_reading_or_two_that_differ() -> None:
             assert all(max(x, value) / min(x, value) == pytest.approx(1000) for x in others if value), text
 
 
+LOCALES = ((".", ","), (",", "."), (",", "\u00a0"), (".", "'"), (".", ""), (",", ""))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_table_is_read_right_or_refused_in_every_locale(seed: int, tmp_path: Path) -> None:
+    generator = np.random.default_rng(seed)
+    read_right, refused = 0, list[str]()
+    for _ in range(40):
+        mark, group = LOCALES[generator.integers(len(LOCALES))]
+        # A file with points between groups and commas between entries is none that a program writes.
+        separator = ";\t,"[generator.integers(2 if group == "." else 3)]
+        texts, values = [], []
+        for exact in (np.cumsum(10 ** generator.uniform(-2, 4, 6)), 10 ** generator.uniform(-3, 6, 6)):
+            digits, general = int(generator.integers(0, 5)), bool(generator.integers(2))
+            column = [f"{value:,.{digits}f}" for value in exact]
+            column = [text.rstrip("0").rstrip(".") if general and "." in text else text for text in column]
+            values.append([float(text.replace(",", "")) for text in column])
+            column = [text.replace(",", "g").replace(".", mark).replace("g", group) for text in column]
+            texts.append([f'"{text}"' if separator in text else text for text in column])
+        if (np.diff(values[0]) <= 0).any():
+            continue
+        table = rows(f"time [s]{separator}force [N]", *map(separator.join, zip(*texts, strict=True)))
+        try:
+            curve = read(tmp_path, table)
+        except ConfigurationError as error:
+            refused.append(str(error))
+            continue
+        np.testing.assert_allclose(curve.displayed_times, values[0], rtol=1e-12)
+        assert curve.measured is not None
+        np.testing.assert_array_equal(curve.measured, values[1])
+        read_right += 1
+    assert read_right > 20
+    assert [words for words in refused if "' may be " not in words] == []
+
+
 def test_rows_at_one_time_count_as_their_mean(tmp_path: Path) -> None:
     table = rows(
         "time [s];force [N];sd [N];w", "0;1;0.1;1", "1;2;0.1;1", "1;5;0.2;1", "2;3;0.1;2", "2;6;0.1;1"
@@ -494,6 +539,13 @@ def test_rows_at_one_time_count_as_their_mean(tmp_path: Path) -> None:
     # The mean by w/sd², whose precision is the sum of theirs.
     np.testing.assert_allclose(weighted.measured, [1, (200 + 125) / 125, 12 / 3])  # type: ignore[arg-type]
     np.testing.assert_allclose(weighted.deviations, np.array([100, 125, 300]) ** -0.5)
+
+
+def test_numbers_without_units_in_a_study_with_scales_are_noted(tmp_path: Path) -> None:
+    said = [note.split(",")[0] for note in read(tmp_path, rows("time;force", *BLOCK), unit=None).notes]
+    assert said == ["'time' has no unit in force.csv", "'force' has no unit in force.csv"]
+    assert read(tmp_path, rows("time;force", *BLOCK), unit="", time_unit="s").notes == ()
+    assert read(tmp_path, rows("time [s];force [N]", *BLOCK)).notes == ()
 
 
 #: An hour in the times of the study.

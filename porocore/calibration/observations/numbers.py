@@ -140,9 +140,9 @@ def read_columns(
     """Return the numbers of some columns of one table.
 
     The decimal mark of a column is that with which all of its entries are numbers. Where both are possible, as for
-    1,234, it is that of the other columns, or the point where commas separate entries. A point or comma is taken for
-    one between groups of three digits only where it can be nothing else at another place of the column, or, in a
-    column without decimals, of another one.
+    1,234, it is that of the other columns, or the point where commas separate entries and all of the column have a
+    point. A point or comma is taken for one between groups of three digits only where it can be nothing else at
+    another place of the column, or, in a column without decimals, of another one.
 
     Parameters
     ----------
@@ -173,11 +173,11 @@ def _read(
     own = column.marks
     if decimal is None and len(own) == 2:
         raise _contradiction(where, column)
-    mark = decimal or (next(iter(own)) if own else _mark_of_others(marks, separator))
+    mark = decimal or (next(iter(own)) if own else _mark_of_others(column, marks, separator))
     found = []
     for line, entry in zip(column.lines, column.entries, strict=True):
         if entry.is_ambiguous:
-            grouped = mark is not None and _is_grouped(entry.text, mark)
+            grouped = mark is not None and mark not in entry.text
             seen = _OTHER.get(mark or "") in (column.groups if own else groups - marks)
             if mark is None or (grouped and not seen and (decimal is None or own)):
                 raise _ambiguity(f"{where}:{line}: {column.name}", entry, mark if own else None)
@@ -190,16 +190,12 @@ def _read(
     return Numbers(tuple(found))
 
 
-def _mark_of_others(marks: set[str], separator: str) -> str | None:
+def _mark_of_others(column: TextColumn, marks: set[str], separator: str) -> str | None:
     """Return the decimal mark of a column that does not show its own; None: it cannot be known."""
     if marks:
         return next(iter(marks)) if len(marks) == 1 else None
-    # Without quotation marks a comma separates here.
-    return POINT if separator == COMMA else None
-
-
-def _is_grouped(text: str, mark: str) -> bool:
-    return mark not in text
+    # A comma separates here. Numbers in groups would have some below a thousand among them, without a point.
+    return POINT if separator == COMMA and all(POINT in text for text in column.texts) else None
 
 
 def _require_numbers(where: str, column: TextColumn) -> None:

@@ -147,6 +147,12 @@ def _measured(
     extra = [None if each is None else table.find(each) for each in named[1:]]
     used = [at, column, *(k for k in extra if k is not None)]
     rows = table.without(settings.missing, used)
+    if not rows.rows:
+        texts = ", ".join(map(echo, settings.missing)) or "no text"
+        raise ConfigurationError(
+            f"missing: expected rows with numbers in {joined(echo(table.names[k]) for k in used)}, but every row of "
+            f"{path} has {texts} there; name other columns, or change the key"
+        )
     numbers = dict(zip(used, rows.numbers(used, settings.decimal), strict=True))
     deviations, weights = (None if k is None else _positive(rows, k, numbers[k].values) for k in extra)
     _require_rising(rows, at, numbers[at].values)
@@ -162,7 +168,8 @@ def _measured(
         title, series, data.times[kept] / time.factor, unit.name, time.name, unit.factor, time.factor,
         data.weights[kept], data.values[kept],
         _spread(settings, unit) if data.deviations is None else data.deviations[kept],
-        settings.deviation_share, tuple(_notes(table, rows, numbers[at], read, data, time)),
+        settings.deviation_share,
+        (*_notes(table, rows, numbers[at], read, data, time), *_unitless(table, settings, at, column, scales)),
         DataFile.of(path, str(settings.file), len(table.rows)),
     )  # fmt: skip
 
@@ -219,6 +226,20 @@ def _notes(
             f"the last time, {times.texts[-1]}{_unit(unit.name)}, is rounded and counts as the end of the study, "
             f"{read.times[-1]:.10g}{_unit(unit.name)}"
         )
+
+
+def _unitless(
+    table: CurveTable, settings: ObservationSettings, at: int, column: int, scales: Scales | None
+) -> Iterator[str]:
+    """Yield that times or values are taken for dimensionless in a study with scales, where nobody said so."""
+    if scales is None:
+        return
+    for key, given, k in (("time_unit", settings.time_unit, at), ("unit", settings.unit, column)):
+        if given is None and not table.headings[k].unit:
+            yield (
+                f"{echo(table.names[k])} has no unit in {table.path.name}, so its numbers are taken as multiples of "
+                f"the study's scales; give '{key}:' where they have one, or '{key}: \"\"'"
+            )
 
 
 def _require_rising(table: CurveTable, column: int, times: Array) -> None:
