@@ -40,7 +40,7 @@ def compression(strain):
 
 def test_a_state_on_the_eighth_with_negative_pressure(study):
     found = cell(study, compression(-0.05), "--p", "-0.02")
-    assert set(found) == {*SHAPES, "tangent", "status", "peaks", "seconds"}
+    assert set(found) == {*SHAPES, "cell", "tangent", "status", "peaks", "seconds"}
     assert found["status"] == "converged"
     assert set(found["tangent"]) == set(TANGENT)
     for shapes, values in ((SHAPES, found), (TANGENT, found["tangent"])):

@@ -112,7 +112,7 @@ def test_without_dask(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with (
         CellPool(make, (Fake(),), executor="dask") as pool,
-        pytest.raises(PluginError, match=r"needs dask\.distributed.*pip install 'porocore\[dask\]'"),
+        pytest.raises(PluginError, match=r"needs dask\.distributed.*pip install distributed"),
     ):
         pool.submit("a", MacroState.zeros(1))
 

@@ -108,7 +108,7 @@ class Trainings(Fitting):
         changed = replace(data, states=data.states[:-1], responses=data.responses[:-1])
         for other, seed in ((changed, self.seed), (data, self.seed + 1)):
             state = f"the checkpoint of seed {self.seed}, for seed {seed} and {len(other.states)} states"
-            with refused(DataError, state=state, naming=(checkpoint.name, "remove")):
+            with refused(DataError, state=state, naming=(checkpoint.name, "move it")):
                 self.make_surrogate().fit(other, seed=seed, checkpoint=checkpoint)
         before, after = Path(kept).read_bytes(), checkpoint.read_bytes()
         holds(after == before, "a refused checkpoint", "the file as it was", "another content")
@@ -119,7 +119,7 @@ class Trainings(Fitting):
         checkpoint, _ = interrupted
         whole = checkpoint.read_bytes()
         checkpoint.write_bytes(whole[: len(whole) // 2])
-        with refused(DataError, state="half of a checkpoint", naming=(checkpoint.name, "remove")):
+        with refused(DataError, state="half of a checkpoint", naming=(checkpoint.name, "move it")):
             self.make_surrogate().fit(data, seed=self.seed, checkpoint=checkpoint)
 
     def test_what_is_not_resumable_leaves_no_checkpoint(self, data: TrainingSet, tmp_path: Path) -> None:

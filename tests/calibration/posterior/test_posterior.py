@@ -92,7 +92,7 @@ def test_a_curved_density_of_two_unknowns_has_the_medians_of_a_grid(noise):
     unknowns = (Unknown("a", 1.0, 0.05, 20.0, "log"), Unknown("b", 1.0, 0.05, 20.0, "log"))
     model = Formula(unknowns, lambda v: v[0] * np.exp(-v[1] * T))
     misfit = misfit_of(model, [1.0, 1.3], noise, NOISE)
-    found = posterior_of(misfit, SHORT)
+    found = posterior_of(misfit, SETTINGS)
     assert found.check.passed
     assert found.runs > 2 * found.check.drawn
     x = np.linspace(np.log(0.05), np.log(20.0), 400)

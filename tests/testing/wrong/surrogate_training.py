@@ -59,9 +59,9 @@ class Stepwise(Altered):
         try:
             *found, step = json.loads(checkpoint.read_text())
         except (ValueError, TypeError) as error:
-            raise DataError(f"{checkpoint.name}: remove it") from error
+            raise DataError(f"{checkpoint.name}: move it away") from error
         if found != owner:
-            raise DataError(f"{checkpoint.name}: of another training; remove it")
+            raise DataError(f"{checkpoint.name}: of another training; move it away")
         return step
 
 
