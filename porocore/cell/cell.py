@@ -95,7 +95,7 @@ class Cell(Family, metaclass=CalledByUsers):
             try:
                 require_few(count * self.geometry.elements(size), f"mesh.{name}")
             except ConfigurationError as error:
-                raise ValueError(str(error)) from error
+                raise ValueError(str(error)) from None
         return self
 
     @model_serializer(mode="wrap")

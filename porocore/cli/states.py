@@ -121,7 +121,7 @@ def read_parameters(cell: Cell, given: Sequence[str] | None) -> Cell:
     try:
         return member_with(cell, values)
     except ConfigurationError as error:
-        raise ConfigurationError(f"--parameters: {error}") from error
+        raise ConfigurationError(f"--parameters: {error}") from None
 
 
 def read_state(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import json
 import re
+import traceback
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import porocore
+from porocore import Cell, ConfigurationError, Study, load_config
 from porocore.core.echo import choices, cut, did_you_mean, echo, joined, reason, suggestion
 from porocore.study.config.errors import unexpected
 
@@ -22,6 +24,14 @@ VALUES = st.recursive(
     lambda below: st.lists(below, max_size=3) | st.dictionaries(TEXTS, below, max_size=3),
     max_leaves=8,
 )
+
+
+#: A study with several faults.
+BAD = {
+    "cell": {"viscosity": "1 kg"},
+    "sampling": {"inputs": {}},
+    "macro": {"boundary": {"up": {}}, "loads": [0]},
+}
 
 
 def assert_says_something(text):
@@ -85,6 +95,50 @@ def _ends_in_a_list(text: ast.JoinedStr) -> bool:
         return False
     names = [node.id for node in ast.walk(call) if isinstance(node, ast.Name)]
     return not any(name.isupper() for name in names)
+
+
+#: Errors of which the message says everything: the traceback of the one below is the only one that a caller sees.
+SAID = {
+    "ConfigurationError", "MemberError", "ValidationError", "OSError", "FileNotFoundError", "IsADirectoryError",
+    "NotADirectoryError", "Locked", "yaml.MarkedYAMLError", "UnicodeDecodeError",
+}  # fmt: skip
+
+
+def test_an_error_that_is_said_is_no_cause():
+    found = []
+    for path in sorted(ROOT.rglob("*.py")):
+        for handler in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(handler, ast.ExceptHandler) or handler.type is None:
+                continue
+            kinds = handler.type.elts if isinstance(handler.type, ast.Tuple) else [handler.type]
+            if {ast.unparse(kind) for kind in kinds} <= SAID:
+                found += [
+                    f"{path}:{node.lineno}"
+                    for node in ast.walk(handler)
+                    if isinstance(node, ast.Raise)
+                    and isinstance(node.cause, ast.Name)
+                    and node.cause.id == handler.name
+                ]
+    assert found == []
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: Study("no-such-file.yaml"),
+        lambda: Study(BAD),
+        lambda: Study({**BAD, "cell": {"geometry": {"kind": "voxels", "path": "no-such.tif"}}}),
+        lambda: Study("cartilage-confined", macro={"probes": {"far": [9, 9, 9]}}).check(),
+        lambda: Study("cartilage-confined", macro={"boundary": {1.5: {"normal": 0}}}),
+        lambda: load_config("no-such-file.yaml"),
+        lambda: Cell(viscosity=-1),
+    ],
+)
+def test_a_refusal_in_python_has_one_traceback(call):
+    with pytest.raises(ConfigurationError) as refused:
+        call()
+    lines = "".join(traceback.format_exception(refused.value))
+    assert lines.count("Traceback (most recent call last)") == 1, lines
 
 
 def test_no_message_advises_to_delete():

@@ -108,7 +108,7 @@ def _settings(document: YamlDocument) -> tuple[CalibrationSettings, Location]:
         )
         raise ConfigurationError(
             "\n".join(f"{document.at_line(line)}: {text}" for line, text in sorted(found))
-        ) from error
+        ) from None
     return (read.calibration, (SECTION,)) if isinstance(read, _Section) else (read, ())
 
 
@@ -252,4 +252,4 @@ def _family(
     except ConfigurationError as error:
         raise ConfigurationError(
             f"{_key(at, 'unknowns')}: the bounds span no family of cells: {error}"
-        ) from error
+        ) from None

@@ -46,7 +46,7 @@ def keyed(key: str) -> Iterator[None]:
         yield
     except ConfigurationError as error:
         text = str(error)
-        raise ConfigurationError(f"{key}{'.' if text.partition(': ')[0] in _KEYS else ': '}{text}") from error
+        raise ConfigurationError(f"{key}{'.' if text.partition(': ')[0] in _KEYS else ': '}{text}") from None
 
 
 def planned_unknowns(

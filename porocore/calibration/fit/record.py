@@ -47,7 +47,7 @@ class EvaluationRecord:
                 path.write_text(whole, encoding="utf-8")
             self._read(whole.splitlines())
         except OSError as error:
-            raise self._unusable(f"cannot be used: {error.strerror or error}") from error
+            raise self._unusable(f"cannot be used: {error.strerror or error}") from None
         if not whole:
             self._append({"format": FORMAT, "identity": identity})
 
@@ -117,7 +117,7 @@ class EvaluationRecord:
                 file.flush()
                 os.fsync(file.fileno())
         except OSError as error:
-            raise self._unusable(f"cannot be written: {error.strerror or error}") from error
+            raise self._unusable(f"cannot be written: {error.strerror or error}") from None
 
     def _unusable(self, why: str) -> RunFolderError:
         return RunFolderError(f"{self.path} {why}")

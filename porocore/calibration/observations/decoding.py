@@ -90,14 +90,12 @@ def _data(path: Path) -> bytes:
     try:
         require_ordinary(path, LARGEST_TEXT)
         return path.read_bytes()
-    except FileNotFoundError as error:
-        raise ConfigurationError(
-            f"{echo_path(path)}: no such file; give the CSV file of the curve"
-        ) from error
-    except IsADirectoryError as error:
-        raise ConfigurationError(f"{echo_path(path)}: expected a CSV file, got a folder") from error
+    except FileNotFoundError:
+        raise ConfigurationError(f"{echo_path(path)}: no such file; give the CSV file of the curve") from None
+    except IsADirectoryError:
+        raise ConfigurationError(f"{echo_path(path)}: expected a CSV file, got a folder") from None
     except OSError as error:
-        raise ConfigurationError(f"{echo_path(path)}: cannot be read: {error.strerror or error}") from error
+        raise ConfigurationError(f"{echo_path(path)}: cannot be read: {error.strerror or error}") from None
 
 
 def _utf_16(path: Path, data: bytes) -> str:

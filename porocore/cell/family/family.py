@@ -116,7 +116,7 @@ class Family(StrictModel):
             found = rebuilt(self, dict(zip(paths, numbers, strict=True)))
         except ValidationError as error:
             at = ", ".join(f"{p.name} = {x:g}" for p, x in zip(self._parameters, numbers, strict=True))
-            raise MemberError(f"no cell has {at}: {refusals(error)}") from error
+            raise MemberError(f"no cell has {at}: {refusals(error)}") from None
         found._parameters, found._values = self._parameters, numbers
         return found
 

@@ -209,7 +209,7 @@ class MovingMesh:
                     raise MemberError(f"its wall has {len(surfaces)} surfaces, not {self._count}")
                 self._places[geometry] = self._wall.moved(surfaces)
             except MemberError as error:
-                raise self._too_far(geometry, str(error)) from error
+                raise self._too_far(geometry, str(error)) from None
             if len(self._places) > KEPT:
                 self._places.popitem(last=False)
         return self._places[geometry]

@@ -211,7 +211,7 @@ def _section(section: BaseModel, numbers: Mapping[Location, float], at: tuple[st
                 InitErrorDetails(type=e["type"], loc=(*at, *e["loc"]), input=e["input"], ctx=e.get("ctx", {}))
                 for e in error.errors()
             ],
-        ) from error
+        ) from None
 
 
 def fault(path: Location, text: str, value: Any) -> InitErrorDetails:

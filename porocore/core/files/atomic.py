@@ -43,7 +43,7 @@ def new_folder(path: Path) -> Path:
     except OSError as error:
         raise RunFolderError(
             f"{path}: expected a folder that can be written: {error.strerror or error}; choose another --out"
-        ) from error
+        ) from None
     return path
 
 
@@ -78,7 +78,7 @@ def require_outside_a_run(path: Path) -> None:
                     f"{path} is in the run folder {above}, whose files belong to its run; choose another --out"
                 )
     except OSError as error:
-        raise RunFolderError(f"{path}: {error.strerror or error}; choose another --out") from error
+        raise RunFolderError(f"{path}: {error.strerror or error}; choose another --out") from None
 
 
 def place_for(path: Path, option: str = "--out") -> Path:
@@ -101,7 +101,7 @@ def place_for(path: Path, option: str = "--out") -> Path:
     except OSError as error:
         raise RunFolderError(
             f"{option} {path}: no file can be written there: {error.strerror or error}; choose another"
-        ) from error
+        ) from None
     return path
 
 
@@ -126,7 +126,7 @@ def atomic_path(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise RunFolderError(
             f"cannot write {path}: {reason(error)}; make room or choose another --out"
-        ) from error
+        ) from None
     finally:
         with suppress(OSError):  # not only a missing file: the error above is the one to tell
             part.unlink()

@@ -34,11 +34,11 @@ def lock_folder(path: Path) -> int:
         raise RunFolderError(
             f"another porocore (process {error.holder}) is working in {path}; "
             "wait for it, stop it, or choose another --out"
-        ) from error
+        ) from None
     except OSError as error:
         raise RunFolderError(
             f"{path} cannot be written: {error.strerror or error}; choose another --out"
-        ) from error
+        ) from None
 
 
 def claim_folder(
@@ -93,7 +93,7 @@ def claim_folder(
     except OSError as error:
         raise RunFolderError(
             f"{path}: the folder cannot be made: {error.strerror or error}; choose another --out"
-        ) from error
+        ) from None
 
 
 def _require_own_files(path: Path, record: str, work: str, left_by_a_start: Callable[[str], bool]) -> None:

@@ -114,7 +114,7 @@ def read_mesh(path: Path, numbering: str | None = None) -> ForeignMesh:
     try:
         beginning = _beginning(path)
     except OSError as error:
-        raise ConfigurationError(f"{path}: {error.strerror or 'cannot be read'}") from error
+        raise ConfigurationError(f"{path}: {error.strerror or 'cannot be read'}") from None
     if not beginning:
         raise ConfigurationError(f"{path}: the file is empty; expected a mesh, so write it again")
     if path.suffix.lower() == ".msh" and beginning.removeprefix(b"\xef\xbb\xbf").lstrip().startswith(b"$"):

@@ -99,7 +99,7 @@ def content_hash(path: Path) -> str:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
-        raise ValueError(f"{echo_path(path)} cannot be read: {error.strerror or error}") from error
+        raise ValueError(f"{echo_path(path)} cannot be read: {error.strerror or error}") from None
 
 
 def _changed(path: Path, expected: str | None, found: str) -> str:

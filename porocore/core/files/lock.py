@@ -71,7 +71,7 @@ def _open_lock(path: Path) -> int:
         held = os.open(path, _FLAGS, 0o644)
     except OSError as error:
         if error.errno == errno.ELOOP:
-            raise OSError(errno.ELOOP, f"its lock {path.name} is a symbolic link; remove that") from error
+            raise OSError(errno.ELOOP, f"its lock {path.name} is a symbolic link; remove that") from None
         raise
     if not stat.S_ISREG(os.fstat(held).st_mode):
         os.close(held)

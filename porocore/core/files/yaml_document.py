@@ -83,12 +83,12 @@ class YamlDocument:
             mark = error.problem_mark or error.context_mark
             where = f"{path}:{mark.line + 1}" if mark else f"{path}"
             if isinstance(error, yaml_loader.Refused):
-                raise ConfigurationError(f"{where}: {error.problem}") from error
+                raise ConfigurationError(f"{where}: {error.problem}") from None
             context = f"{error.context}, " if error.context else ""
             raise ConfigurationError(
                 f"{where}: not valid YAML: {cut(context + (error.problem or ''), 2 * MOST)}; "
                 "check indentation, colons and quotes on this line and the one above"
-            ) from error
+            ) from None
         except yaml.reader.ReaderError as error:
             line = text.count("\n", 0, error.position) + 1
             raise ConfigurationError(
@@ -166,16 +166,16 @@ def _text(path: Path) -> str:
     """Return what a configuration file holds; what cannot be read is a :class:`ConfigurationError`."""
     try:
         return read_text(path, yaml_loader.MOST_BYTES)
-    except FileNotFoundError as error:
+    except FileNotFoundError:
         raise ConfigurationError(
             f"{path}: no such file; give the path of a configuration, such as one from examples/"
-        ) from error
-    except IsADirectoryError as error:
-        raise ConfigurationError(f"{path}: expected a configuration file, got a folder") from error
+        ) from None
+    except IsADirectoryError:
+        raise ConfigurationError(f"{path}: expected a configuration file, got a folder") from None
     except UnicodeDecodeError as error:
         raise ConfigurationError(f"{path}{_other_encoding(error)}") from None
     except OSError as error:
-        raise ConfigurationError(f"{echo_path(path)}: cannot be read: {error.strerror or error}") from error
+        raise ConfigurationError(f"{echo_path(path)}: cannot be read: {error.strerror or error}") from None
 
 
 def _other_encoding(error: UnicodeDecodeError) -> str:

@@ -181,8 +181,8 @@ def _utf8(value: Any, where: str) -> str:
     if isinstance(value, bytes):
         try:
             return value.decode("utf-8")
-        except UnicodeDecodeError as error:
-            raise ValueError(f"{where} is no UTF-8: {value[:40]!r}") from error
+        except UnicodeDecodeError:
+            raise ValueError(f"{where} is no UTF-8: {value[:40]!r}") from None
     text = str(value)
     try:
         text.encode("utf-8")
@@ -219,8 +219,8 @@ def opened(path: str | Path, what: str, then: str, missing: str | None = None) -
             require_harmless(path)
         with h5py.File(path, "r") as file:
             yield Contents(file, path)
-    except FileNotFoundError as error:
-        raise DataError(f"{path}: no such file; {missing or then}") from error
+    except FileNotFoundError:
+        raise DataError(f"{path}: no such file; {missing or then}") from None
     except UNREADABLE as error:
         raise damaged(path, what, error, then) from error
 

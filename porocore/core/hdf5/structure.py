@@ -105,8 +105,8 @@ def _members(group: Any, path: str) -> list[str]:
     for name in raw:
         try:
             text = name.decode("utf-8")
-        except UnicodeDecodeError as error:
-            raise ValueError(f"a name in '{path}' is no UTF-8: {name[:40]!r}") from error
+        except UnicodeDecodeError:
+            raise ValueError(f"a name in '{path}' is no UTF-8: {name[:40]!r}") from None
         if len(name) > LONGEST_NAME or not text.isprintable():
             raise ValueError(f"a name in '{path}' is none that porocore writes: {text[:40]!r}")
         if group.links.get_info(name).type != h5l.TYPE_HARD:

@@ -57,7 +57,7 @@ else:
                 found: dict[str, str] = {}
                 for fault in error.errors():
                     found.setdefault(_place(settings, fault["loc"]) or cls.__name__, _fault(fault))
-                raise ConfigurationError("\n".join(f"{at}: {text}" for at, text in found.items())) from error
+                raise ConfigurationError("\n".join(f"{at}: {text}" for at, text in found.items())) from None
 
 
 def _place(settings: Any, location: tuple[int | str, ...]) -> str:

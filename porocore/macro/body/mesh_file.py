@@ -45,7 +45,7 @@ def read_body(path: Path, size: float | None, scale: float) -> BodyMesh:
     try:
         require_ordinary(path)
     except OSError as error:
-        raise ConfigurationError(f"{KEY}: {path}: {error.strerror or error}") from error
+        raise ConfigurationError(f"{KEY}: {path}: {error.strerror or error}") from None
     if path.suffix.lower() in GEOMETRIES and size is None:
         raise ConfigurationError(
             f"macro.body.size: missing; {path.name} is a geometry, which is meshed by it"
@@ -59,7 +59,7 @@ def read_body(path: Path, size: float | None, scale: float) -> BodyMesh:
         return _body(foreign, path, scale)
     except ConfigurationError as error:
         said = str(error)
-        raise ConfigurationError(said if said.startswith("macro.") else f"{KEY}: {said}") from error
+        raise ConfigurationError(said if said.startswith("macro.") else f"{KEY}: {said}") from None
 
 
 def _body(foreign: ForeignMesh, path: Path, scale: float) -> BodyMesh:

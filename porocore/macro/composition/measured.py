@@ -182,7 +182,7 @@ def _told_with(key: str) -> Iterator[None]:
         yield
     except ConfigurationError as error:
         told = str(error)
-        raise ConfigurationError(told if told.startswith(key) else f"{key}.path: {told}") from error
+        raise ConfigurationError(told if told.startswith(key) else f"{key}.path: {told}") from None
 
 
 @lru_cache(maxsize=4)

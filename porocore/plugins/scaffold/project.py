@@ -59,7 +59,7 @@ def write_project(name: str, kind: str, to: Path | None = None) -> Path:
             target.write_text(text, encoding="utf-8")
         part.rename(folder)
     except OSError as error:
-        raise ConfigurationError(f"cannot write {folder}: {reason(error)}; choose another --to") from error
+        raise ConfigurationError(f"cannot write {folder}: {reason(error)}; choose another --to") from None
     finally:
         shutil.rmtree(part, ignore_errors=True)
     return folder

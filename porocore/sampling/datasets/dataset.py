@@ -189,7 +189,7 @@ class Dataset:
             if folder.exists():
                 folder.rmdir()
         except OSError as error:
-            raise RunFolderError(f"cannot remove {folder}: {reason(error)}; mend its permissions") from error
+            raise RunFolderError(f"cannot remove {folder}: {reason(error)}; mend its permissions") from None
 
     def __len__(self) -> int:
         return len(self._where)

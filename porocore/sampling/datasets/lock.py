@@ -27,11 +27,11 @@ def sole_writer(path: Path) -> Iterator[None]:
     except Locked as error:
         raise RunFolderError(
             f"{path}: another process ({error.holder}) is writing it; wait for it, stop it, or choose another --out"
-        ) from error
+        ) from None
     except OSError as error:
         raise RunFolderError(
             f"cannot write {path}: {error.strerror or error}; make room or choose another --out"
-        ) from error
+        ) from None
     try:
         yield
     finally:

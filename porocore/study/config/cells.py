@@ -165,7 +165,7 @@ def keys_of(config: RunConfig, name: str | None) -> Iterator[None]:
             keys["sampling.inputs:"] = f"sampling.cells.{name}.inputs:"
         raise ConfigurationError(
             "\n".join(_renamed(line, keys) for line in str(error).splitlines())
-        ) from error
+        ) from None
 
 
 def _renamed(line: str, keys: Mapping[str, str]) -> str:

@@ -79,7 +79,7 @@ def located(document: YamlDocument) -> Iterator[None]:
     try:
         yield
     except ConfigurationError as error:
-        raise ConfigurationError(with_lines(document, str(error))) from error
+        raise ConfigurationError(with_lines(document, str(error))) from None
 
 
 def unexpected(location: Location, expected: str, got: Any) -> str:

@@ -106,7 +106,7 @@ def _only_cell(document: YamlDocument) -> Cell:
     try:
         return _OnlyCell.model_validate(data, context={"folder": document.folder}).cell
     except ValidationError as error:
-        raise _refusal(document, faults(document, error.errors(), _OnlyCell)) from error
+        raise _refusal(document, faults(document, error.errors(), _OnlyCell)) from None
 
 
 def validated(document: YamlDocument, *, alone: bool = False) -> RunConfig:

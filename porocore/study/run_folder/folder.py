@@ -86,13 +86,13 @@ class RunFolder(RunFiles):
             record = read_json(path / RECORD)
             found = (record["format"], record["version"])
             identity = record["identity"]
-        except (FileNotFoundError, NotADirectoryError) as error:
+        except (FileNotFoundError, NotADirectoryError):
             raise RunFolderError(
                 f"{path} is not a run folder (it has no {RECORD}); start one: "
                 f"porocore run CONFIG --out {path}, or porocore sample CONFIG --out {path}"
-            ) from error
+            ) from None
         except OSError as error:
-            raise RunFolderError(f"{path / RECORD} cannot be read: {error.strerror or error}") from error
+            raise RunFolderError(f"{path / RECORD} cannot be read: {error.strerror or error}") from None
         except (ValueError, KeyError, TypeError) as error:
             raise RunFolderError(
                 f"{path / RECORD} is damaged ({reason(error)}); start again in another --out"

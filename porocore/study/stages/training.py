@@ -152,7 +152,7 @@ class TrainingCurveFile:
             if whole != text:
                 path.write_text(whole, encoding="utf-8")
         except OSError as error:
-            raise self._cannot_write(error) from error
+            raise self._cannot_write(error) from None
 
     def add(self, progress: TrainingProgress) -> None:
         """Append one row."""
@@ -161,7 +161,7 @@ class TrainingCurveFile:
             with self.path.open("a", encoding="utf-8") as file:
                 file.write(row)
         except OSError as error:
-            raise self._cannot_write(error) from error
+            raise self._cannot_write(error) from None
 
     def _cannot_write(self, error: OSError) -> RunFolderError:
         return RunFolderError(f"cannot write {self.path}: {reason(error)}; make room or choose another --out")
