@@ -14,6 +14,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parent))
 from bad_row import CONFIG, Row, commands
 from command_run import fingerprint, run_apart, run_here
+from message_words import assert_says_all
 
 HERE = Path(__file__).parent
 ROWS: list[Row] = [
@@ -58,6 +59,7 @@ def test_bad_input_is_refused_in_one_message(row, tmp_path, monkeypatch, capfd):
     else:
         told = " ".join((done.out + done.err).split())
         assert "Traceback" not in told
+    assert_says_all(done.err)
     assert len(done.err) <= LONGEST, f"{len(done.err)} characters"
     assert_echoes_little(told, row)
     assert row.prints or done.out == ""

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from command_run import LATEST, run_apart, run_here
+from message_words import assert_says_all
 
 HERE = Path(__file__).parent
 #: A slow command that has not ended then is stopped [s].
@@ -43,6 +44,7 @@ def test_a_strangers_files_are_read_right_or_refused_in_one_message(case, tmp_pa
     told = " ".join((done.out + " " + done.err).split())
     assert done.status == case.status, f"{done.status}: {told[-3000:]}"
     assert "Traceback" not in told
+    assert_says_all(done.err)
     for words in case.says:
         assert " ".join(words.split()) in told, told
     for words in case.never:
