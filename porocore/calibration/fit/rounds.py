@@ -174,7 +174,9 @@ class FitRounds:
             same = (found.get("of"), found.get("unknowns")) == (self.record.identity, values.tolist())
             return list(found["curves"]) if same else []
         except (OSError, ValueError, TypeError, KeyError) as error:
-            raise RunFolderError(f"{path} is damaged ({error!r}); delete it") from error
+            raise RunFolderError(
+                f"{path} is damaged ({reason(error)}); {set_aside(path, 'start again')}"
+            ) from error
 
     def fitted(self, data: CurveData) -> tuple[Misfit, CalibrationFit]:
         """Return misfit and fit of the last round.
