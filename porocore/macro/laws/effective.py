@@ -43,7 +43,7 @@ class EffectiveProperties:
     """Properties of a cell in linear poroelasticity, for tables, reports and figures derived from them.
 
     All numbers are dimensionless. In a study with :class:`~porocore.core.units.scales.Scales` each times
-    ``ResultUnits.factor`` of its quantity in :data:`PROPERTIES`, or ``Scales.factor`` for SI units, has its unit;
+    ``ResultUnits.factor`` of its quantity in ``PROPERTIES``, or ``Scales.factor`` for SI units, has its unit;
     :meth:`in_units` does it for all. Multiples of E are of the reference modulus, d is the edge of the cell, of a box
     the cube root of its volume, μ_c the viscosity of the scales.
 
