@@ -1,4 +1,4 @@
-"""Time steps of an experiment, the same at all values of the unknowns: smooth curves, and the error of their steps."""
+"""Time steps of an experiment, the same at all values of the unknowns; the error of the curves by them."""
 
 from __future__ import annotations
 
