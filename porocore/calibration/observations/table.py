@@ -138,7 +138,9 @@ class _Place:
             units.commented and not all(is_unit(_unit(cell)) for cell in units.at(self.named))
         ):
             return False
-        return not units.holds_number(self.named) and first.holds_number(self.named[:1])
+        # A unit of 1 is none of a row of numbers.
+        has_numbers = any(Entry.read(cell).is_number for cell in units.cells if _unit(cell))
+        return not has_numbers and first.holds_number(self.named[:1])
 
     @property
     def has_numbers(self) -> bool:
