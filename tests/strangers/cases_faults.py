@@ -163,15 +163,15 @@ def _encoded(name: str, data: bytes) -> Callable[[Path], None]:
     return lambda folder: (folder / name).write_bytes(data)
 
 
-_IN_QUOTES = "write the key in quotes: "
+_IN_QUOTES = "write the key in quotes, as "
 CASES = [
     *(
         Case("yaml_key_no_text", ("check", f"{name}.yaml"), 2, (f"{name}.yaml:{line}: {key}: ", *says))
         for name, line, key, says in (
-            ("boolkey", 4, "yes", ("YAML reads yes as true or false", f"{_IN_QUOTES}'yes':")),
-            ("nullkey", 4, "~", ("YAML reads ~ as no value", f"{_IN_QUOTES}'~':")),
+            ("boolkey", 4, "yes", ("YAML reads yes as true", f"{_IN_QUOTES}'yes'")),
+            ("nullkey", 4, "~", ("YAML reads ~ as no value", f"{_IN_QUOTES}'~'")),
             ("intkeys", 4, "1", ("unknown key; remove it; the keys here are title, cell,",)),
-            ("ykey", 15, "macro.probes.on", ("YAML reads on as true or false", f"{_IN_QUOTES}'on':")),
+            ("ykey", 15, "macro.probes.on", ("YAML reads on as true", f"{_IN_QUOTES}'on'")),
             (
                 "commadec2",
                 2,

@@ -18,7 +18,6 @@ from porocore.errors import ConfigurationError
 Location = tuple[str, ...]
 #: Words for what YAML reads that is no text.
 _READ_AS = {
-    "bool": "true or false",
     "null": "no value",
     "int": "a number",
     "float": "a number",
@@ -224,9 +223,16 @@ def _no_text(key: Any) -> str:
     _, _, kind = key.tag.rpartition(":")
     written = cut(str(key.value)) or "?"
     return (
-        f"expected a key that is a text, but YAML reads {written} as {_READ_AS.get(kind, 'another kind of value')}; "
-        f"write the key in quotes: '{written}':"
+        f"expected a key that is a text, but YAML reads {written} as {_read_as(kind, written)}; "
+        f"write the key in quotes, as '{written}'"
     )
+
+
+def _read_as(kind: str, written: str) -> str:
+    """Return the value that YAML makes of a key of another kind."""
+    if kind == "bool":
+        return "true" if written.lower() in {"y", "yes", "on", "true"} else "false"
+    return _READ_AS.get(kind, "another kind of value")
 
 
 def _decimal(before: tuple[Any, Any], key: Any, value: Any) -> str:
