@@ -61,7 +61,7 @@ HEIGHT, LOAD = 7.5, -0.04
 VALUES = (0.2, 0.3, 0.4)
 NAMES = (
     "poisson_ratio", "porosity", "K_11", "K_22", "K_33", "final_settlement", "time_to_50_percent", "time_to_95_percent",
-    "max_pressure", "time_of_max_pressure", "drained", "flagged_largest",
+    "largest_heave", "max_pressure", "time_of_max_pressure", "drained", "flagged_largest",
 )  # fmt: skip
 
 
@@ -304,6 +304,28 @@ def test_a_plane_of_two_numbers_and_a_range_of_the_file(tmp_path: Path) -> None:
     point = found.plan.points[1]
     assert point.name == "poisson_ratio=0.2,viscosity=0.002"
     assert (found.folder.path / "sweep" / point.name / "solutions").is_dir()
+
+
+def test_a_body_that_rises_has_its_heave(tmp_path: Path) -> None:
+    """Tension lifts a linear column as far as the same pressure lowers it."""
+    down = with_settings(macro__loads=[0.04])
+    found = made(tmp_path / "up", down).sweep("poisson_ratio", VALUES[:2])
+    risen, fallen = (found.figures[f"linear: {name}"] for name in ("largest_heave", "final_settlement"))
+    assert found.heaves_alone
+    for k, value in enumerate(VALUES[:2]):
+        member = porocore.CellProblem(
+            {**STUDY["cell"], "material": {"poisson_ratio": {"range": [0.2, 0.3]}}},
+            parameters={"poisson_ratio": value},
+            store=False,
+        )
+        tangent = member.response(np.zeros((3, 3))).tangent
+        assert tangent is not None
+        assert tangent.stress_grad_u is not None
+        assert risen[k] == pytest.approx(HEIGHT * 0.04 / tangent.stress_grad_u[0, 1, 1, 1, 1], rel=1e-4)
+    np.testing.assert_allclose(fallen, 0, atol=1e-9)
+    labels = [axes.get_ylabel() for axes in sweep_figure(found).axes]
+    assert labels[0].startswith("heave")
+    assert any(label.startswith("largest heave") for label in labels)
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -36,6 +36,7 @@ from porocore.study.sweep.results import ParameterSweep
 #: Labels of the results.
 LABELS = {
     "final_settlement": "final settlement",
+    "largest_heave": "largest heave",
     "time_to_50_percent": "time to 50 %",
     "time_to_95_percent": "time to 95 %",
     "max_pressure": "largest pore pressure",
@@ -79,6 +80,8 @@ def _places(sweep: ParameterSweep, k: int) -> Array:
 def _rows(sweep: ParameterSweep) -> list[tuple[str, ...]]:
     """Return the results of the body that are drawn, those that share a panel together."""
     mode = sweep.loading_mode
+    if sweep.heaves_alone:
+        return [("largest_heave",), ("drained",), ("max_pressure",)]
     if mode.settles:
         return [("final_settlement",), ("time_to_50_percent", "time_to_95_percent"), ("max_pressure",)]
     surface = mode.displaced[0]
@@ -116,20 +119,19 @@ def _colours() -> matplotlib.colors.Colormap:
 
 
 def _histories(sweep: ParameterSweep, panels: Sequence[Axes], places: Array, scale: ScalarMappable) -> None:
-    """Draw settlement, or the force on the moved surface, and largest pressure against time."""
-    units, settles = sweep.units, sweep.loading_mode.settles
+    """Draw settlement, heave, or the force on the moved surface, and largest pressure against time."""
+    units, settles, rises = sweep.units, sweep.loading_mode.settles, sweep.heaves_alone
     at = dict(zip((point.name for point in sweep.plan.points), places, strict=True))
     for point in sweep.solved:
         solution = sweep.solution(point, sweep.laws[0], sweep.largest_load)
         time = solution.history.time * units.factor("time")
         colour = scale.to_rgba(at[point.name])
-        first = (
-            solution.history.settlement * units.factor("displacement") if settles else _force(sweep, solution)
-        )
+        moved = solution.history.heave if rises else solution.history.settlement
+        first = moved * units.factor("displacement") if settles else _force(sweep, solution)
         panels[0].plot(time, first, color=colour, lw=1.4)
         panels[1].plot(time, solution.history.pressure_max * units.factor("pressure"), color=colour, lw=1.4)
     panels[0].set_ylabel(
-        axis_label("settlement max$(-u_2)$", "displacement", units)
+        axis_label("heave max$(u_2)$" if rises else "settlement max$(-u_2)$", "displacement", units)
         if settles
         else axis_label(f"force on {sweep.loading_mode.displaced[0]}", "force", units)
     )

@@ -19,6 +19,7 @@ from porocore.interfaces.surrogate import Surrogate
 from porocore.report.dimensional import FIGURES
 from porocore.report.loading_mode import LoadingMode, reactions
 from porocore.report.metrics import solution_metrics, time_within
+from porocore.report.words.settlement import ROUND_OFF
 from porocore.states import Array
 from porocore.study.api.solved import LawsSolved, Solutions, Solved
 from porocore.study.run_folder.folder import RunFolder
@@ -27,7 +28,7 @@ from porocore.study.sweep.plan import FOLDER, SweepPlan, SweepPoint
 
 TABLE, PICTURES = "sweep.csv", ("sweep.png", "sweep.svg")
 #: Figures of a settlement that is a result, of every solution, and of the force on a surface that is moved.
-OF_SETTLEMENT = ("final_settlement", "time_to_50_percent", "time_to_95_percent")
+OF_SETTLEMENT = ("final_settlement", "time_to_50_percent", "time_to_95_percent", "largest_heave")
 OF_ALL = ("max_pressure", "time_of_max_pressure", "drained", "flagged_largest")
 OF_FORCES = ("peak", "final", "relaxed_50_percent", "relaxed_95_percent")
 #: Quantities of the results of the cell.
@@ -111,6 +112,19 @@ class ParameterSweep:
     def loading_mode(self) -> LoadingMode:
         """Loading by stresses or displacements."""
         return LoadingMode.from_setup(self.plan.family.macro)
+
+    @property
+    def heaves_alone(self) -> bool:
+        """True if no body settles and some rise, as solids do that swell."""
+        if not self.loading_mode.settles:
+            return False
+        settled, risen = (
+            np.abs(
+                self.figures[self.named(name)][[point.name not in self.failed for point in self.plan.points]]
+            )
+            for name in ("final_settlement", "largest_heave")
+        )
+        return bool(risen.max(initial=0.0) > 0 and settled.max(initial=0.0) <= ROUND_OFF * risen.max())
 
     def solutions(self, values: Mapping[str, float] | None = None, /, **named: float) -> Solutions:
         """Return the solutions at one point by load, then by law.
