@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import shlex
 import signal
 import sys
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
-from porocore.core.echo import cut, echo
+from porocore.core.echo import comma_advice, cut, echo
 from porocore.core.parallel import launched
 from porocore.errors import ConfigurationError, UnexpectedError
 
@@ -204,6 +205,12 @@ def parse_pressure(option: str, text: str, scales: Scales | None) -> float:
     return value
 
 
+def _commas_in(text: str) -> str:
+    """Return the advice on the first decimal comma among values such as ``H22=-0,1,p=0.1``; empty where none is one."""
+    values = (part.partition("=")[2] for part in re.split(r",(?=\s*\w+\s*=)", text))
+    return next(filter(None, map(comma_advice, values)), "")
+
+
 def parse_inputs(option: str, what: str, text: str, scales: Scales | None = None) -> dict[str, float]:
     """Return finite numbers by name from a text such as ``"H22=-0.2,p=0.1"``; with ``scales`` p may have a unit.
 
@@ -223,7 +230,7 @@ def parse_inputs(option: str, what: str, text: str, scales: Scales | None = None
         except ValueError:
             number = math.nan
         if not name or "=" not in part:
-            raise ConfigurationError(f"{option}: expected {what}, got {echo(text)}")
+            raise ConfigurationError(f"{option}: expected {what}, got {echo(text)}{_commas_in(text)}")
         if name in found:
             raise ConfigurationError(f"{option}: {cut(name)} is given twice; expected {what}")
         if not math.isfinite(number):

@@ -52,13 +52,17 @@ Examples:
 
 
 class _Commands(TyperGroup):
-    """Group of commands that cuts long words in the messages of the parser."""
+    """Group of commands with messages of the parser in porocore's words, without long ones of the user."""
 
     def invoke(self, ctx: Any) -> Any:
         try:
             return super().invoke(ctx)
         except Exception as error:
             message = getattr(error, "message", None)
+            if (faults := getattr(error.__cause__, "errors", None)) is not None:
+                from porocore.core.models.strict import fault_text  # Pydantic is slow to import.
+
+                message = fault_text(faults()[0])
             if isinstance(message, str) and hasattr(error, "format_message"):
                 error.message = without_long_words(message, sys.argv[1:])  # type: ignore[attr-defined]
             raise

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from porocore.cli.common import parse_inputs, parse_pressure
-from porocore.core.echo import cut, echo
+from porocore.core.echo import comma_within, cut, echo
 from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -185,9 +185,9 @@ def parse_grad_u(text: str) -> list[list[float]]:
     """
     try:
         rows = [[float(word) for word in row.replace(",", " ").split()] for row in text.split(";")]
-        reason = f"rows of {', '.join(str(len(row)) for row in rows)}"
-    except ValueError as error:
-        rows, reason = [], str(error)
+        reason = f"rows of {', '.join(str(len(row)) for row in rows)}{comma_within(text)}"
+    except ValueError:
+        rows, reason = [], f"not all are numbers{comma_within(text)}"
     if [len(row) for row in rows] == [3, 3, 3] and not all(math.isfinite(x) for row in rows for x in row):
         reason = "not all are finite"
     elif [len(row) for row in rows] == [3, 3, 3]:

@@ -25,7 +25,7 @@ from porocore.cli.options import (
 )
 from porocore.cli.tables import page, plain_table
 from porocore.core.console import Console
-from porocore.core.echo import echo
+from porocore.core.echo import comma_advice, echo
 from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -122,7 +122,10 @@ def parse_over(texts: Sequence[str], settings: RunConfig) -> SweepPlan:
             found[name] = _values(name, values, quantities[name], settings.scales)
         return SweepPlan.over(settings, found)
     except ConfigurationError as error:
-        raise ConfigurationError("\n".join(f"--over: {line}" for line in str(error).splitlines())) from None
+        advice = next(filter(None, (comma_advice(text.partition("=")[2]) for text in texts)), "")
+        raise ConfigurationError(
+            "\n".join(f"--over: {line}{advice}" for line in str(error).splitlines())
+        ) from None
 
 
 def _values(name: str, text: str, quantity: str, scales: Scales | None) -> list[float]:
@@ -161,7 +164,9 @@ def _value(name: str, text: str, quantity: str, scales: Scales | None) -> float:
     except UnitError as error:
         raise ConfigurationError(f"{name}: {error}") from None
     except ValueError:
-        raise ConfigurationError(f"{name}: expected a number, got {echo(text.strip())}") from None
+        raise ConfigurationError(
+            f"{name}: expected a number, got {echo(text.strip())}{comma_advice(text)}"
+        ) from None
 
 
 def print_sweep(sweep: ParameterSweep) -> None:

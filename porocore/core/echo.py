@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import json
+import re
 import reprlib
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -12,6 +13,14 @@ from typing import Any
 MOST = 80
 #: Characters of a path that is shown whole, since it is no use in pieces.
 LONGEST_PATH = 240
+#: A number with a decimal comma or with groups of digits, and its unit.
+_COMMAS = re.compile(
+    r"\s*(?P<number>[+-]?(?:(?P<decimal>\d+,\d+|\d{1,3}(?:\.\d{3})+,\d+)|\d{1,3}(?:,\d{3})+\.\d*|\d{1,3}(?:,\d{3}){2,})"
+    r"(?:[eE][+-]?\d+)?)(?P<unit>(?:\s*[^\s\d.,:].*)?)\s*",
+    re.S,
+)
+#: Names of so few characters, such as H24, are similar to many others.
+SHORT = 3
 #: Entries of a list or mapping that are looked at, and levels of them.
 ENTRIES, LEVELS = 20, 5
 
@@ -59,6 +68,24 @@ def echo(value: Any, most: int = MOST) -> str:
     return cut(text.removesuffix("...").strip(), most)
 
 
+def comma_advice(value: Any) -> str:
+    """Return the advice on a number with a comma in it, after a semicolon; empty where ``value`` is no such text."""
+    found = _COMMAS.fullmatch(value) if isinstance(value, str) else None
+    if found is None:
+        return ""
+    number, unit = found["number"], cut(found["unit"])
+    together = number.replace(",", "") + unit
+    if found["decimal"] is None:
+        return f"; digits are not grouped: write {together}"
+    meant = f", or {together}" if re.fullmatch(r"[+-]?[1-9]\d{0,2},\d{3}", number) else ""
+    return f"; decimals stand after a point: write {number.replace('.', '').replace(',', '.')}{unit}{meant}"
+
+
+def comma_within(text: str) -> str:
+    """Return the advice, after a semicolon, on commas between digits of a text that is no number alone; empty: none."""
+    return "; decimals stand after a point" if re.search(r"\d,\d", text) else ""
+
+
 def echo_path(path: object) -> str:
     """Return a path as a message shows it: whole, unless no file can have so long a name."""
     text = str(path)
@@ -94,9 +121,19 @@ def reason(error: BaseException, most: int = 160) -> str:
     return cut(" ".join(text.split()), most) or "it does not hold what it should"
 
 
+def _is_slip(name: str, known: str) -> bool:
+    """Return whether a short name is another one with characters exchanged, or with one missing or more."""
+    return sorted(name) == sorted(known) or (
+        abs(len(name) - len(known)) == 1 and (name in known or known in name)
+    )
+
+
 def did_you_mean(name: str, names: Iterable[str], *, most: int = 1, cutoff: float = 0.6) -> str:
     """Return the question whether a similar name is meant; empty where none of ``names`` is similar."""
-    close = difflib.get_close_matches(name, list(names), n=most, cutoff=cutoff)
+    if len(name) <= SHORT:
+        close = [known for known in names if _is_slip(name.casefold(), known.casefold())][:most]
+    else:
+        close = difflib.get_close_matches(name, list(names), n=most, cutoff=cutoff)
     quoted = " or ".join(f"'{found}'" for found in close)
     return f"did you mean {quoted}?" if close else ""
 

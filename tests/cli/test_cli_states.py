@@ -108,7 +108,7 @@ def test_the_help_of_the_group_says_how_a_state_is_given(monkeypatch, capsys):
         ("1 2 3", "rows of 3"),
         ("nan", "rows of 1"),
         ("1 2 3; 4 5 6; 7 8", "rows of 3, 3, 2"),
-        ("1 2 3; 4 5 6; 7 8 x", "could not convert"),
+        ("1 2 3; 4 5 6; 7 8 x", "(not all are numbers)"),
         ("1 2 3; 4 5 6; 7 8 nan", "not all are finite"),
     ],
 )

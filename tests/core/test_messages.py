@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 import porocore
 from porocore import Cell, ConfigurationError, Study, load_config
-from porocore.core.echo import choices, cut, did_you_mean, echo, joined, reason, suggestion
+from porocore.core.echo import choices, comma_advice, cut, did_you_mean, echo, joined, reason, suggestion
 from porocore.study.config.errors import unexpected
 
 ROOT = Path(porocore.__file__).parent
@@ -52,6 +52,31 @@ def test_the_builders_of_lists_never_end_in_nothing(name, names):
 @pytest.mark.parametrize("names", [[], (), {}, iter(())])
 def test_no_choices_are_a_sentence(names):
     assert choices(names, "its regions are", "it has no regions") == "it has no regions"
+
+
+@pytest.mark.parametrize(
+    ("text", "advice"),
+    [
+        ("2,0", "; decimals stand after a point: write 2.0"),
+        (" -0,1 mm", "; decimals stand after a point: write -0.1 mm"),
+        ("1,5e3", "; decimals stand after a point: write 1.5e3"),
+        ("1.200,5", "; decimals stand after a point: write 1200.5"),
+        ("1,234", "; decimals stand after a point: write 1.234, or 1234"),
+        ("1,200.5", "; digits are not grouped: write 1200.5"),
+        ("1,234,567 Pa", "; digits are not grouped: write 1234567 Pa"),
+        *((text, "") for text in ("2.0", "1,2,3", "1, 2", ",5", "a,b", "5 mm", "5,", "")),
+        (2.0, ""),
+    ],
+)
+def test_a_number_with_commas_is_told_as_it_is_meant(text, advice):
+    assert comma_advice(text) == advice
+
+
+def test_a_short_name_is_like_a_slip_of_it_alone():
+    names = ["H22", "H32", "p"]
+    assert did_you_mean("h22", names) == did_you_mean("H2", names) == "did you mean 'H22'?"
+    assert did_you_mean("H23", names) == "did you mean 'H32'?"
+    assert did_you_mean("H24", names) == did_you_mean("q", names) == ""
 
 
 def test_an_unknown_name_beside_a_similar_one():

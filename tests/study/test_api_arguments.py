@@ -81,7 +81,7 @@ def test_a_state_is_finite_and_of_its_shape(
 @pytest.mark.parametrize(
     ("settings", "said"),
     [
-        ({"mesh": {"size": "x"}}, "mesh.size: expected a valid number, got 'x'"),
+        ({"mesh": {"size": "x"}}, "mesh.size: expected a number, got 'x'"),
         ({"mash": 3}, "mash: unknown key; remove it"),
         ({"geometry": {"radius": 0.7}}, "geometry.radius: expected less than 0.5, got 0.7"),
         (

@@ -26,7 +26,7 @@ from porocore.cli.options import (
 )
 from porocore.cli.tables import MINUS, page, plain_table
 from porocore.core.console import Console
-from porocore.core.echo import echo
+from porocore.core.echo import comma_within, echo
 from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
@@ -113,10 +113,15 @@ def parse_loads(text: str, tolerance: float, scales: Scales | None = None) -> St
     for part in text.split(","):
         name, _, numbers = (word.strip() for word in part.partition("="))
         if name not in LOADS:
-            raise ConfigurationError(f"--loads: expected some of {', '.join(LOADS)}, got {echo(name)}")
+            raise ConfigurationError(
+                f"--loads: expected some of {', '.join(LOADS)}, got {echo(name)}{comma_within(text)}"
+            )
         if name in sweeps:
             raise ConfigurationError(f"--loads: '{name}' is there twice")
-        sweeps[name] = _sweep(name, part, numbers, scales)
+        try:
+            sweeps[name] = _sweep(name, part, numbers, scales)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{error}{comma_within(text)}") from None
     try:
         return StudyPlan(sweeps, tolerance)
     except ConfigurationError as error:

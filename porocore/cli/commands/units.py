@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from porocore.cli.tables import page, plain_table
-from porocore.core.echo import echo
+from porocore.core.echo import comma_advice, echo
 from porocore.core.models.bounds import LARGEST_NUMBER
 from porocore.errors import ConfigurationError
 
@@ -138,6 +138,6 @@ def _value(text: str, scales: Scales | None) -> tuple[str, float]:
             raise ValueError
     except ValueError:
         raise ConfigurationError(
-            f"expected a quantity and its dimensionless value, such as time=38, got {echo(text)}"
+            f"expected a quantity and its dimensionless value, such as time=38, got {echo(text)}{comma_advice(given)}"
         ) from None
     return name, value

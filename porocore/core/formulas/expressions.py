@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.core.echo import did_you_mean, echo
+from porocore.core.echo import comma_within, did_you_mean, echo
 
 #: What may be called, all of one argument.
 FUNCTIONS: dict[str, Callable[[Any], Any]] = {
@@ -116,10 +116,12 @@ def _parse(text: str, names: tuple[str, ...], functions: tuple[str, ...]) -> Exp
             raise ValueError(_takes_no_units(text, unit, names)) from None
         raise ValueError(
             f"{echo(text)} is no formula: {error.msg} at character {error.offset or 1}; write for example "
-            "2*x**2 - exp(-x)"
+            f"2*x**2 - exp(-x){comma_within(text)}"
         ) from None
     except (RecursionError, MemoryError):
         raise ValueError(f"the formula {echo(text)} is nested too deeply") from None
+    except ValueError as error:
+        raise ValueError(f"{error}{comma_within(text)}") from None
     return Expression(text, tree)
 
 

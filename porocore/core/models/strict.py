@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, ValidationError
 from pydantic_core import ErrorDetails
 
-from porocore.core.echo import did_you_mean, echo
+from porocore.core.echo import comma_advice, did_you_mean, echo
 from porocore.core.files.yaml_document import Location, dotted
 from porocore.errors import ConfigurationError
 
@@ -56,7 +56,7 @@ else:
             except ValidationError as error:
                 found: dict[str, str] = {}
                 for fault in error.errors():
-                    found.setdefault(_place(settings, fault["loc"]) or cls.__name__, _fault(fault))
+                    found.setdefault(_place(settings, fault["loc"]) or cls.__name__, fault_text(fault))
                 raise ConfigurationError("\n".join(f"{at}: {text}" for at, text in found.items())) from None
 
 
@@ -71,7 +71,8 @@ def _place(settings: Any, location: tuple[int | str, ...]) -> str:
     return dotted(tuple(kept))
 
 
-def _fault(error: ErrorDetails) -> str:
+def fault_text(error: ErrorDetails) -> str:
+    """Return what was expected and what came, in the words of messages and without the place."""
     kind, message, value = error["type"], error["msg"], error["input"]
     if kind == "extra_forbidden":
         return "unknown key; remove it"
@@ -86,7 +87,7 @@ def _fault(error: ErrorDetails) -> str:
             f"; {question}" if question else ""
         )
     expected = message.removeprefix("Input should be ").partition(", unable to parse")[0]
-    return f"expected {expected}, got {echo(value)}"
+    return f"expected {expected.replace('a valid ', 'a ')}, got {echo(value)}{comma_advice(value)}"
 
 
 def by_kind(base: type[BaseModel], default: str) -> Discriminator:

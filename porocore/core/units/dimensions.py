@@ -12,7 +12,7 @@ from typing import Any
 
 #: A number and what may be a unit, in the regular expressions of Python and of JSON schema alike.
 NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?"
-WITH_UNIT = rf"^\s*{NUMBER}\s*[^\s\d.+\-].*$"
+WITH_UNIT = rf"^\s*{NUMBER}\s*[^\s\d.,+\-].*$"
 
 JsonSchema = dict[str, Any]
 _OF_THE_KEY = ("default", "title", "description")

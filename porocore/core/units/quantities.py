@@ -8,7 +8,7 @@ from functools import cache, lru_cache
 from math import prod
 from typing import Any
 
-from porocore.core.echo import echo
+from porocore.core.echo import comma_advice, echo
 from porocore.core.units.dimensions import NUMBER
 from porocore.core.units.scales import QUANTITIES
 
@@ -58,9 +58,12 @@ class UnitError(ValueError):
 
 
 def has_unit(text: str) -> bool:
-    """Return whether a text is a number followed by a possible unit."""
+    """Return whether a text is a number followed by a possible unit, which no decimal comma begins."""
     return (
-        len(text) <= LONGEST and _NUMBER_AND_UNIT.fullmatch(text) is not None and not _PLAIN.fullmatch(text)
+        len(text) <= LONGEST
+        and _NUMBER_AND_UNIT.fullmatch(text) is not None
+        and not _PLAIN.fullmatch(text)
+        and not comma_advice(text)
     )
 
 
@@ -79,9 +82,9 @@ def in_si(text: str, quantity: str) -> Fraction:
         It is no number with a unit, the unit is unknown, or it is one of another quantity; the message says what was
         expected and what came.
     """
-    match = _NUMBER_AND_UNIT.fullmatch(text) if len(text) <= LONGEST else None
+    match = _NUMBER_AND_UNIT.fullmatch(text) if has_unit(text) else None
     if match is None:
-        raise UnitError(f"expected {EXAMPLES[quantity]}, got {echo(text)}")
+        raise UnitError(f"expected {EXAMPLES[quantity]}, got {echo(text)}{comma_advice(text)}")
     return Fraction(match["number"]) * unit_in_si(match["unit"], quantity, text)
 
 
@@ -98,8 +101,6 @@ def unit_in_si(unit: str, quantity: str, text: str = "") -> Fraction:
     if dimensions is None:
         near = next((known for known in COMMON if known.casefold() == unit.replace(" ", "").casefold()), None)
         question = "" if near is None else f"; did you mean '{near}'?"
-        if re.match(r",\d", unit):
-            question = "; decimals stand after a point, such as 1.5 mm"
         raise UnitError(
             f"expected {EXAMPLES[quantity]}, got {echo(text)}; the unit {echo(unit)} is not known{question}"
         )

@@ -7,17 +7,18 @@ from typing import Any, get_args
 
 from pydantic import BaseModel
 
-from porocore.core.echo import echo
+from porocore.core.echo import comma_advice, echo
 from porocore.core.files.yaml_document import Location, dotted
 from porocore.core.models.walk import Place, bare, is_section, walk
 from porocore.core.units.dimensions import ByKey, Carried, Dimension
 from porocore.core.units.quantities import EXAMPLES, UnitError, has_unit, in_si
 from porocore.core.units.scales import QUANTITIES, Scales
 
-NO_SCALES = (
-    "has a unit, but the configuration has no scales to make it dimensionless; add 'scales:' with length, pore and "
-    "modulus at the top level, or write a dimensionless number"
+ADD_SCALES = (
+    "the configuration has no scales to make it dimensionless; add 'scales:' with length, pore and modulus at the top "
+    "level"
 )
+NO_SCALES = f"has a unit, but {ADD_SCALES}, or write a dimensionless number"
 
 
 def resolved(
@@ -100,7 +101,9 @@ def _plain(text: str, quantity: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise UnitError(f"expected a number, or {EXAMPLES[quantity]}, got {echo(text)}") from None
+        raise UnitError(
+            f"expected a number, or {EXAMPLES[quantity]}, got {echo(text)}{comma_advice(text)}"
+        ) from None
 
 
 def _number(text: str, dimension: Dimension, scales: Scales | None) -> float:
