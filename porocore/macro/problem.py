@@ -75,7 +75,10 @@ class Boundary(StrictModel):
                 "a surface has both a plate, which is pushed by a force alone, and a traction or a follower; keep one"
             )
         if self.pressure is not None and self.flux != 0:
-            raise ValueError("a surface has both a pressure and a flux; keep one")
+            raise ValueError(
+                "expected a pressure or a flux, got both 'pressure:' and a 'flux:' that is not 0; keep one, or set "
+                "'pressure: null'"
+            )
         return self
 
     @property

@@ -29,7 +29,7 @@ NO_CONFIGURATION: dict[str, tuple[Content | None, str]] = {
     "words": ("just words", "got a text"),
     "list": ("[1, 2]", "got a list"),
     "not closed": ("cell: {geometry: [", "not valid YAML"),
-    "tab": ("a: 1\n\ta: 2", f"{CONFIG}:2: not valid YAML"),
+    "tab": ("a: 1\n\ta: 2", f"{CONFIG}:2: expected an indentation by spaces, got a tab"),
     "object": ("!!python/object/apply:os.system ['touch hacked']", "not valid YAML"),
     "HDF5": (b"\x89HDF\r\n\x1a\n\xff", "expected YAML text in UTF-8"),
     "loop of links": (link(CONFIG), CONFIG),

@@ -66,10 +66,13 @@ def test_facts_and_files_of_an_image_beside_the_configuration(show, tmp_path):
             {"kind": "tpms", "surface": "gyroid", "level": 3},
             "cell.geometry: expected a level between -1.5 and 1.5",
         ),
-        ({"radii": [0.1, 0.2]}, "cell.geometry.radii: expected a list of 3 entries, got [0.1, 0.2]"),
+        (
+            {"radii": [0.1, 0.2]},
+            "cell.geometry.radii: expected a list of 3 entries (along x, y and z), got [0.1, 0.2]",
+        ),
         (
             {"kind": "sphere-pores", "centres": [[0, 0]], "radius": 0.3},
-            "cell.geometry.centres.0: expected a list of 3 entries, got [0, 0]",
+            "cell.geometry.centres.0: expected a list of 3 entries (along x, y and z), got [0, 0]",
         ),
         ({"kind": "gyroid"}, "cell.geometry.kind: expected one of orthogonal-channels, "),
     ],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -47,12 +47,15 @@ class YamlDocument:
         Line of every key and list entry, counted from 1; the document itself is the empty location.
     folder
         Where relative paths in it start.
+    switches
+        As it stands in the file, each value that YAML reads as true or false, such as ``yes``.
     """
 
     path: Path | None
     data: dict[str, Any]
     lines: dict[Location, int]
     folder: Path
+    switches: dict[Location, str] = field(default_factory=dict)
 
     @classmethod
     def of(cls, settings: Mapping[str, Any], folder: Path) -> YamlDocument:
@@ -81,6 +84,11 @@ class YamlDocument:
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             where = f"{path}:{mark.line + 1}" if mark else f"{path}"
+            if mark and "\t" in _indentation(text, mark.line):
+                raise ConfigurationError(
+                    f"{where}: expected an indentation by spaces, got a tab, which YAML does not take there; replace "
+                    "each tab at the beginning of a line by two spaces"
+                ) from None
             if isinstance(error, yaml_loader.Refused):
                 raise ConfigurationError(f"{where}: {error.problem}") from None
             context = f"{error.context}, " if error.context else ""
@@ -103,10 +111,11 @@ class YamlDocument:
             found = "an empty file" if data is None else f"a {_KINDS.get(type(data), 'single value')}"
             raise ConfigurationError(f"{path}: expected sections such as 'cell:' and 'macro:', got {found}")
         lines: dict[Location, int] = {}
-        refused = list(_record(node, (), lines))
+        switches: dict[Location, str] = {}
+        refused = list(_record(node, (), lines, switches))
         if refused:
             raise ConfigurationError("\n".join(f"{path}:{line}: {text}" for line, text in refused))
-        return cls(path, data, lines, path.parent)
+        return cls(path, data, lines, path.parent, switches)
 
     def __contains__(self, location: Location) -> bool:
         return location in self.lines
@@ -131,6 +140,18 @@ class YamlDocument:
                 else {str(k): v for k, v in value.items()}[part]
             )
         return value
+
+
+def leaves(data: Any, at: Location = ()) -> Iterator[tuple[Location, Any]]:
+    """Yield all plain values in nested mappings and lists with their locations."""
+    if isinstance(data, Mapping):
+        for key, value in data.items():
+            yield from leaves(value, (*at, str(key)))
+    elif isinstance(data, list | tuple):
+        for i, value in enumerate(data):
+            yield from leaves(value, (*at, str(i)))
+    else:
+        yield at, data
 
 
 def _with_text_keys(value: Any, at: Location) -> Any:
@@ -177,6 +198,12 @@ def _text(path: Path) -> str:
         raise ConfigurationError(f"{echo_path(path)}: cannot be read: {error.strerror or error}") from None
 
 
+def _indentation(text: str, line: int) -> str:
+    """Return the white space at the beginning of a line, counted from 0."""
+    lines = text.splitlines()
+    return "" if line >= len(lines) else lines[line][: -len(lines[line].lstrip()) or None]
+
+
 def _other_encoding(error: UnicodeDecodeError) -> str:
     """Return the line, where there are any, and what is wrong in a text that is no UTF-8."""
     data, at = error.object, error.start
@@ -188,8 +215,10 @@ def _other_encoding(error: UnicodeDecodeError) -> str:
     return f":{line}: expected YAML text in UTF-8, got the byte 0x{byte.hex()}{meant}; save the file as UTF-8"
 
 
-def _record(node: Any, location: Location, lines: dict[Location, int]) -> Iterator[tuple[int, str]]:
-    """Note the line of every key below ``node``, which contains no alias of itself.
+def _record(
+    node: Any, location: Location, lines: dict[Location, int], switches: dict[Location, str]
+) -> Iterator[tuple[int, str]]:
+    """Note the line of every key below ``node``, which contains no alias of itself, and the text of every switch.
 
     Yields
     ------
@@ -197,6 +226,8 @@ def _record(node: Any, location: Location, lines: dict[Location, int]) -> Iterat
         Of each key that is no text or is given twice.
     """
     lines.setdefault(location, node.start_mark.line + 1)
+    if node.tag == yaml_loader.SWITCH:
+        switches[location] = node.value
     if isinstance(node, yaml.MappingNode):
         own: dict[str, int] = {}
         before: tuple[Any, Any] | None = None
@@ -212,10 +243,10 @@ def _record(node: Any, location: Location, lines: dict[Location, int]) -> Iterat
                 yield line, f"{dotted(at)}: given twice, first on line {own[name]}; keep one"
             own[name] = line
             lines[at], before = line, (key, value)
-            yield from _record(value, at, lines)
+            yield from _record(value, at, lines, switches)
     elif isinstance(node, yaml.SequenceNode):
         for i, value in enumerate(node.value):
-            yield from _record(value, (*location, str(i)), lines)
+            yield from _record(value, (*location, str(i)), lines, switches)
 
 
 def _no_text(key: Any) -> str:

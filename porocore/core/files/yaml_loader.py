@@ -14,8 +14,9 @@ MOST_BYTES, MOST_NODES, DEEPEST, LONGEST_NUMBER = 1_000_000, 50_000, 30, 60
 TOO_MANY = f"more than {MOST_NODES} keys and values, aliases spelt out"
 #: Written so, a number is hardly meant as YAML reads it: 1:30 is 90, and 010 is 8.
 _OTHER_BASE = re.compile(r"[-+]?(\d[\d_]*(:[\d.]+)+|0[0-7_]+)")
-#: Tags of whole and other numbers, and of text.
+#: Tags of whole and other numbers, of text, and of true and false.
 NUMBERS, TEXT = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float"), "tag:yaml.org,2002:str"
+SWITCH = "tag:yaml.org,2002:bool"
 #: A whole number that is written in one way only.
 _PLAIN = re.compile(r"0|-?[1-9]\d{0,17}")
 

@@ -52,8 +52,12 @@ def _find(mesh: BodyMesh, place: Array, key: str) -> tuple[int, Array]:
                 return int(cell), xi
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
     said = partial(spoken().texts, quantity="displacement", digits=6)
+    unit = (
+        "multiples of scales.length where they have no unit" if spoken().given else "lengths as in macro.body"
+    )
     raise ConfigurationError(
-        f"{key}: the point {said(place)} lies outside the body, which extends from {said(low)} to {said(high)}"
+        f"{key}: the point {said(place)} lies outside the body, which extends from {said(low)} to {said(high)}; move "
+        f"it inside (coordinates are {unit})"
     )
 
 

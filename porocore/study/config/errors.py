@@ -10,10 +10,13 @@ from typing import Any, Literal, get_args, get_origin
 from pydantic import BaseModel, Tag
 from pydantic_core import ErrorDetails
 
-from porocore.core.echo import choices, cut, did_you_mean, echo
-from porocore.core.files.yaml_document import Location, YamlDocument, dotted
+from porocore.core.echo import choices, comma_advice, cut, did_you_mean, echo, joined
+from porocore.core.files.yaml_document import Location, YamlDocument, dotted, leaves
 from porocore.core.models.walk import bare, is_section, is_union
 from porocore.errors import ConfigurationError
+from porocore.macro.laws import CLOSURES
+from porocore.plugins.kinds import Kind
+from porocore.plugins.registry import registry
 from porocore.study.config.advice import belongs_to, instead_of
 
 #: Reason of a bound, by dotted key.
@@ -31,6 +34,15 @@ OF_KINDS = ("geometry", "material", "body", "angle")
 OF_KINDS_BY_NAME = ("materials", "regions", "fields")
 #: Keys that name a file.
 FILES = ("cell.geometry.path", "macro.body.path")
+#: Kind of the backend that a key names.
+BACKENDS: dict[str, Kind] = {
+    "fem.backend": "cell solver",
+    "macro.backend": "macro solver",
+    "sampling.sampler": "sampler",
+    "surrogate.backend": "surrogate",
+}
+#: Of lists with an entry for each.
+AXES = ("x", "y", "z")
 #: A section of more keys than these is not described by them.
 MOST_KEYS = 8
 #: Names that pydantic adds behind the key of a value that may be a number or a section.
@@ -51,6 +63,21 @@ def faults(
     return [(at, _text(document, at, group, root)) for at, group in grouped.items()]
 
 
+def _list_of(length: int, document: YamlDocument, at: Location) -> str:
+    """Return the words for a list of so many entries, with what each is where that is known."""
+    kind = (*at[:-1], "kind")
+    meaning = ""
+    if at[-2:] == ("body", "elements") and kind in document and document.value(kind) != "box":
+        meaning = "from the axis to the mantle, along y and around"
+    elif at[-1] != "gradient" and length == len(AXES):
+        meaning = f"along {joined(AXES)}"
+    elif at[-1] in ("range", *AXES):
+        meaning = "its lower and its upper end"
+    elif at[-2:-1] == ("load_curve",):
+        meaning = "a time and a factor"
+    return f"a list of {length} entries" + (f" ({meaning})" if meaning else "")
+
+
 def _is_below(error: ErrorDetails, whole: ErrorDetails) -> bool:
     """Return True if an error is of a part of what another is of."""
     n = len(whole["loc"])
@@ -68,9 +95,43 @@ def with_lines(document: YamlDocument, text: str) -> str:
             ):
                 complaint = f"{key}: {complaint}"
         at = tuple(complaint.partition(":")[0].split("."))
-        known = at[:1] in document
-        found.append(f"{document.at_line(document.line(at))}: {complaint}" if known else complaint)
+        if at[:1] in document:
+            complaint = f"{document.at_line(document.line(at))}: {_as_written(document, at, complaint)}"
+        found.append(complaint)
     return "\n".join(found)
+
+
+def refusal(document: YamlDocument, found: Iterable[tuple[Location, str]]) -> ConfigurationError:
+    """Return one error of all faults, in the order of their lines, each once."""
+    told = dict.fromkeys((document.line(at), _as_written(document, at, text)) for at, text in found)
+    lines = sorted(told, key=lambda fault: fault[0])
+    return ConfigurationError("\n".join(f"{document.at_line(line)}: {text}" for line, text in lines))
+
+
+def _as_written(document: YamlDocument, at: Location, text: str) -> str:
+    """Return a complaint about a value with the words that stand in the file, where YAML or a comma hides them."""
+    if at in document.switches:
+        value = echo(document.value(at))
+        said = f"{cut(document.switches[at])}, which YAML reads as {value}"
+        return text if said.startswith(f"{value},") else text.replace(f"got {value}", f"got {said}", 1)
+    advice = comma_advice(document.value(at)) if at in document and "number" in text else ""
+    return text if advice in text else f"{text}{advice}"
+
+
+def switched(document: YamlDocument, root: type[BaseModel]) -> Iterator[tuple[Location, str]]:
+    """Yield the faults of values that are true or false where the model wants a number or text.
+
+    Pydantic would take 'yes' for 1.
+    """
+    for at, value in leaves(document.data):
+        if not isinstance(value, bool):
+            continue
+        above = [_branches(_hint(root, at[: i + 1])[0]) for i in range(len(at))]
+        if bool in above[-1] or any(Any in branches for branches in above):
+            continue
+        names = _options(_hint(root, at)[0])
+        expected = f"one of {', '.join(names)}" if names else "text" if str in above[-1] else "a number"
+        yield at, unexpected(at, expected, value)
 
 
 @contextmanager
@@ -118,9 +179,8 @@ def _text(document: YamlDocument, at: Location, group: list[ErrorDetails], root:
         return f"{key}: unknown key; {_nearest(at[-1], names)}"
     if kind == "missing":
         if at[-1].isdigit():
-            branches = _branches(_hint(root, place[:-1])[0])
-            length = next(len(get_args(branch)) for branch in branches if get_origin(branch) is tuple)
-            return unexpected(at[:-1], f"a list of {length} entries", document.value(at[:-1]))
+            (length, *_) = _lengths(_hint(root, place[:-1])[0])
+            return unexpected(at[:-1], _list_of(length, document, at[:-1]), document.value(at[:-1]))
         return f"{key}: missing; add '{cut(at[-1])}:' {_under(at)}"
     if kind == "value_error":
         return f"{key}: {error['ctx']['error']}"
@@ -128,11 +188,20 @@ def _text(document: YamlDocument, at: Location, group: list[ErrorDetails], root:
         tags = [tag for tag in _by_kind(_hint(root, at[:-1])[0]) if tag not in FORMS]
         text = unexpected(at, f"one of {', '.join(tags)}", document.value(at))
         return _with_question(text, error["ctx"]["tag"], tags)
+    if kind == "too_long" and (length := error["ctx"]["max_length"]) in _lengths(_hint(root, place)[0]):
+        text = unexpected(at, _list_of(length, document, at), document.value(at))
+        return f"{text}; commas separate the entries, and decimals stand after a point"
     expected = " or ".join(dict.fromkeys(_expected(e, place, root) for e in group))
     text = unexpected(at, expected, document.value(at) if at in document else error["input"])
     if kind == "literal_error" and isinstance(error["input"], str):
         return _with_question(text, error["input"], _options(_hint(root, place)[0]))
     return text
+
+
+def _lengths(annotation: Any) -> set[int]:
+    """Return the lengths of the lists of a fixed length that a value may be."""
+    lists = [get_args(branch) for branch in _branches(annotation) if get_origin(branch) is tuple]
+    return {len(entries) for entries in lists if Ellipsis not in entries}
 
 
 def _with_question(text: str, name: str, names: list[str]) -> str:
@@ -148,10 +217,9 @@ def _expected(error: ErrorDetails, at: Location, root: type[BaseModel]) -> str:
     if kind == "literal_error":
         return str(context["expected"])
     if kind == "string_pattern_mismatch":
-        choice = re.fullmatch(r"\^\(([\w|]+)\)\$", context["pattern"])
-        return f"one of {choice[1].replace('|', ', ')}" if choice else f"text matching {context['pattern']}"
+        return _matching(context["pattern"])
     if kind == "too_long":
-        return f"a list of {context['max_length']} entries"
+        return f"at most {context['max_length']} entries"
     if kind == "too_short":
         return f"at least {context['min_length']} {'entry' if context['min_length'] == 1 else 'entries'}"
     if kind.startswith("float_"):
@@ -160,6 +228,8 @@ def _expected(error: ErrorDetails, at: Location, root: type[BaseModel]) -> str:
         return "a finite number"
     if kind.startswith("int_"):
         return _bounds(name, _hint(root, at)[1], "a whole number") or "a whole number"
+    if kind == "tuple_type" and (length := next(iter(_lengths(_hint(root, at)[0])), 0)):
+        return f"a list of {length} entries"
     if kind in ("tuple_type", "list_type"):
         return "a list"
     if kind in ("model_type", "dict_type"):
@@ -170,8 +240,24 @@ def _expected(error: ErrorDetails, at: Location, root: type[BaseModel]) -> str:
     if kind == "string_too_long":
         return f"text of at most {context['max_length']} characters"
     if kind == "string_type":
-        return "text"
+        patterns = (extra.pattern for extra in _hint(root, at)[1] if getattr(extra, "pattern", None))
+        names = _names(at)
+        return f"one of {', '.join(names)}" if names else next(map(_matching, patterns), "text")
     return error["msg"].removeprefix("Input should be ")
+
+
+def _matching(pattern: str) -> str:
+    """Return the words for a text of a pattern, which may be a choice."""
+    choice = re.fullmatch(r"\^\(([\w|]+)\)\$", pattern)
+    return f"one of {choice[1].replace('|', ', ')}" if choice else f"text matching {pattern}"
+
+
+def _names(at: Location) -> list[str]:
+    """Return what a text at a location may name: closures or installed backends; nothing where it is any text."""
+    if at == ("closure",):
+        return list(CLOSURES)
+    kind = BACKENDS.get(dotted(at))
+    return registry().names(kind) if kind is not None else []
 
 
 def _bounds(name: str, metadata: Iterable[Any], kind: str = "a number") -> str:

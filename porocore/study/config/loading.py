@@ -12,21 +12,18 @@ from pydantic import ValidationError
 
 from porocore.cell.cell import Cell
 from porocore.core.echo import echo, suggestion
-from porocore.core.files.yaml_document import Location, YamlDocument, dotted
+from porocore.core.files.yaml_document import Location, YamlDocument, dotted, leaves
 from porocore.core.models.bounds import LARGEST_NUMBER
 from porocore.core.models.strict import StrictModel
 from porocore.core.units.results import OutputUnits, ResultUnits, length_text, speaking
 from porocore.core.units.scales import Scales
 from porocore.core.units.texts import resolved
-from porocore.errors import ConfigurationError
 from porocore.macro.body.kinds import Box, Cylinder, QuarterCylinder, Wedge
 from porocore.study.config.cells import SAME_LENGTH, cell_faults, other_lengths
 from porocore.study.config.config import RunConfig
-from porocore.study.config.errors import faults, unexpected
+from porocore.study.config.errors import faults, refusal, switched, unexpected
 from porocore.study.config.examples import benchmark_path
 
-#: Keys that are true or false.
-SWITCHES = ("drop_grains", "bright_pores")
 NO_VISCOSITY = (
     "missing; with scales the fluid has no default viscosity: add 'viscosity: 1 mPa s', which is water, under"
 )
@@ -106,7 +103,7 @@ def _only_cell(document: YamlDocument) -> Cell:
     try:
         return _OnlyCell.model_validate(data, context={"folder": document.folder}).cell
     except ValidationError as error:
-        raise _refusal(document, faults(document, error.errors(), _OnlyCell)) from None
+        raise refusal(document, faults(document, error.errors(), _OnlyCell)) from None
 
 
 def validated(document: YamlDocument, *, alone: bool = False) -> RunConfig:
@@ -116,7 +113,7 @@ def validated(document: YamlDocument, *, alone: bool = False) -> RunConfig:
     """
     scales, found = _scales(document)
     if found:
-        raise _refusal(document, [*found, *_beside_the_scales(document)])
+        raise refusal(document, [*found, *_beside_the_scales(document)])
     data, found = resolved(RunConfig, document.data, scales)
     if scales is not None:
         data["scales"].setdefault("pore", scales.pore)
@@ -129,7 +126,7 @@ def validated(document: YamlDocument, *, alone: bool = False) -> RunConfig:
         found += [fault for fault in faults(document, error.errors(), RunConfig) if fault[0] not in unread]
         found += _surfaces_beside(document, found)
     else:
-        for at, value in _leaves(config.model_dump()):
+        for at, value in leaves(config.model_dump()):
             if isinstance(value, float) and not abs(value) <= LARGEST_NUMBER:
                 kind = f"a number up to {LARGEST_NUMBER:g}" if math.isfinite(value) else "a finite number"
                 found.append((at, unexpected(at, kind, value)))
@@ -140,17 +137,9 @@ def validated(document: YamlDocument, *, alone: bool = False) -> RunConfig:
         )
         found += other_lengths(config) if alone else cell_faults(config)
         found += _without_viscosity(config) if scales is not None else ()
-    # pydantic would take 'yes' for 1.
-    found += [
-        (
-            at,
-            f"{dotted(at)}: expected a number, got {echo(value)} (so YAML reads yes, no, on and off); write a number",
-        )
-        for at, value in _leaves(document.data)
-        if isinstance(value, bool) and not {"options", *SWITCHES} & {*at} and at not in dict(found)
-    ]
+    found += [fault for fault in switched(document, RunConfig) if fault[0] not in dict(found)]
     if found or config is None:
-        raise _refusal(document, found)
+        raise refusal(document, found)
     return config
 
 
@@ -161,13 +150,6 @@ def _without_viscosity(config: RunConfig) -> Iterator[tuple[Location, str]]:
     for at, cell in cells.items():
         if "viscosity" not in cell.model_fields_set:
             yield (*at, "viscosity"), f"{dotted(at)}.viscosity: {NO_VISCOSITY} '{dotted(at)}:'"
-
-
-def _refusal(document: YamlDocument, found: Iterable[tuple[Location, str]]) -> ConfigurationError:
-    """Return one error of all faults, in the order of their lines, each once."""
-    told = dict.fromkeys((document.line(at), text) for at, text in found)
-    lines = sorted(told, key=lambda fault: fault[0])
-    return ConfigurationError("\n".join(f"{document.at_line(line)}: {text}" for line, text in lines))
 
 
 def _scales(document: YamlDocument) -> tuple[Scales | None, list[tuple[Location, str]]]:
@@ -279,15 +261,3 @@ def _unknown_surfaces(
     for at, name in named if own else ():
         if isinstance(name, str) and name not in known:
             yield at, f"{dotted(at)}: no such surface; {suggestion(name, known, 'the surfaces are')}"
-
-
-def _leaves(data: Any, at: Location = ()) -> Iterator[tuple[Location, Any]]:
-    """Yield all plain values in nested mappings and lists with their locations."""
-    if isinstance(data, Mapping):
-        for key, value in data.items():
-            yield from _leaves(value, (*at, str(key)))
-    elif isinstance(data, list | tuple):
-        for i, value in enumerate(data):
-            yield from _leaves(value, (*at, str(i)))
-    else:
-        yield at, data

@@ -1,0 +1,120 @@
+"""Numbers as other software writes them, YAML's words for true and false, tabs, lists of another length."""
+
+from __future__ import annotations
+
+from bad_row import CONFIG, Content, Row, faulty, study
+
+SCALES = {
+    "scales": {"modulus": "3 kPa", "length": "1 mm", "pore": "1 um", "viscosity": "1 mPa*s"},
+    "cell.viscosity": "1 mPa*s",
+}
+#: Keys with a number that has a comma, and the advice.
+COMMAS = [
+    ("macro.time.end", "12,0", "expected a number, got '12,0'; decimals stand after a point: write 12.0"),
+    ("macro.time.end", "1,200.5", "got '1,200.5'; digits are not grouped: write 1200.5"),
+    ("macro.time.end", "1.200,5", "got '1.200,5'; decimals stand after a point: write 1200.5"),
+    ("macro.time.end", "1,234", "decimals stand after a point: write 1.234, or 1234"),
+    ("macro.loads.0", "-0,04", "decimals stand after a point: write -0.04"),
+    ("cell.geometry.radius", "0,25", "decimals stand after a point: write 0.25"),
+    ("sampling.tolerance", "0,05", "decimals stand after a point: write 0.05"),
+    ("macro.options", {"checkpoint_seconds": "0,5"}, "decimals stand after a point: write 0.5"),
+    (
+        "macro.boundary.y+.traction.1",
+        {"expression": "0,5*t"},
+        "may stand here; decimals stand after a point",
+    ),
+    (
+        "macro.boundary.y+.traction",
+        [0, 0, 5, 0],
+        "expected a list of 3 entries (along x, y and z), got [0, 0, 5, 0]; commas separate the entries",
+    ),
+]
+#: Words of a command with such a number.
+WORDS: list[tuple[tuple[str, ...], str]] = [
+    (("cell", CONFIG, "--at", "H22=-0,1"), "got 'H22=-0,1'; decimals stand after a point: write -0.1"),
+    (("cell", CONFIG, "--at", "H22=-0,1,p=0.1"), "decimals stand after a point: write -0.1"),
+    (("cell", CONFIG, "--parameters", "radius=0,2"), "decimals stand after a point: write 0.2"),
+    (("cell", CONFIG, "--grad-u", "0 0 0; 0 -0,1 0; 0 0 0"), "decimals stand after a point"),
+    (("stability", CONFIG, "--along", "H22=-0,36"), "decimals stand after a point: write -0.36"),
+    (("sweep", CONFIG, "--over", "radius=0,2:0,3:3"), "got '0,2'; decimals stand after a point: write 0.2"),
+    (("sweep", CONFIG, "--over", "radius=0,2"), "decimals stand after a point: write 0.2"),
+    (("sensitivity", CONFIG, "--loads", "uniaxial=-0,5:0,5"), "decimals stand after a point"),
+    (("units", "time=1,5"), "got 'time=1,5'; decimals stand after a point: write 1.5"),
+    (("units", "--force", "1,5"), "expected a number, got '1,5'; decimals stand"),
+]
+#: Keys that are ``yes``, and what is said.
+SWITCHES = [
+    ("closure", "expected one of mean-gradient, potential, got yes, which YAML reads as true"),
+    ("fem.backend", "skfem, got yes, which YAML reads as true"),
+    (
+        "sampling.sampler",
+        "expected one of active, density-sweep, latin-hypercube, macro-driven, sobol, got yes, which",
+    ),
+    ("cell.geometry.axes", "expected one of x, y, z, xy, xz, yz, xyz, got yes, which YAML reads as true"),
+    ("macro.body.kind", "expected one of box, cylinder, quarter-cylinder, wedge, file, got yes, which"),
+    ("macro.options.solver", "expected auto, direct or iterative, got yes, which YAML reads as true"),
+    ("macro.time.step", "expected a number, got yes, which YAML reads as true"),
+    ("title", "expected text, got yes, which YAML reads as true"),
+]
+#: Lists of another length, and what their entries are.
+LISTS = [
+    ("macro.body.elements", [1, 2], "expected a list of 3 entries (along x, y and z), got [1, 2]"),
+    ("macro.body.size", 3, "expected a list of 3 entries, got 3"),
+    ("macro.probes", {"a": [0, 1]}, "macro.probes.a: expected a list of 3 entries (along x, y and z)"),
+    (
+        "sampling.inputs.p.range",
+        [0],
+        "expected a list of 2 entries (its lower and its upper end), got [0]",
+    ),
+    (
+        "macro.body",
+        {"kind": "cylinder", "radius": 1, "height": 1, "elements": [1, 2]},
+        "macro.body.elements: expected a list of 3 entries (from the axis to the mantle, along y and around)",
+    ),
+    ("macro.time.load_curve", [[1]], "a list of 2 entries (a time and a factor)"),
+]
+TABBED: Content = study().replace("  time:\n", "\ttime:\n")
+
+
+def switched(key: str) -> Content:
+    return study({key: "SWITCH"}).replace("SWITCH", "yes")
+
+
+ROWS = [
+    *(faulty(f"comma: {key} = {value}", {key: value}, part) for key, value, part in COMMAS),
+    faulty(
+        "comma before a unit",
+        {**SCALES, "macro.time.end": "12,0 s"},
+        "macro.time.end: expected a number, got '12,0 s'; decimals stand after a point: write 12.0 s",
+    ),
+    *(Row(f"comma: {' '.join(words)}", words, (part,), {CONFIG: study()}) for words, part in WORDS),
+    *(Row(f"{key}: yes", ("check", CONFIG), (key, part), {CONFIG: switched(key)}) for key, part in SWITCHES),
+    *(faulty(f"list: {key} = {value}", {key: value}, part) for key, value, part in LISTS),
+    Row(
+        "a tab",
+        ("check", CONFIG),
+        (":83: expected an indentation by spaces, got a tab, which YAML does not take there",),
+        {CONFIG: TABBED},
+    ),
+    Row(
+        "an input that is none",
+        ("cell", CONFIG, "--at", "H24=1"),
+        ("expected finite values of some of H11, H12, H13, H21, H22, H23, H31, H32, H33, p, got H24 = 1.0",),
+        {CONFIG: study()},
+    ),
+    faulty(
+        "a probe without units",
+        {"macro.probes": {"a": [0, 90, 0]}},
+        "which extends from (0, 0, 0) to (0.1, 7.5, 0.1); move it inside (coordinates are lengths as in macro.body)",
+    ),
+    faulty(
+        "a probe with units",
+        {**SCALES, "macro.probes": {"a": [0, 90, 0]}},
+        "move it inside (coordinates are multiples of scales.length where they have no unit)",
+    ),
+    faulty(
+        "a pressure and a flux",
+        {"macro.boundary.y+": {"traction": [0, 1, 0], "pressure": 0, "flux": 0.1}},
+        "macro.boundary.y+: expected a pressure or a flux, got both 'pressure:' and a 'flux:' that is not 0; keep one",
+    ),
+]
