@@ -177,6 +177,16 @@ class CalibrationPlan:
         return [curve for experiment in self.experiments for curve in experiment.curves]
 
     @property
+    def is_planned(self) -> bool:
+        """True where a curve has no values yet."""
+        return any(curve.measured is None for curve in self.curves)
+
+    @property
+    def section(self) -> list[str]:
+        """The outline below its heading, as a part of the outline of a study."""
+        return ["calibration:", *(f"  {line}" for line in self.outline)]
+
+    @property
     def outline(self) -> list[str]:
         """A line for each unknown, curve and note."""
         unknowns = [

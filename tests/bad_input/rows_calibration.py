@@ -142,11 +142,94 @@ ROWS = [
         },
         prints=True,
     ),
+    curve(
+        "heading with a unit without scales",
+        "creep.csv:1: time: 's' is a unit, but the configuration has no scales to make it dimensionless; add 'scales:' "
+        "with length, pore and modulus at the top level, or take the unit out of the file",
+        CREEP.replace("time", "time [s]"),
+    ),
+    curve(
+        "row of units without scales",
+        "creep.csv:2: time: 's' is a unit, but",
+        CREEP.replace("settlement\n", "settlement\ns,mm\n"),
+    ),
+    curve(
+        "unit of another quantity",
+        "creep.csv:1: time: expected a time, such as 30 s, got 'furlong', which is a length; correct it in the file",
+        CREEP.replace("time", "time [furlong]"),
+    ),
+    curve(
+        "unit that nobody knows",
+        "the unit 'Sek' is not known; correct it in the file, or name a known one by 'time_unit:'",
+        CREEP.replace("time", "time [Sek]"),
+    ),
+    curve(
+        "key with a unit of another quantity",
+        f"{KEY}.time_unit: expected a time, such as 30 s, got 'furlong', which is a length; change the key",
+        time_unit="furlong",
+    ),
+    curve(
+        "zeros with a share",
+        f"{KEY}.deviation_share: all values that count are 0 in creep.csv, and so is every share of the largest one; "
+        "give 'deviation:' in its place",
+        "time,settlement\n1,0\n2,0\n3,0\n",
+        deviation=None,
+        deviation_share=0.01,
+    ),
+    curve(
+        "since behind the data",
+        f"{KEY}.since: expected at least 3 times from 20, got 0 of the 4 of creep.csv, which go from 1 to 4; move it",
+        since=20,
+    ),
+    curve(
+        "until before the data", f"{KEY}.until: expected at least 3 times to 0.5, got 0 of the 4", until=0.5
+    ),
+    curve(
+        "since with a comma",
+        f"{KEY}.since: expected a number, or one with a unit, got '0,5'; decimals stand",
+        since="0,5",
+    ),
+    unknown(
+        "comma",
+        "calibration.unknowns.radius.lower: expected a number, or one with a unit, got '0,2'",
+        lower="0,2",
+    ),
+    unknown("switch", "calibration.unknowns.radius.lower: expected a number, got true", lower=True),
+    row(
+        "share that is yes",
+        f"{KEY}.deviation_share: expected a number, got yes, which YAML reads as true",
+        files={
+            CONFIG: study(
+                {
+                    "calibration": {
+                        **SECTION,
+                        "observations": {
+                            "creep": {
+                                "quantity": "settlement",
+                                "file": "creep.csv",
+                                "deviation_share": "SHARE",
+                            }
+                        },
+                    }
+                }
+            ).replace("SHARE", "yes")
+        },
+    ),
+    Row(
+        "check of data before the cell",
+        ("check", CONFIG),
+        ("creep.csv:3: settlement: expected a finite number, got 'x'",),
+        {CONFIG: study({"calibration": SECTION}), "creep.csv": CREEP.replace("0.2", "x")},
+    ),
     curve("since after until", "since: expected a time before until, got 3.0 and 1.0", since=3, until=1),
     curve(
         "time back", "creep.csv:4: time: expected increasing times, got 2 after 3", "time,s\n1,1\n3,2\n2,3\n"
     ),
-    curve("time twice", "creep.csv: expected at least 3 values, got 2", "time,s\n1,1\n1,2\n2,3\n"),
+    curve(
+        "time twice",
+        "creep.csv: expected at least 3 rows with different times, got 2; measure at more times",
+        "time,s\n1,1\n1,2\n2,3\n",
+    ),
     curve("no headings", "creep.csv:1: expected a line of headings", "1,2\n2,3\n3,4\n"),
     curve("no column", "no column is called 'time'; the headings in line 1 are t, s", "t,s\n1,2\n"),
     curve(
@@ -168,7 +251,7 @@ ROWS = [
     curve("few", f"{KEY}: ", "time,s\n1,1\n2,2\n"),
     curve(
         "unit without scales",
-        "settlement: 'mm' has a unit, but",
+        "settlement: 'mm' is a unit, but",
         of_unit("mm"),
     ),
     curve(

@@ -8,6 +8,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
+from porocore import ConfigurationError, Study
 from porocore.cli.entry import app
 from porocore.core.files.plain_data import merged
 from porocore.study.config.examples import benchmark_path
@@ -46,5 +47,22 @@ def test_check_reads_the_data_of_a_calibration(
     assert done.exit_code == 0, done.output
     for words in SAID:
         assert words in done.output, done.output
-    assert f"no faults; next: porocore {'calibrate' if alone else 'run'} {name}" in done.output
+    assert f"no faults; next: porocore calibrate {name} --synthetic\n" in done.output
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted([*files, "creep.csv"])
+
+
+def test_check_from_python_reads_the_data_of_a_calibration(tmp_path: Path) -> None:
+    study = yaml.safe_load(benchmark_path().read_text(encoding="utf-8"))
+    section = {"unknowns": UNKNOWNS, "observations": {"creep": OBSERVATIONS["creep"]}}
+    study = merged(study, {"macro": {"loads": [-0.05]}, "closure": "mean-gradient", "calibration": section})
+    path, data = tmp_path / "study.yaml", tmp_path / "creep.csv"
+    path.write_text(yaml.safe_dump(study), encoding="utf-8")
+    data.write_text(CREEP, encoding="utf-8")
+    assert "  creep: 3 values from 0 to 2; they are 0 to 4e+06" in Study(path, progress=False).check()
+    data.write_text(CREEP.replace("4.000.000", "x"), encoding="utf-8")
+    with pytest.raises(
+        ConfigurationError, match=r"creep\.csv:5: settlement: expected a finite number, got 'x'"
+    ):
+        Study(path, progress=False).check()
+    with pytest.raises(ConfigurationError, match=r"creep\.csv: expected a CSV file|creep\.csv: no such file"):
+        Study({**study, "title": "from settings"}, progress=False).check()

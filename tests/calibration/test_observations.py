@@ -107,7 +107,7 @@ REFUSED = {
         {},
         "curve.csv:4: time: expected increasing times, got 2 after 3",
     ),
-    "time twice": ("time,s\n1,2\n1,3\n2,4\n", {}, "expected at least 3 values, got 2"),
+    "time twice": ("time,s\n1,2\n1,3\n2,4\n", {}, "expected at least 3 rows with different times, got 2"),
     "time before": ("time,s\n-1,2\n1,3\n2,4\n", {}, "curve.csv:2: time: expected a time from 0"),
     "no time": ("t,s\n1,2\n", {}, "no column is called 'time'; the headings in line 1 are t, s"),
     "twice": ("time,s,s\n1,2,3\n", {"values": "s"}, "the heading 's' is there 2 times"),
@@ -124,13 +124,13 @@ REFUSED = {
     ),
     "unknown unit": ("time [parsnip],s\n1,2\n2,3\n3,4\n", {}, "the unit 'parsnip' is not known"),
     "two units": (TABLE, {"unit": "mm"}, "unit: expected 'um', the unit of 'settlement' in"),
-    "no scales": (TABLE, {"scales": None}, "'min' has a unit, but the configuration has no scales"),
+    "no scales": (TABLE, {"scales": None}, "'min' is a unit, but the configuration has no scales"),
     "blanks between columns": (
         "time s\n1 2\n2 3\n3 4\n",
         {},
         "curve.csv:1: expected at least two columns, got one heading, 'time s'; separate columns by a comma",
     ),
-    "few": (TABLE, {"since": 1.5}, "expected at least 3 values from 1.5, got 2"),
+    "few": (TABLE, {"since": 1.5}, "expected at least 3 times from 1.5, got 2 of the"),
     "deviation unit": (TABLE, {"deviation": "1 s"}, "deviation: expected a length, such as 5 mm, got '1 s'"),
     "deviation zero": (TABLE, {"deviation": 0}, "deviation: expected a number above 0, got 0"),
     "deviation column": (
@@ -183,7 +183,7 @@ def test_only_the_part_between_since_and_until_is_planned(tmp_path: Path) -> Non
         return read_curve("creep", observation, tmp_path, SCALES, 1e9, synthetic=True)
 
     np.testing.assert_allclose(planned(since="1 s", until=3).displayed_times, [1, 2, 3])
-    with pytest.raises(ConfigurationError, match=r"^times: expected at least 2 values from 4\.0, got 1"):
+    with pytest.raises(ConfigurationError, match=r"^since: expected at least 2 times from 4, got 1 of the 5"):
         planned(since=4)
 
 

@@ -21,7 +21,7 @@ from porocore.core.models.strict import StrictModel
 from porocore.core.units.results import speaking
 from porocore.errors import ConfigurationError
 from porocore.study.config.config import RunConfig
-from porocore.study.config.errors import faults, located
+from porocore.study.config.errors import faults, located, refusal, switched
 from porocore.study.config.loading import validated
 from porocore.study.sweep.family import family_over
 
@@ -33,31 +33,36 @@ class _Section(StrictModel):
     calibration: CalibrationSettings
 
 
-def read_plan(source: Path | str | Mapping[str, Any], *, synthetic: bool = False) -> CalibrationPlan:
+def read_plan(
+    source: Path | str | Mapping[str, Any] | YamlDocument, *, synthetic: bool = False, planned: bool = False
+) -> CalibrationPlan:
     """Return the plan of a calibration from a file, or from settings nested as in one.
 
     Parameters
     ----------
     source
-        A study with a section ``calibration:``, or unknowns and experiments alone.
+        A study with a section ``calibration:``, or unknowns and experiments alone; also as a document that was read.
     synthetic
         Values of the curves will be made up.
+    planned
+        Values of curves without a file may be made up later.
 
     Raises
     ------
     ConfigurationError
         Each fault on a line of its own: file, line, key, what was expected and what came.
     """
-    document = (
-        YamlDocument.of(source, Path.cwd())
-        if isinstance(source, Mapping)
-        else YamlDocument.read(Path(source))
-    )
+    if isinstance(source, YamlDocument):
+        document = source
+    elif isinstance(source, Mapping):
+        document = YamlDocument.of(source, Path.cwd())
+    else:
+        document = YamlDocument.read(Path(source))
     settings, at = _settings(document)
     with located(document):
         experiments = _experiments(settings, document)
         studies = {name: _study(document, name, each, at) for name, each in experiments.items()}
-        plan = _plan(document, settings, studies, at, synthetic)
+        plan = _plan(document, settings, studies, at, synthetic, planned)
         return replace(plan, documents=_documents(document, experiments))
 
 
@@ -100,15 +105,15 @@ def _settings(document: YamlDocument) -> tuple[CalibrationSettings, Location]:
         )
     root = _Section if inside else CalibrationSettings
     data = {SECTION: document.data[SECTION]} if inside else document.data
+    found: list[tuple[Location, str]] = []
+    read = None
     try:
         read = root.model_validate(data)
     except ValidationError as error:
-        found = dict.fromkeys(
-            (document.line(at), text) for at, text in faults(document, error.errors(), root)
-        )
-        raise ConfigurationError(
-            "\n".join(f"{document.at_line(line)}: {text}" for line, text in sorted(found))
-        ) from None
+        found += faults(document, error.errors(), root)
+    found += [fault for fault in switched(replace(document, data=data), root) if fault[0] not in dict(found)]
+    if found or read is None:
+        raise refusal(document, found)
     return (read.calibration, (SECTION,)) if isinstance(read, _Section) else (read, ())
 
 
@@ -163,6 +168,7 @@ def _plan(
     studies: Mapping[str, tuple[RunConfig, float, ExperimentSettings]],
     at: Location,
     synthetic: bool,
+    planned: bool,
 ) -> CalibrationPlan:
     plain = {name: Experiment(name, config, load, ()) for name, (config, load, _) in studies.items()}
     unknowns = planned_unknowns(settings, plain, at)
@@ -178,7 +184,7 @@ def _plan(
                 with keyed(_key(at, *keys, observed)), speaking(config.result_units):
                     curve = read_curve(
                         observed, observation, document.folder, config.scales, config.macro.time.end,
-                        experiment=name, synthetic=synthetic,
+                        experiment=name, synthetic=synthetic or (planned and observation.file is None),
                     )  # fmt: skip
             except ConfigurationError as error:
                 refused.append(str(error))

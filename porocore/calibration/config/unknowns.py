@@ -20,7 +20,7 @@ from porocore.calibration.config.settings import (
 )
 from porocore.calibration.plan import Experiment, PlannedUnknown
 from porocore.calibration.problem import NormalPrior, Scale, Unknown
-from porocore.core.echo import echo, suggestion
+from porocore.core.echo import comma_advice, echo, suggestion
 from porocore.core.files.yaml_document import Location, dotted
 from porocore.core.units.quantities import UnitError, has_unit, in_si, unit_in_si, unit_within
 from porocore.core.units.scales import QUANTITIES
@@ -193,7 +193,9 @@ def _number(key: str, value: float | str, unit: str, number: StudyNumber) -> flo
             )
         return value
     if not has_unit(value):
-        raise ConfigurationError(f"{key}: expected a number, or one with a unit, got {echo(value)}")
+        raise ConfigurationError(
+            f"{key}: expected a number, or one with a unit, got {echo(value)}{comma_advice(value)}"
+        )
     try:
         return float(in_si(value, number.quantity) / unit_in_si(unit, number.quantity))
     except UnitError as error:

@@ -69,6 +69,11 @@ def read_curve(
         curve = _planned(title, settings, series, scales)
     else:
         curve = _measured(title, name, settings, series, folder / settings.file, scales, end)
+    if not synthetic and curve.share is not None and curve.measured is not None and not curve.measured.any():
+        raise ConfigurationError(
+            f"deviation_share: all values that count are 0 in {folder / str(settings.file)}, and so is every share of "
+            "the largest one; give 'deviation:' in its place"
+        )
     if (last := curve.times[-1]) > end * (1 + 1e-9):
         t = last * curve.time_factor
         raise ConfigurationError(
@@ -281,7 +286,11 @@ def _of_column(
     heading = table.headings[column]
     unit = as_unit(heading.unit, quantity)
     if given is None:
-        return StudyUnit.at_key(f"{table.path}: {heading.name}", unit, quantity, scales)
+        known = "" if is_unit(unit) else f", or name a known one by '{key}:'"
+        return StudyUnit.at_key(
+            f"{table.path}:{heading.unit_line or table.line}: {heading.name}", unit, quantity, scales,
+            (f"correct it in the file{known}", "take the unit out of the file, whose numbers are then dimensionless"),
+        )  # fmt: skip
     size, other = size_of(given.strip(), quantity), size_of(unit, quantity)
     # A unit that nobody knows, such as 'Sek', is what the key is for.
     if given.strip() != unit and size is not None and (size != other if other else is_unit(unit)):
@@ -325,14 +334,23 @@ def _counting(
             f"since: expected a time before until, got {settings.since} and {settings.until}; exchange them"
         )
     kept: np.ndarray[tuple[int], np.dtype[np.bool_]] = (times >= since) & (times <= until)
-    if (count := int(kept.sum())) < fewest:
+    if len(times) < fewest:
         raise ConfigurationError(
-            f"{key}: expected at least {fewest} values{_between(settings)}, got {count}; measure more, or let more of "
-            "them count"
+            f"{key}: expected at least {fewest} rows with different times, got {len(times)}; measure at more times"
+        )
+    if (count := int(kept.sum())) < fewest:
+        at = "until" if settings.since is None else "since"
+        raise ConfigurationError(
+            f"{at}: expected at least {fewest} times{_between(settings)}, got {count} of the {len(times)} of {key}, "
+            f"which go from {times[0]:g} to {times[-1]:g}{_unit(unit.name)}; move it"
         )
     return kept
 
 
 def _between(settings: ObservationSettings) -> str:
     ends = {"from": settings.since, "to": settings.until}
-    return "".join(f" {word} {value}" for word, value in ends.items() if value is not None)
+    return "".join(
+        f" {word} {value:g}" if isinstance(value, float) else f" {word} {value}"
+        for word, value in ends.items()
+        if value is not None
+    )

@@ -28,10 +28,11 @@ _NEWLINE = re.compile(r"\r\n|\r|\n")
 
 @dataclass(frozen=True)
 class Heading:
-    """Name and unit of a column; the unit is empty where there is none."""
+    """Name and unit of a column; the unit is empty where there is none, and has a line where it stands below."""
 
     name: str
     unit: str
+    unit_line: int = 0
 
     @classmethod
     def read(cls, text: str) -> Heading:
@@ -442,7 +443,7 @@ def _with_units(path: Path, headings: Sequence[Heading], units: _Row) -> tuple[H
                 f"{path}:{units.line}: {heading.name}: expected {echo(heading.unit)}, the unit in the heading, got "
                 f"{echo(unit)}; remove one of the two"
             )
-        found.append(Heading(heading.name, heading.unit or unit))
+        found.append(heading if heading.unit else Heading(heading.name, unit, units.line))
     return tuple(found)
 
 

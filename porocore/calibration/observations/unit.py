@@ -6,11 +6,14 @@ import math
 from dataclasses import dataclass
 from fractions import Fraction
 
-from porocore.core.echo import echo
+from porocore.core.echo import comma_advice, echo
 from porocore.core.units.quantities import UnitError, has_unit, in_si, unit_in_si
 from porocore.core.units.scales import QUANTITIES, Scales
-from porocore.core.units.texts import NO_SCALES
+from porocore.core.units.texts import ADD_SCALES, NO_SCALES
 from porocore.errors import ConfigurationError
+
+#: Advice on a unit that a key gives: on one of another quantity, and on one in a study without scales.
+IN_A_KEY = ("change the key", "leave the key out where the numbers are dimensionless")
 
 
 def size_of(unit: str, quantity: str) -> Fraction | None:
@@ -55,19 +58,32 @@ class StudyUnit:
     scales: Scales | None
 
     @classmethod
-    def at_key(cls, key: str, name: str, quantity: str, scales: Scales | None) -> StudyUnit:
+    def at_key(
+        cls, key: str, name: str, quantity: str, scales: Scales | None, advice: tuple[str, str] = IN_A_KEY
+    ) -> StudyUnit:
         """Return a unit that a key, or the heading of a file, gives.
+
+        Parameters
+        ----------
+        key
+            Where it stands.
+        name, quantity, scales
+            See the class.
+        advice
+            What to do about a unit that is none of the quantity, and, beside adding scales, about one without scales.
 
         Raises
         ------
         ConfigurationError
             The unit is none of the quantity, or the study has no scales; the message begins with the key.
         """
+        if scales is None and name and size_of(name, quantity) is not None:
+            raise ConfigurationError(f"{key}: {echo(name)} is a unit, but {ADD_SCALES}, or {advice[1]}")
         unit = cls(name, quantity, scales)
         try:
             _ = unit.factor
         except UnitError as error:
-            raise ConfigurationError(f"{key}: {error}") from None
+            raise ConfigurationError(f"{key}: {error}; {advice[0]}") from None
         return unit
 
     @property
@@ -106,7 +122,7 @@ class StudyUnit:
         if not isinstance(value, str):
             return value
         if not has_unit(value):
-            raise UnitError(f"expected a number, or one with a unit, got {echo(value)}")
+            raise UnitError(f"expected a number, or one with a unit, got {echo(value)}{comma_advice(value)}")
         factor = self.factor
         si = in_si(value, self.quantity)
         if self.scales is None:

@@ -90,12 +90,12 @@ def check(
 
     if config is not None and config.is_file() and is_calibration(config):
         with interruptible():
-            plan = read_plan(config, synthetic=True)
-            for experiment in plan.experiments:
+            own = read_plan(config, planned=True)
+            for experiment in own.experiments:
                 check_backends(experiment.config)
-        for line in plan.outline:
+        for line in own.outline:
             typer.echo(line)
-        typer.echo(f"no faults; next: {command('calibrate', config)}")
+        typer.echo(f"no faults; next: {command('calibrate', config, synthetic=own.is_planned)}")
         return
     alone = config is not None and config.is_file() and holds_cells_alone(config)
     path, settings = read_config(config, fem, surrogate, closure, macro, cell_only=alone)
@@ -110,13 +110,14 @@ def check(
             )
             return
         check_backends(settings)
-        for line in chain(outline(settings), at_rest(settings, user_store())):
+        plan = None if settings.calibration is None else read_plan(path, planned=True)
+        of_plan = [] if plan is None else plan.section
+        for line in chain(outline(settings), at_rest(settings, user_store()), of_plan):
             typer.echo(line)
-        if settings.calibration is not None:
-            typer.echo("calibration:")
-            for line in read_plan(path, synthetic=True).outline:
-                typer.echo(f"  {line}")
-    typer.echo(f"no faults; next: {command('run', config)}")
+    if plan is None:
+        typer.echo(f"no faults; next: {command('run', config)}")
+    else:
+        typer.echo(f"no faults; next: {command('calibrate', config, synthetic=plan.is_planned)}")
 
 
 def _beginning(path: Path) -> str:

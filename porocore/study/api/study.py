@@ -6,6 +6,7 @@ import io
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import Any, Literal
 
@@ -34,6 +35,9 @@ from porocore.study.sweep.results import ParameterSweep
 from porocore.study.sweep.run import require_sweep_laws, run_sweep
 from porocore.study.tuning.candidates import DEPTHS, WIDTHS, candidates
 from porocore.study.tuning.tune import Tuning, tune
+
+#: Module and function that read a section ``calibration:``. Calibrations stand upon studies, which do not import them.
+READER_OF_CALIBRATIONS = ("porocore.calibration.config.loading", "read_plan")
 
 
 class Study:
@@ -125,10 +129,18 @@ class Study:
         return self.config.result_units
 
     def check(self) -> list[str]:
-        """Check the study, and return an outline of its run, line by line; only the undeformed cell is solved."""
+        """Check the study, and return an outline of its run, line by line; only the undeformed cell is solved.
+
+        The data of a section ``calibration:`` are read, too.
+        """
         with located(self._document):
             check_backends(self.config)
-            return [*outline(self.config), *at_rest(self.config)]
+            if self.config.calibration is None:
+                return [*outline(self.config), *at_rest(self.config)]
+        module, function = READER_OF_CALIBRATIONS
+        plan = getattr(import_module(module), function)(self._document, planned=True)
+        with located(self._document):
+            return [*outline(self.config), *at_rest(self.config), *plan.section]
 
     def sample(self, *, retry_lost: bool = False, cell: str | None = None) -> Samples:
         """Solve the cells for the sampled and the held-out states; return the sampled ones.
