@@ -234,6 +234,23 @@ def test_check_notes_a_course_that_goes_on_beyond_the_end(tmp_path):
     assert "beyond the end, 2000 s" in lines[0]
 
 
+@pytest.mark.parametrize(
+    ("step", "tolerance", "noted"), [(20, None, True), (2, None, False), (20, 0.01, False)]
+)
+def test_check_notes_a_step_that_is_longer_than_the_run(step, tolerance, noted, tmp_path):
+    time = {"end": 2, "step": step, "ramp_increments": 2, "ramp_step": 0.5, "tolerance": tolerance}
+    lines = [
+        line
+        for line in outline(load_config(study_of(tmp_path, macro__time=time)))
+        if "macro.time.step" in line
+    ]
+    assert len(lines) == noted
+    if noted:
+        assert lines[0].startswith(
+            "note: macro.time.step is 20, longer than the whole run, which ends at 2: after"
+        )
+
+
 def test_the_checks_mesh_the_body_once(monkeypatch):
     """A large body is not meshed for each of them."""
     from porocore.macro.body import kinds

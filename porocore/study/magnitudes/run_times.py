@@ -52,6 +52,17 @@ def run_times(macro: MacroSetup, consolidation: float, units: ResultUnits) -> It
         )
 
 
+def long_step(macro: MacroSetup, units: ResultUnits) -> Iterator[str]:
+    """Yield a note on steps of equal length that are longer than the run."""
+    plan = macro.time
+    if plan.tolerance is None and plan.step > plan.end:
+        step, end = (units.text(time, "time", 3) for time in (plan.step, plan.end))
+        yield (
+            f"macro.time.step is {step}, longer than the whole run, which ends at {end}: after the ramp it takes one "
+            "step; give a shorter step, or a later end"
+        )
+
+
 def _unit(units: ResultUnits) -> str:
     if not units.given:
         return "is that what you want?"

@@ -27,6 +27,7 @@ from porocore.study import backends
 from porocore.study.config.cells import keys_of, lines_of_cell
 from porocore.study.config.config import RunConfig
 from porocore.study.magnitudes.left_out import formulas, left_out
+from porocore.study.magnitudes.run_times import long_step
 from porocore.study.magnitudes.separation import separation
 from porocore.study.outline.at_rest import cell_length, edges
 from porocore.study.preflight.checks import place
@@ -87,6 +88,7 @@ def outline(config: RunConfig) -> Iterator[str]:
             name, (f"note: {note}" for note in _notes(one, _nodes(one.cell, measured[name])[0]))
         )
     yield from (f"note: {warning}" for warning in late_functions(config.macro, config.result_units))
+    yield from (f"note: {warning}" for warning in long_step(config.macro, config.result_units))
     # K is not known yet, but along which axes it is positive in any of the cells.
     percolates = [any(axis not in quality.blocked for quality in measured.values()) for axis in "xyz"]
     yield from (f"note: {warning}" for warning in undrained(config.macro, np.diag(percolates).astype(float)))
