@@ -82,6 +82,11 @@ class Boundary(StrictModel):
         return self
 
     @property
+    def is_held(self) -> bool:
+        """True if a displacement is prescribed or a plate is pushed, so that there is a force on the surface."""
+        return any(u is not None for u in (*self.displacement, self.normal, self.plate))
+
+    @property
     def is_moved(self) -> bool:
         """True if a displacement other than zero is prescribed."""
         return any(u is not None and u != 0 for u in (*self.displacement, self.normal))

@@ -221,6 +221,24 @@ ROWS = [
         ("creep.csv:3: settlement: expected a finite number, got 'x'",),
         {CONFIG: study({"calibration": SECTION}), "creep.csv": CREEP.replace("0.2", "x")},
     ),
+    curve(
+        "probe that is none",
+        f"{KEY}.probe: expected one with this result, got 'q'; the run has none",
+        quantity="pressure",
+        probe="q",
+    ),
+    curve(
+        "force on a surface that is free",
+        f"{KEY}.surface: expected one with this result, got 'y+'; the plane surfaces that are held or moved are x-,",
+        quantity="force",
+        surface="y+",
+    ),
+    curve(
+        "inflow through a surface without a pressure",
+        f"{KEY}.surface: expected one with this result, got 'y-'; the surfaces with a pressure are y+",
+        quantity="inflow",
+        surface="y-",
+    ),
     curve("since after until", "since: expected a time before until, got 3.0 and 1.0", since=3, until=1),
     curve(
         "time back", "creep.csv:4: time: expected increasing times, got 2 after 3", "time,s\n1,1\n3,2\n2,3\n"

@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from porocore.calibration.config.settings import CalibrationSettings, ExperimentSettings
 from porocore.calibration.config.unknowns import keyed, planned_unknowns
 from porocore.calibration.observations.reading import read_curve
+from porocore.calibration.observations.series import MeasuredSeries
 from porocore.calibration.plan import CalibrationPlan, Experiment, PlannedUnknown
 from porocore.calibration.posterior.ensemble import require_emcee
 from porocore.core.files.reading import read_text
@@ -182,6 +183,7 @@ def _plan(
             keys = ("experiments", name, "observations") if name else ("observations",)
             try:
                 with keyed(_key(at, *keys, observed)), speaking(config.result_units):
+                    MeasuredSeries.chosen(observation).require_in(config.macro)
                     curve = read_curve(
                         observed, observation, document.folder, config.scales, config.macro.time.end,
                         experiment=name, synthetic=synthetic or (planned and observation.file is None),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +13,7 @@ from porocore.core.echo import echo, suggestion
 from porocore.errors import ConfigurationError
 from porocore.interfaces.sensitivities import HistoryWeights, MacroSensitivities
 from porocore.interfaces.solution import MacroSolution
+from porocore.macro.problem import MacroSetup
 from porocore.states import Array
 
 #: Quantities of the units of each kind.
@@ -72,11 +73,21 @@ class SeriesPlace:
         return series
 
     def _entry(self, group: Mapping[str, Array]) -> Array:
-        if self.name not in group:
-            key, listed = _LISTED[self.group]
-            advice = suggestion(self.name, group, f"the {listed}", "the run has none")
-            raise ConfigurationError(f"{key}: expected one with this result, got {echo(self.name)}; {advice}")
+        self.require_among(group)
         return group[self.name]
+
+    def require_among(self, names: Collection[str]) -> None:
+        """Refuse a surface or probe that is none of some.
+
+        Raises
+        ------
+        ConfigurationError
+            It is none; the message begins with the key of the observation.
+        """
+        if self.name and self.name not in names:
+            key, listed = _LISTED[self.group]
+            advice = suggestion(self.name, names, f"the {listed}", "the run has none")
+            raise ConfigurationError(f"{key}: expected one with this result, got {echo(self.name)}; {advice}")
 
     def weight(self, each: Array) -> Array:
         """Return weights (steps, f) of the series as those of the whole field or vectors."""
@@ -145,6 +156,22 @@ class MeasuredSeries:
         """
         place = self.place
         return place.part(solution if place.name else solution.history)
+
+    def require_in(self, macro: MacroSetup) -> None:
+        """Refuse a probe that a study does not have, and a surface without the measured force or inflow.
+
+        Raises
+        ------
+        ConfigurationError
+            See :meth:`SeriesPlace.require_among`.
+        """
+        place = self.place
+        if place.group == "probes":
+            place.require_among(macro.probes)
+        elif place.group == "inflow":
+            place.require_among([name for name, each in macro.boundary.items() if each.pressure is not None])
+        elif place.name:
+            place.require_among([name for name, each in macro.boundary.items() if each.is_held])
 
     def slopes(self, found: MacroSensitivities) -> Array:
         """Return the derivatives (steps, k) of the series by the unknowns of a run of a whole specimen."""
