@@ -251,6 +251,13 @@ def test_check_notes_a_step_that_is_longer_than_the_run(step, tolerance, noted, 
         )
 
 
+def test_a_surface_whose_facets_a_patch_has_taken_is_checked(tmp_path):
+    patch = {"macro__surfaces": {"strip": {"of": "y+", "x": [0, 1000]}}}
+    config = load_config(study_of(tmp_path, **patch))
+    check_backends(config)
+    assert any("surface y+, 0 facets" in line for line in outline(config))
+
+
 def test_the_checks_mesh_the_body_once(monkeypatch):
     """A large body is not meshed for each of them."""
     from porocore.macro.body import kinds

@@ -138,11 +138,11 @@ def known(macro: MacroSetup, mesh: BodyMesh, times: Array) -> Iterator[Known]:
 
 
 def _faces(macro: MacroSetup, mesh: BodyMesh) -> list[_Face]:
-    """Return all surfaces across an axis."""
+    """Return all surfaces across an axis that have facets."""
     size, found = np.ptp(mesh.points, axis=0), []
     for name, facets in mesh.surfaces.items():
         boundary = macro.boundary.get(name)
-        if boundary is None:
+        if boundary is None or not len(facets):  # Patches may have taken all facets.
             continue
         points = mesh.points[np.unique(facets)]
         low, high = points.min(axis=0), points.max(axis=0)
