@@ -68,16 +68,22 @@ def echo(value: Any, most: int = MOST) -> str:
     return cut(text.removesuffix("...").strip(), most)
 
 
-def comma_advice(value: Any) -> str:
-    """Return the advice on a number with a comma in it, after a semicolon; empty where ``value`` is no such text."""
+def comma_advice(value: Any, whole: bool = False) -> str:
+    """Return the advice on a number with a comma in it, after a semicolon; empty where ``value`` is no such text.
+
+    A ``whole`` number may have commas between groups of digits alone.
+    """
     found = _COMMAS.fullmatch(value) if isinstance(value, str) else None
     if found is None:
         return ""
     number, unit = found["number"], cut(found["unit"])
     together = number.replace(",", "") + unit
-    if found["decimal"] is None:
+    may_be_groups = re.fullmatch(r"[+-]?[1-9]\d{0,2},\d{3}", number) is not None
+    if whole and not may_be_groups and found["decimal"] is not None:
+        return ""
+    if found["decimal"] is None or whole:
         return f"; digits are not grouped: write {together}"
-    meant = f", or {together}" if re.fullmatch(r"[+-]?[1-9]\d{0,2},\d{3}", number) else ""
+    meant = f", or {together}" if may_be_groups else ""
     return f"; decimals stand after a point: write {number.replace('.', '').replace(',', '.')}{unit}{meant}"
 
 

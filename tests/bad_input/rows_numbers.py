@@ -73,6 +73,11 @@ LISTS = [
     ),
     ("macro.time.load_curve", [[1]], "a list of 2 entries (a time and a factor)"),
 ]
+#: A whole number has no decimals, and a range has two numbers that may have commas.
+OTHERS = [
+    ("sampling.test.count", "1,000", "got '1,000'; digits are not grouped: write 1000"),
+    ("cell.geometry.radius", {"range": ["0,2", 0.3]}, "decimals stand after a point: write 0.2"),
+]
 TABBED: Content = study().replace("  time:\n", "\ttime:\n")
 
 
@@ -81,7 +86,7 @@ def switched(key: str) -> Content:
 
 
 ROWS = [
-    *(faulty(f"comma: {key} = {value}", {key: value}, part) for key, value, part in COMMAS),
+    *(faulty(f"comma: {key} = {value}", {key: value}, part) for key, value, part in (*COMMAS, *OTHERS)),
     faulty(
         "comma before a unit",
         {**SCALES, "macro.time.end": "12,0 s"},
@@ -95,6 +100,14 @@ ROWS = [
         ("check", CONFIG),
         (":83: expected an indentation by spaces, got a tab, which YAML does not take there",),
         {CONFIG: TABBED},
+    ),
+    Row(
+        "a tab before a value",
+        ("check", CONFIG),
+        (
+            ":1: expected a space, got a tab, which YAML does not take there; replace each tab of the line by a space",
+        ),
+        {CONFIG: "closure:\tmean-gradient\n"},
     ),
     Row(
         "an input that is none",

@@ -203,3 +203,8 @@ def test_no_message_ends_in_a_list_that_may_be_empty():
                 texts = [each for each in ast.walk(node) if isinstance(each, ast.JoinedStr) and each.values]
                 found += [f"{path}:{each.lineno}" for each in texts if _ends_in_a_list(each)]
     assert found == []
+
+
+def test_a_whole_number_has_groups_of_digits_and_no_decimals():
+    assert comma_advice("1,000", whole=True) == "; digits are not grouped: write 1000"
+    assert comma_advice("2,5", whole=True) == ""

@@ -89,6 +89,11 @@ class YamlDocument:
                     f"{where}: expected an indentation by spaces, got a tab, which YAML does not take there; replace "
                     "each tab at the beginning of a line by two spaces"
                 ) from None
+            if "'\\t'" in (error.problem or ""):
+                raise ConfigurationError(
+                    f"{where}: expected a space, got a tab, which YAML does not take there; replace each tab of the "
+                    "line by a space"
+                ) from None
             if isinstance(error, yaml_loader.Refused):
                 raise ConfigurationError(f"{where}: {error.problem}") from None
             context = f"{error.context}, " if error.context else ""

@@ -114,7 +114,10 @@ def _as_written(document: YamlDocument, at: Location, text: str) -> str:
         value = echo(document.value(at))
         said = f"{cut(document.switches[at])}, which YAML reads as {value}"
         return text if said.startswith(f"{value},") else text.replace(f"got {value}", f"got {said}", 1)
-    advice = comma_advice(document.value(at)) if at in document and "number" in text else ""
+    if at not in document or "number" not in text:
+        return text
+    whole = "a whole number" in text
+    advice = next(filter(None, (comma_advice(value, whole) for _, value in leaves(document.value(at)))), "")
     return text if advice in text else f"{text}{advice}"
 
 
