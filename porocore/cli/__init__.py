@@ -38,11 +38,16 @@ def main() -> None:
 
 
 def _open_streams() -> None:
-    """Lead closed standard streams to the null device: what is written there is lost, and no file takes their place."""
+    """Lead closed standard streams to the null device, so that no file takes their place.
+
+    Messages that are written there are lost. Results are not: the place of standard output takes none, so that a
+    command that prints one ends with an error, as on a full disk.
+    """
     for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
         if getattr(sys, name) is None:
+            access = os.O_RDONLY if name == "stdout" else os.O_RDWR
             # The lowest number that is free: that of the stream, unless something has taken it already.
-            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_RDWR), mode))
+            setattr(sys, name, os.fdopen(os.open(os.devnull, access), mode))
             os.set_inheritable(number, True)
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 import typer
 
+from porocore.cli.parsing import Commands
 from porocore.core.echo import comma_advice, cut, echo
 from porocore.core.parallel import launched
 from porocore.errors import ConfigurationError, UnexpectedError
@@ -120,6 +121,7 @@ def command_group(what: str, **settings: Any) -> typer.Typer:
     """Return a group of commands with the look that all of them have."""
     return typer.Typer(
         help=what,
+        cls=settings.pop("cls", Commands),
         pretty_exceptions_enable=False,
         rich_markup_mode="markdown",
         context_settings={"help_option_names": ["-h", "--help"]},
@@ -140,12 +142,15 @@ def chosen_store(store: Path | None, no_store: bool) -> ResultStore | None:
     Raises
     ------
     ConfigurationError
-        Both are given, or the path leads to a file.
+        Both are given, or the path leads to a file or nowhere.
     """
+    from porocore.core.files.reading import obstacle
     from porocore.study import store as stores
 
     if no_store and store is not None:
         raise ConfigurationError("--store and --no-store exclude each other; leave one out")
+    if store is not None and (found := obstacle(store)):
+        raise ConfigurationError(f"--store {store}: {found}; choose another")
     if store is not None and store.exists() and not store.is_dir():
         raise ConfigurationError(f"--store {store}: expected a folder, got a file; choose another")
     return stores.chosen_store(False if no_store else True if store is None else store)

@@ -7,6 +7,7 @@ Exit status: 0 done, 1 a check that failed, 2 an error that the message explains
 from __future__ import annotations
 
 import errno
+import os
 import sys
 import threading
 import traceback
@@ -18,6 +19,7 @@ import typer
 
 from porocore.cli.common import INTERRUPTED, Interrupted
 from porocore.core import unexpected
+from porocore.core.echo import without_line_breaks
 from porocore.core.parallel import launched, let_the_first_speak
 from porocore.errors import PorocoreError, UnexpectedError
 
@@ -65,14 +67,24 @@ def ending() -> Iterator[None]:
     except KeyboardInterrupt:
         _stop("interrupted", INTERRUPTED, "")
     except OSError as error:
+        if not error.filename and _came_of_printing(error) and error.errno in (*_OF_THE_SYSTEM, errno.EBADF):
+            _drop_what_is_left()
+            why = "closed" if error.errno == errno.EBADF else error.strerror
+            _stop(f"standard output: {why}; send it somewhere else", REFUSED)
         if error.errno not in _OF_THE_SYSTEM:
             _unexpected(error)
-        if not error.filename and _came_of_printing(error):
-            _stop(f"standard output: {error.strerror}; send it somewhere else", REFUSED)
         where = f"{error.filename}: " if error.filename else ""
         _stop(f"{where}{error.strerror}; {_OF_THE_SYSTEM[error.errno]}", REFUSED)
     except Exception as error:  # noqa: BLE001 - any error is reported
         _unexpected(error)
+
+
+def _drop_what_is_left() -> None:
+    """Lead standard output to the null device, so that Python does not try once more to write what is left."""
+    with suppress(OSError, ValueError, AttributeError):
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, sys.stdout.fileno())
+        os.close(null)
 
 
 def _came_of_printing(error: BaseException) -> bool:
@@ -100,7 +112,7 @@ def _stop(message: str, status: int, label: str = "error: ") -> NoReturn:
 
 def _tell(message: str, label: str) -> None:
     """Print the message, bounded, where standard error is still open."""
-    lines = [_cut(line) for line in message.splitlines()]
+    lines = [_cut(line) for line in without_line_breaks(message, sys.argv[1:]).splitlines()]
     if len(lines) > 1:
         hidden = len(lines) - MOST_LINES
         shown = [*lines[:MOST_LINES], f"and {hidden} more"] if hidden > 0 else lines

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from typer.core import TyperGroup
 
 from porocore.cli.calibrate import calibrate
 from porocore.cli.commands import (
@@ -26,9 +24,9 @@ from porocore.cli.commands import (
 )
 from porocore.cli.common import command_group
 from porocore.cli.ending import ending
+from porocore.cli.parsing import Program
 from porocore.cli.sweep import sweep
 from porocore.core.console import quieten_libraries
-from porocore.core.echo import without_long_words
 from porocore.core.parallel import launched
 from porocore.errors import PorocoreError
 
@@ -51,24 +49,7 @@ Examples:
 """
 
 
-class _Commands(TyperGroup):
-    """Group of commands with messages of the parser in porocore's words, without long ones of the user."""
-
-    def invoke(self, ctx: Any) -> Any:
-        try:
-            return super().invoke(ctx)
-        except Exception as error:
-            message = getattr(error, "message", None)
-            if (faults := getattr(error.__cause__, "errors", None)) is not None:
-                from porocore.core.models.strict import fault_text  # Pydantic is slow to import.
-
-                message = fault_text(faults()[0])
-            if isinstance(message, str) and hasattr(error, "format_message"):
-                error.message = without_long_words(message, sys.argv[1:])  # type: ignore[attr-defined]
-            raise
-
-
-app = command_group(HELP, cls=_Commands, epilog=EPILOG, add_completion=False, no_args_is_help=True)
+app = command_group(HELP, cls=Program, epilog=EPILOG, add_completion=False, no_args_is_help=True)
 
 _LOOK = "Cells, data, plugins and checks"
 _STEPS = (study.sample, study.train, study.solve, study.report, tune.tune)

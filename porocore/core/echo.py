@@ -27,8 +27,7 @@ ENTRIES, LEVELS = 20, 5
 
 def cut(text: str, most: int = MOST) -> str:
     """Return ``text`` on one line, without control characters, as at most ``most`` characters."""
-    begin = text[: most + 1]
-    line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in begin)
+    line = _one_line(text[: most + 1])
     return line if len(text) <= most and len(line) <= most else f"{line[: most - 1]}…"
 
 
@@ -105,6 +104,19 @@ def without_long_words(message: str, words: Iterable[str]) -> str:
             if len(part) > MOST:
                 message = message.replace(part, cut(part))
     return message
+
+
+def without_line_breaks(message: str, words: Iterable[str]) -> str:
+    """Return a message with those of ``words`` that hold control characters, such as line breaks, on one line."""
+    for word in words:
+        for part in (word, word.partition("=")[2]):
+            if not part.isprintable():
+                message = message.replace(part, _one_line(part))
+    return message
+
+
+def _one_line(text: str) -> str:
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
 
 
 def reason(error: BaseException, most: int = 160) -> str:

@@ -31,8 +31,10 @@ NO_CONFIGURATION: dict[str, tuple[Content | None, str]] = {
     "not closed": ("cell: {geometry: [", "not valid YAML"),
     "tab": ("a: 1\n\ta: 2", f"{CONFIG}:2: expected an indentation by spaces, got a tab"),
     "object": ("!!python/object/apply:os.system ['touch hacked']", "not valid YAML"),
-    "HDF5": (b"\x89HDF\r\n\x1a\n\xff", "expected YAML text in UTF-8"),
-    "loop of links": (link(CONFIG), CONFIG),
+    "HDF5": (b"\x89HDF\r\n\x1a\n\xff", "expected a configuration, which is YAML text, got an HDF5 file"),
+    "bytes": (b"\x80\x00\x01", "expected a configuration, which is YAML text, got a file that is no text"),
+    "loop of links": (link(CONFIG), f"{CONFIG}: cannot be read: a symbolic link that leads back to itself"),
+    "dangling link": (link("nowhere"), f"{CONFIG}: a symbolic link to nowhere, which does not exist"),
 }
 #: What ``run.json`` may hold, and what the message must hold.
 RECORDS: dict[str, tuple[Content, str]] = {
@@ -54,8 +56,46 @@ RECORDS: dict[str, tuple[Content, str]] = {
 }
 
 
+#: Words of which one is no command, and what the message must hold.
+NO_COMMANDS = {
+    ("frobnicate",): ("There is no command 'frobnicate'; the commands are init, check, schema",),
+    ("chek",): ("There is no command 'chek'; did you mean 'check'? the commands are",),
+    ("mine.yaml",): ("a file is given behind a command, as in 'porocore run mine.yaml'",),
+    ("data", "summary"): (
+        "There is no command 'summary'; the commands are info, check, merge, export, plot",
+    ),
+    ("data", "inf"): ("did you mean 'info'? the commands are",),
+    ("store", "frobnicate"): ("the commands are list, check, clear",),
+    ("plugin", "frobnicate"): ("the commands are new, check",),
+    ("cell", "fild"): (
+        "There is no command and no file 'fild'; did you mean 'fields'? the commands are rev",
+    ),
+    ("cell", "gone"): ("gone: a symbolic link to nowhere, which does not exist",),
+    ("check", "mine.yaml", "more"): ("Expected only CONFIG and options, got 'more', too",),
+    ("plugins", "more"): ("Expected options only, got 'more', too",),
+    ("train",): ("Missing argument 'RUN'. Run folder.",),
+}
+#: What is given as a run folder, and what the message must hold.
+NO_RUN: dict[str, tuple[str, dict[str, Content], str]] = {
+    "a file": ("mine.yaml", {}, "mine.yaml: expected a run folder, got a file"),
+    "a file of a run": ("run/config.yaml", {"run": from_run()}, "got a file of one; give the folder: run"),
+    "a folder of runs": ("runs", {"runs/a": from_run()}, "but holds some; give one of them: runs/a"),
+    "a folder of other files": ("other", {"other/note.txt": "mine"}, "but holds other files"),
+    "a dangling link": ("gone", {}, "gone: a symbolic link to nowhere, which does not exist"),
+    "a line break": ("a\nb", {}, "a\\nb is not a run folder (there is no such folder)"),
+}
+#: What is given as a store, and what the message must hold.
+NO_STORE = {
+    "none-there": "--store none-there: no such folder",
+    "mine.yaml": "--store mine.yaml: expected a folder, got a file",
+    "gone": "--store gone: a symbolic link to nowhere, which does not exist",
+}
+BESIDE: dict[str, Content] = {"mine.yaml": "mine", "gone": link("nowhere")}
+
+
 def unknown_option(command: str) -> Row:
-    return Row(f"{command}: unknown option", (*command.split(), "--frobnicate"), ("--frobnicate",))
+    expected = ("There is no option --frobnicate; the options are --", "--help")
+    return Row(f"{command}: unknown option", (*command.split(), "--frobnicate"), expected)
 
 
 def no_configuration(command: str, kind: str) -> Row:
@@ -79,6 +119,24 @@ def incomplete_run(command: str, missing: str, expected: str) -> Row:
 
 
 ROWS = [
+    *(Row(f"no command: {' '.join(words)}", words, said, BESIDE) for words, said in NO_COMMANDS.items()),
+    *(
+        Row(f"{command}: {kind} for a run folder", (command, path), (said,), {**BESIDE, **files})
+        for command in ("train", "solve", "report")
+        for kind, (path, files, said) in NO_RUN.items()
+    ),
+    *(
+        Row(f"store {command}: {path}", ("store", command, "--store", path), (said,), BESIDE)
+        for command in ("list", "check", "clear")
+        for path, said in NO_STORE.items()
+    ),
+    Row(
+        "run: a store at a dangling link",
+        ("run", CONFIG, "--store", "gone", "--out", "out"),
+        (NO_STORE["gone"],),
+        {CONFIG: study(), **BESIDE},
+    ),
+    Row("check: a line break in a path", ("check", "a\nb.yaml"), (r"a\nb.yaml: no such file",)),
     *(unknown_option(command) for command in sorted(commands())),
     *(no_configuration(command, kind) for command in WITH_CONFIG for kind in NO_CONFIGURATION),
     *(damaged_record(command, kind) for command in WITH_RUN for kind in RECORDS),

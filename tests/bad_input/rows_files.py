@@ -9,7 +9,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from bad_files import SAMPLES, SOLUTION, SURROGATE, Edit, fifo, from_run, holes, link
+from bad_files import SAMPLES, SOLUTION, SURROGATE, Edit, fifo, folder, from_run, hdf5, holes, link
 from bad_row import Content, Row
 
 from porocore.surrogates.file import file as surrogate_file
@@ -110,6 +110,14 @@ def bomb(name: str) -> Edit:
     return replaced(name, np.zeros((4_000_000, 2)), compression="gzip", compression_opts=9)
 
 
+def folder_with(name: str) -> Content:
+    def make(path: Path) -> None:
+        path.mkdir()
+        (path / name).touch()
+
+    return make
+
+
 def general(array: str) -> dict[str, tuple[Edit, str]]:
     """Faults that every file of ours can have, at one of its arrays, and what the message must hold."""
     return {
@@ -167,8 +175,8 @@ SOLUTION_FAULTS: dict[str, tuple[Edit, str]] = {
 }
 #: What is no HDF5 file at all.
 PATHS: dict[str, tuple[Content, str]] = {
-    "empty": ("", "no HDF5 file"),
-    "words": ("not a data set at all", "no HDF5 file"),
+    "empty": ("", "an empty file, no HDF5 file; expected a data set of porocore, such as samples.h5"),
+    "words": ("not a data set at all", "no HDF5 file; expected a data set of porocore, such as samples.h5"),
     "a signature alone": (b"\x89HDF\r\n\x1a\n", "cut short"),
     "a signature and zeros": (b"\x89HDF\r\n\x1a\n" + bytes(200), ""),
     "a signature and ones": (b"\x89HDF\r\n\x1a\n" + b"\xff" * 200, "unknown version"),
@@ -256,7 +264,7 @@ def damaged(name: str) -> dict[str, tuple[Content, str]]:
             f"a changed byte at {share:.0%}": (flipped(name, share), "")
             for share in (0.0, 0.1, 0.5, 0.9, 1.0)
         },
-        **{f"cut at {share:.0%}": (cut(name, share), "") for share in (0.2, 0.99)},
+        **{f"cut at {share:.0%}": (cut(name, share), "cut short: ") for share in (0.2, 0.99)},
     }
 
 
@@ -313,7 +321,41 @@ SURROGATES = {
 SOLUTIONS = {**contents(SOLUTION, SOLUTION_FAULTS), **damaged(SOLUTION)}
 ONCE = itertools.cycle(("data export", "data merge", "data plot"))
 
+#: What a user gives where a data set is expected, and what the message must hold.
+NO_DATASET: dict[str, tuple[Content, str]] = {
+    "a foreign file": (
+        hdf5(lambda file: file.create_dataset("mine", data=[1.0])),
+        "no dataset of porocore; expected a",
+    ),
+    "a surrogate": (
+        from_run(SURROGATE),
+        "no dataset of porocore but a porocore-surrogate; expected a data set",
+    ),
+    "an empty folder": (
+        folder,
+        "is not a run folder (it has no run.json); expected a data set of porocore, such as",
+    ),
+    "a folder of files": (folder_with("a.h5"), "; the HDF5 files in it are a.h5"),
+    "a dangling link": (
+        link("nowhere"),
+        "a symbolic link to nowhere, which does not exist; expected a data set",
+    ),
+}
+
+
 ROWS = [
+    *(
+        Row(
+            f"{command}: {kind} for a data set",
+            (*command.split(), *WITH_DATASET[command][0]),
+            ("loop.h5", said),
+            {"loop.h5": content},
+            status=1 if command == "data check" and kind in ("a foreign file", "a surrogate") else 2,
+            prints=command == "data check",
+        )
+        for command in WITH_DATASET
+        for kind, (content, said) in NO_DATASET.items()
+    ),
     *(
         dataset_row(command, kind, *fault)
         for kind, fault in DATASETS.items()

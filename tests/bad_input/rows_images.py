@@ -79,7 +79,12 @@ FAULTS: dict[str, tuple[str, Content, str]] = {
     "a folder": (".npy", folder, "expected a file, got a folder"),
     "a named pipe": (".npy", fifo, "got a named pipe"),
     "an endless device": (".npy", link("/dev/zero"), "got a device"),
-    "a loop of links": (".npy", link("image.npy"), "symbolic links"),
+    "a loop of links": (".npy", link("image.npy"), "a symbolic link that leads back to itself"),
+    "a dangling link": (
+        ".npy",
+        link("nowhere"),
+        "image.npy: a symbolic link to nowhere, which does not exist",
+    ),
     "of a terabyte": (".npy", holes(1 << 40), "at most"),
     "empty": (".npy", b"", CANNOT),
     "junk": (".npy", bytes(range(256)) * 10, CANNOT),

@@ -192,7 +192,8 @@ FAULTS: dict[str, tuple[str, Content, str, str]] = {
     "a folder": (".msh", folder, "expected a file, got a folder", "expected a file, got a folder"),
     "a named pipe": (".msh", fifo, "got a named pipe", "got a named pipe"),
     "an endless device": (".msh", link("/dev/zero"), "got a device", "got a device"),
-    "a loop of links": (".msh", link("mesh.msh"), "symbolic links", "symbolic links"),
+    "a dangling link": (".msh", link("nowhere"), "a symbolic link to nowhere,", "a symbolic link to nowhere,"),
+    "a loop of links": (".msh", link("mesh.msh"), "a symbolic link that leads back", "a symbolic link that leads back"),
     "of a terabyte": (".msh", holes(1 << 40), "at most", "at most"),
 }  # fmt: skip
 BODY = {"1": {"displacement": [0, 0, 0]}, "2": {"traction": [0, 1, 0], "pressure": 0}}

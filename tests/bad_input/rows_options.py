@@ -133,6 +133,11 @@ REFUSED = [
     ("units", "--viscosity", "1e-308", "--viscosity: expected"),
     ("units", "--viscosity", "inf", "--viscosity: expected"),
     ("units", "--scenario", "s" * 5000, "unknown scenario"),
+    ("run", "--executor", "b", "expected one of 'auto', 'serial', 'processes', 'dask', got 'b'"),
+    ("run", "--law", "b", "expected one of 'surrogate', 'linear', 'direct', got 'b'"),
+    ("cell rev", "--count", "1.5", "expected a whole number, got '1.5'"),
+    ("store clear", "--unused", "-1", "expected at least 0, got '-1'"),
+    ("store clear", "--unused", "many", "expected a number, got 'many'"),
     ("data check", "--tolerance", "nan", "--tolerance"),
     ("data check", "--tolerance", "-1", "--tolerance"),
     

@@ -29,13 +29,22 @@ FILES = {
 }
 #: Where a folder is asked for: the path, what is there, words of the message.
 NO_FOLDER: dict[str, tuple[str, dict[str, Content], str]] = {
-    "a file": ("out", {"out": "mine"}, "out"),
-    "below a file": ("out/run", {"out": "mine"}, "out"),
-    "below a device": ("/dev/null/run", {}, "/dev/null"),
+    "a file": ("out", {"out": "mine"}, "out: expected a folder, got a file"),
+    "below a file": ("out/run", {"out": "mine"}, "--out out/run: out is a file, not a folder"),
+    "below a device": ("/dev/null/run", {}, "/dev/null is a device, not a folder"),
     "a device": ("/dev/null", {}, "/dev/null"),
     "a named pipe": ("out", {"out": fifo}, "out"),
-    "a loop of links": ("out", {"out": link("out")}, "out"),
-    "a dangling link": ("out", {"out": link("nowhere")}, "out"),
+    "a loop of links": ("out", {"out": link("out")}, "--out out: a symbolic link that leads back to itself"),
+    "a dangling link": (
+        "out",
+        {"out": link("nowhere")},
+        "--out out: a symbolic link to nowhere, which does not exist; remove or mend that link",
+    ),
+    "below a dangling link": (
+        "out/run",
+        {"out": link("nowhere")},
+        "--out out/run: out is a symbolic link to nowhere, which does not exist",
+    ),
     "a name of 300 characters": (LONG, {}, "name"),
     "where nothing can be made": ("/proc/out", {}, "/proc/out"),
     "a run folder": ("run", {"run/run.json": "{}", "run/config.yaml": "mine"}, "run"),
@@ -44,10 +53,15 @@ NO_FOLDER: dict[str, tuple[str, dict[str, Content], str]] = {
 #: Where a file is asked for, without its ending.
 NO_FILE: dict[str, tuple[str, dict[str, Content], str]] = {
     "a folder": ("out{}", {"out{}": folder}, "out"),
-    "below a file": ("out/new{}", {"out": "mine"}, "out"),
+    "below a file": ("out/new{}", {"out": "mine"}, "out is a file, not a folder"),
+    "a dangling link": (
+        "out{}",
+        {"out{}": link("nowhere")},
+        ": a symbolic link to nowhere, which does not exist; remove or mend that link",
+    ),
     "a full device": ("out{}", {"out{}": link("/dev/full")}, "out"),
     "a named pipe": ("out{}", {"out{}": fifo}, "out"),
-    "a loop of links": ("out{}", {"out{}": link("out{}")}, "out"),
+    "a loop of links": ("out{}", {"out{}": link("out{}")}, "a symbolic link that leads back to itself"),
     "a name of 300 characters": (LONG + "{}", {}, "name"),
     "where nothing can be made": ("/proc/out{}", {}, "/proc/out"),
     "below a device": ("/dev/null/out{}", {}, "/dev/null"),

@@ -61,7 +61,7 @@ def test_facts_and_files_of_an_image_beside_the_configuration(show, tmp_path):
 @pytest.mark.parametrize(
     ("geometry", "message"),
     [
-        ({"kind": "voxels", "path": "nowhere.npy"}, "cell.geometry.path: no such file"),
+        ({"kind": "voxels", "path": "nowhere.npy"}, "nowhere.npy: no such file"),
         (
             {"kind": "tpms", "surface": "gyroid", "level": 3},
             "cell.geometry: expected a level between -1.5 and 1.5",

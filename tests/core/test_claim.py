@@ -87,5 +87,5 @@ def test_a_file_is_no_folder(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(RunFolderError, match="expected a folder, got a file"):
         claim(tmp_path / "file")
-    with pytest.raises(RunFolderError, match="the folder cannot be made: Not a directory; choose another"):
+    with pytest.raises(RunFolderError, match="file is a file, not a folder; choose another --out"):
         claim(tmp_path / "file" / "below")

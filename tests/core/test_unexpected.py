@@ -200,3 +200,18 @@ def test_streams_that_are_closed_or_full_end_without_a_traceback(tmp_path):
     assert done.stderr.startswith("error: standard output: No space left on device; send it")
     assert "Traceback" not in done.stderr
     assert not list(Path(tmp_path).iterdir())
+
+
+@pytest.mark.parametrize("words", ["units", "--version", "data summary"])
+def test_a_closed_standard_output_loses_no_result_in_silence(tmp_path, words):
+    program = "from porocore.cli import program; program()"
+    done = subprocess.run(
+        f"{sys.executable} -c '{program}' {words} >&-",
+        shell=True, capture_output=True, text=True, check=False, env={**os.environ, "XDG_STATE_HOME": str(tmp_path)},
+    )  # fmt: skip
+    assert done.returncode == 2
+    told = done.stderr
+    if words == "data summary":  # which prints no result
+        assert "the commands are info" in told
+    else:
+        assert told == "error: standard output: closed; send it somewhere else\n"

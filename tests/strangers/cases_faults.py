@@ -222,7 +222,9 @@ CASES = [
         "small",
         ("run", "base.yaml", "--out", "r"),
         2,
-        ("r is a symbolic link to nowhere, which does not exist; make that folder, or choose another --out",),
+        (
+            "a symbolic link to nowhere, which does not exist; remove or mend that link, or choose another --out",
+        ),
         before=_dangling,
     ),
     *(

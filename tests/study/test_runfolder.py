@@ -105,7 +105,7 @@ def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path, config):
     (tmp_path / "run").write_text("")
     with pytest.raises(RunFolderError, match="expected a folder, got a file"):
         RunFolder.claim(tmp_path / "run", config)
-    with pytest.raises(RunFolderError, match="cannot be made"):
+    with pytest.raises(RunFolderError, match="run is a file, not a folder"):
         RunFolder.claim(tmp_path / "run" / "below", config)
 
 

@@ -90,8 +90,10 @@ def _data(path: Path) -> bytes:
     try:
         require_ordinary(path, LARGEST_TEXT)
         return path.read_bytes()
-    except FileNotFoundError:
-        raise ConfigurationError(f"{echo_path(path)}: no such file; give the CSV file of the curve") from None
+    except FileNotFoundError as error:
+        raise ConfigurationError(
+            f"{echo_path(path)}: {error.strerror}; give the CSV file of the curve"
+        ) from None
     except IsADirectoryError:
         raise ConfigurationError(f"{echo_path(path)}: expected a CSV file, got a folder") from None
     except OSError as error:

@@ -11,10 +11,10 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from typer.core import TyperGroup
 
 from porocore.cli.common import chosen_store, command_group, in_units_of, interruptible, located, read_config
 from porocore.cli.options import ConfigArgument, FemOption, JsonOption, NoStoreOption, StoreOption
+from porocore.cli.parsing import Commands
 from porocore.cli.representative import rev
 from porocore.cli.states import (
     STATE_HELP,
@@ -27,8 +27,9 @@ from porocore.cli.states import (
     read_state,
 )
 from porocore.core.console import Console
-from porocore.core.echo import echo, joined
+from porocore.core.echo import did_you_mean, echo, joined
 from porocore.core.files.plain_data import json_ready
+from porocore.core.files.reading import obstacle
 
 if TYPE_CHECKING:
     from porocore.study.config.config import RunConfig
@@ -48,7 +49,7 @@ NoPicturesOption = Annotated[
 ]
 
 
-class _StateByDefault(TyperGroup):
+class _StateByDefault(Commands):
     """``porocore cell [CONFIG] …`` is short for ``porocore cell state [CONFIG] …``."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
@@ -60,9 +61,12 @@ class _StateByDefault(TyperGroup):
             and not first.startswith("-")
             and not Path(first).exists()
         ):
+            if link := obstacle(Path(first)):
+                ctx.fail(f"{first}: {link}; a configuration is a file such as my.yaml.")
+            question = did_you_mean(first, self.commands)
             ctx.fail(
-                f"There is no command and no file {echo(first)}; the commands are {joined(self.commands)}, and a "
-                "configuration is a file such as my.yaml."
+                f"There is no command and no file {echo(first)}; {question + ' ' if question else ''}the commands are "
+                f"{joined(self.commands)}, and a configuration is a file such as my.yaml."
             )
         return super().parse_args(ctx, ["state", *args])
 

@@ -42,7 +42,7 @@ def info(
     from porocore.sampling.datasets.dataset import Dataset
 
     with interruptible():
-        found = [_facts(Dataset.open(path)) for path in _files(file)]
+        found = [_facts(Dataset.open(path, named=_is_foreign(path))) for path in _files(file)]
     if as_json:
         typer.echo(json.dumps(found if len(found) > 1 else found[0], allow_nan=False))
         return
@@ -67,9 +67,9 @@ def check(
 
     sound = True
     with interruptible():
-        for path in _files(file, must_exist=True):
+        for path in _files(file):
             typer.echo(path)
-            for finding in check_file(path, tolerance):
+            for finding in check_file(path, tolerance, named=_is_foreign(path)):
                 typer.echo(f"  {'ok  ' if finding.holds else 'FAIL'}  {finding.name}: {finding.detail}")
                 sound &= finding.holds
     if not sound:
@@ -82,20 +82,24 @@ def merge(
         list[Path],
         typer.Argument(metavar="FILE FILE …", help="Data sets, or run folders.", show_default=False),
     ],
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The new data set.", show_default=False)],
+    out: Annotated[
+        Path,
+        typer.Option(
+            "--out", metavar="FILE", help="The new data set; missing folders are made.", show_default=False
+        ),
+    ],
 ) -> None:
     """Merge data sets of the same cell and inputs.
 
     A state of several data sets must be the same in all, to the last bit; otherwise nothing is written.
     Prints the path.
     """
-    from porocore.sampling.datasets.dataset import Dataset
     from porocore.sampling.datasets.merge import merge as merged
 
     if len(files) < 2:
         raise ConfigurationError("expected at least two files to merge, got one")
     with interruptible():
-        dataset = merged([Dataset.open(_samples(path)) for path in files], _fresh(out))
+        dataset = merged([_opened(path) for path in files], _fresh(out))
     typer.echo(f"{len(dataset)} states", err=True)
     typer.echo(out)
 
@@ -105,7 +109,12 @@ def export(
     file: FileArgument,
     out: Annotated[
         Path,
-        typer.Option("--out", metavar="FILE", help="Table, .csv or .parquet.", show_default=False),
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="Table, .csv or .parquet; missing folders are made.",
+            show_default=False,
+        ),
     ],
     derivatives: Annotated[
         bool,
@@ -116,18 +125,23 @@ def export(
 
     The columns are key, status, start, seconds, H11 … H33, p and the responses, with all digits. Prints the path.
     """
-    from porocore.sampling.datasets.dataset import Dataset
     from porocore.sampling.datasets.export import export as exported
 
     with interruptible():
-        typer.echo(exported(Dataset.open(_samples(file)), _fresh(out), derivatives=derivatives))
+        typer.echo(exported(_opened(file), _fresh(out), derivatives=derivatives))
 
 
 @data.command()
 def plot(
     file: FileArgument,
     out: Annotated[
-        Path, typer.Option("--out", metavar="FILE", help="Picture, .png or .svg.", show_default=False)
+        Path,
+        typer.Option(
+            "--out",
+            metavar="FILE",
+            help="Picture, .png or .svg; missing folders are made.",
+            show_default=False,
+        ),
     ],
     axes: Annotated[
         str | None,
@@ -144,12 +158,11 @@ def plot(
     The outline encloses the stable states, from which a surrogate learns. Prints the path.
     """
     from porocore.core.files.atomic import atomic_path
-    from porocore.sampling.datasets.dataset import Dataset
 
     if out.suffix not in (".png", ".svg"):
         raise ConfigurationError(f"--out: expected a name that ends in .png or .svg, got {out}")
     with interruptible():
-        dataset = Dataset.open(_samples(file))
+        dataset = _opened(file)
         pair = None if axes is None else _pair(axes, dataset)
         response = dataset.responses()
         _fresh(out)
@@ -164,22 +177,56 @@ def plot(
     typer.echo(out)
 
 
-def _files(target: Path, *, must_exist: bool = False) -> list[Path]:
+def _files(target: Path) -> list[Path]:
     """Return the data sets of a run folder, or the file itself."""
-    if must_exist and not target.exists():
-        raise DataError(f"{target}: no such file or folder")
     first = _samples(target)
     held_out = target / "test.h5"
     return [first, held_out] if target.is_dir() and held_out.exists() else [first]
 
 
 def _samples(target: Path) -> Path:
-    if not target.is_dir():
-        return target
+    """Return the samples of a run folder, or the file itself.
+
+    Raises
+    ------
+    DataError
+        There is no file and no folder.
+    RunFolderError
+        The folder holds no run, or one without samples.
+    """
+    from porocore.core.files.atomic import RUN_RECORD
+    from porocore.core.files.claim import some_of
+    from porocore.core.files.reading import obstacle
+    from porocore.sampling.datasets.layout import EXPECTED
     from porocore.study.run_folder.folder import RunFolder
 
+    if not target.exists():
+        raise DataError(f"{target}: {obstacle(target) or 'no such file or folder'}; expected a {EXPECTED}")
+    if not target.is_dir():
+        return target
+    if not os.path.lexists(target / RUN_RECORD):
+        inside = [path.name for path in sorted(target.glob("*.h5"))]
+        files = f"; the HDF5 files in it are {some_of(inside)}" if inside else ""
+        raise RunFolderError(
+            f"{target} is not a run folder (it has no {RUN_RECORD}); expected a {EXPECTED}{files}"
+        )
     folder = RunFolder.open(target)
     return folder.require(folder.dataset, "sample")
+
+
+def _is_foreign(path: Path) -> bool:
+    """Return True for a file outside a run folder, which a user named and porocore need not have made."""
+    from porocore.core.files.atomic import RUN_RECORD
+
+    return not (path.parent / RUN_RECORD).is_file()
+
+
+def _opened(target: Path) -> Dataset:
+    """Return the data set that a user named, or the samples of a run folder."""
+    from porocore.sampling.datasets.dataset import Dataset
+
+    path = _samples(target)
+    return Dataset.open(path, named=_is_foreign(path))
 
 
 def _fresh(out: Path) -> Path:

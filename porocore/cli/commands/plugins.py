@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from porocore.cli.common import command, interruptible
+from porocore.cli.common import command, command_group, interruptible
 from porocore.errors import PluginError
 from porocore.plugins.kinds import Kind, kind_of
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from porocore.plugins.table import PluginRow
     from porocore.testing.installed.check import LawResult
 
-plugin = typer.Typer(
-    help="Write a project for a plugin, or check a plugin against its laws.", no_args_is_help=True
+plugin = command_group(
+    "Write a project for a plugin, or check a plugin against its laws.", no_args_is_help=True
 )
 COLOURS = {"passed": "green", "failed": "bold red", "expected failure": "yellow", "skipped": "dim"}
 

@@ -20,7 +20,9 @@ def init(
     ] = None,
     to: Annotated[
         Path | None,
-        typer.Option("--to", metavar="FILE", help="The new file.", show_default="KIND.yaml"),
+        typer.Option(
+            "--to", metavar="FILE", help="The new file; missing folders are made.", show_default="KIND.yaml"
+        ),
     ] = None,
 ) -> None:
     """Write a commented configuration to start from; without KIND, list the examples.
@@ -46,7 +48,12 @@ def init(
 def schema(
     to: Annotated[
         Path | None,
-        typer.Option("--to", metavar="FILE", help="File of the schema.", show_default="standard output"),
+        typer.Option(
+            "--to",
+            metavar="FILE",
+            help="File of the schema; missing folders are made.",
+            show_default="standard output",
+        ),
     ] = None,
 ) -> None:
     """Print the JSON schema of the configuration, with which editors complete and check it.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -100,6 +101,10 @@ def _store(folder: Path | None) -> ResultStore:
     from porocore.cli.common import chosen_store
     from porocore.study.store import VARIABLE
 
+    if folder is not None and not os.path.lexists(folder):
+        raise ConfigurationError(
+            f"--store {folder}: no such folder; give that of a store, or leave --store out"
+        )
     found = chosen_store(folder, no_store=False)
     if found is None:
         raise ConfigurationError(f"there is no store, since {VARIABLE} is 'none'; name one by --store DIR")

@@ -33,7 +33,10 @@ def verify(
         ),
     ] = False,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="Write the results as JSON, too.")
+        Path | None,
+        typer.Option(
+            "--out", metavar="FILE", help="Write the results as JSON, too; missing folders are made."
+        ),
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of the table.")] = False,
 ) -> None:

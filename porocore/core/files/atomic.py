@@ -11,13 +11,15 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from porocore.core.echo import reason
-from porocore.core.files.reading import require_ordinary
+from porocore.core.files.reading import obstacle, require_ordinary
 from porocore.errors import RunFolderError
 
 #: Bytes of a file's name that leave room for that of its temporary one.
 LONGEST_NAME = 230
 #: A folder with a file of this name holds a run.
 RUN_RECORD = "run.json"
+#: Errors of the system where a disk or a quota is full.
+FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def file_stem(name: str) -> str:
@@ -35,7 +37,8 @@ def new_folder(path: Path) -> Path:
         It cannot be made or written, or it is a run folder or in one.
     """
     require_outside_a_run(path)
-    require_no_loose_link(path)
+    require_a_way(path)
+    require_no_file(path)
     try:
         path.mkdir(parents=True, exist_ok=True)
         if not os.access(path, os.W_OK | os.X_OK):
@@ -47,20 +50,29 @@ def new_folder(path: Path) -> Path:
     return path
 
 
-def require_no_loose_link(path: Path, option: str = "--out") -> None:
-    """Refuse a place at or below a symbolic link whose goal does not exist.
+def require_a_way(path: Path, option: str = "--out") -> None:
+    """Refuse a place at or below a symbolic link that leads nowhere, or below a file.
 
     Raises
     ------
     RunFolderError
         It is one.
     """
-    for place in (path, *path.parents):
-        if place.is_symlink() and not place.exists():
-            raise RunFolderError(
-                f"{path}: {place} is a symbolic link to {os.readlink(place)}, which does not exist; make that folder, "
-                f"or choose another {option}"
-            )
+    if found := obstacle(path):
+        mend = "remove or mend that link, or " if "symbolic link" in found else ""
+        raise RunFolderError(f"{option} {path}: {found}; {mend}choose another {option}")
+
+
+def require_no_file(path: Path) -> None:
+    """Refuse the path of something that is no folder as that of a folder.
+
+    Raises
+    ------
+    RunFolderError
+        It is one.
+    """
+    if path.exists() and not path.is_dir():
+        raise RunFolderError(f"{path}: expected a folder, got a file; choose another --out")
 
 
 def require_outside_a_run(path: Path) -> None:
@@ -74,8 +86,9 @@ def require_outside_a_run(path: Path) -> None:
     try:
         for above in (path, *path.parents):
             if (above / RUN_RECORD).is_file():
+                where = "a run folder" if above == path else f"in the run folder {above}"
                 raise RunFolderError(
-                    f"{path} is in the run folder {above}, whose files belong to its run; choose another --out"
+                    f"{path} is {where}, whose files belong to its run; choose another --out"
                 )
     except OSError as error:
         raise RunFolderError(f"{path}: {error.strerror or error}; choose another --out") from None
@@ -89,7 +102,7 @@ def place_for(path: Path, option: str = "--out") -> Path:
     RunFolderError
         It cannot, or something is there that is no file.
     """
-    require_no_loose_link(path, option)
+    require_a_way(path, option)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if os.path.lexists(path):
@@ -124,9 +137,8 @@ def atomic_path(path: Path) -> Iterator[Path]:
             os.fsync(file.fileno())
         os.replace(part, path)
     except OSError as error:
-        raise RunFolderError(
-            f"cannot write {path}: {reason(error)}; make room or choose another --out"
-        ) from None
+        advice = "make room or choose another --out" if error.errno in FULL else "choose another --out"
+        raise RunFolderError(f"cannot write {path}: {reason(error)}; {advice}") from None
     finally:
         with suppress(OSError):  # not only a missing file: the error above is the one to tell
             part.unlink()

@@ -7,7 +7,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
-from porocore.core.files.atomic import require_no_loose_link
+from porocore.core.files.atomic import require_a_way, require_no_file
 from porocore.core.files.lock import Locked, take_lock
 from porocore.errors import RunFolderError
 
@@ -97,9 +97,8 @@ def claim_folder(
 
 
 def _require_own_files(path: Path, record: str, work: str, left_by_a_start: Callable[[str], bool]) -> None:
-    require_no_loose_link(path)
-    if path.exists() and not path.is_dir():
-        raise RunFolderError(f"{path}: expected a folder, got a file; choose another --out")
+    require_a_way(path)
+    require_no_file(path)
     present = {entry.name for entry in path.iterdir()} if path.exists() else set()
     if record in present:
         return

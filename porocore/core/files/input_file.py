@@ -80,8 +80,6 @@ def _fault(path: Path) -> str | None:
     """Return why a path leads to no file; None if it does."""
     try:
         require_ordinary(path, LARGEST)
-    except FileNotFoundError:
-        return f"no such file: {echo_path(path)}"
     except OSError as error:
         return f"{echo_path(path)}: {error.strerror or error}"
     return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import json
+import os
 import stat
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,32 @@ _KINDS = {
     stat.S_IFBLK: "a device",
     stat.S_IFSOCK: "a socket",
 }
+
+
+#: Errors of the system where a path leads to nothing.
+_NOTHING = (errno.ENOENT, errno.ENOTDIR, errno.ELOOP)
+
+
+def obstacle(path: Path) -> str:
+    """Return why nothing can be at a path: a link that leads nowhere, or a file in the place of a folder above it.
+
+    Empty: neither is in the way. The part that is in the way is named where it is not the path itself.
+    """
+    for place in (*reversed(path.parents), path):
+        named = "" if place == path else f"{place} is "
+        try:
+            mode = place.stat().st_mode
+        except ValueError:  # a null character
+            return ""
+        except OSError as error:
+            if not os.path.islink(place) or error.errno not in _NOTHING:
+                return ""
+            if error.errno == errno.ELOOP:
+                return f"{named}a symbolic link that leads back to itself"
+            return f"{named}a symbolic link to {os.readlink(place)}, which does not exist"
+        if named and not stat.S_ISDIR(mode):
+            return f"{named}{_KINDS.get(stat.S_IFMT(mode), 'a file')}, not a folder"
+    return ""
 
 
 def require_ordinary(path: Path, largest: int | None = None) -> None:
@@ -38,6 +65,10 @@ def require_ordinary(path: Path, largest: int | None = None) -> None:
         found = path.stat()
     except ValueError as error:  # a null character
         raise FileNotFoundError(errno.ENOENT, "no such file", str(path)) from error
+    except OSError as error:
+        if error.errno in _NOTHING:
+            raise OSError(error.errno, obstacle(path) or "no such file", str(path)) from None
+        raise
     kind = stat.S_IFMT(found.st_mode)
     if kind != stat.S_IFREG:
         number = errno.EISDIR if kind == stat.S_IFDIR else errno.EINVAL

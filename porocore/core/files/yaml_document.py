@@ -17,6 +17,8 @@ from porocore.errors import ConfigurationError
 #: Where something stands in a document: keys and list positions, as text.
 Location = tuple[str, ...]
 #: Words for what YAML reads that is no text.
+#: Bytes at the beginning of a file in which a null byte tells that it is no text.
+_HEAD = 4096
 _READ_AS = {
     "null": "no value",
     "int": "a number",
@@ -191,9 +193,9 @@ def _text(path: Path) -> str:
     """Return what a configuration file holds; what cannot be read is a :class:`ConfigurationError`."""
     try:
         return read_text(path, yaml_loader.MOST_BYTES)
-    except FileNotFoundError:
+    except FileNotFoundError as error:
         raise ConfigurationError(
-            f"{path}: no such file; give the path of a configuration, such as one from examples/"
+            f"{path}: {error.strerror}; give the path of a configuration; 'porocore init' writes one to start from"
         ) from None
     except IsADirectoryError:
         raise ConfigurationError(f"{path}: expected a configuration file, got a folder") from None
@@ -212,8 +214,12 @@ def _indentation(text: str, line: int) -> str:
 def _other_encoding(error: UnicodeDecodeError) -> str:
     """Return the line, where there are any, and what is wrong in a text that is no UTF-8."""
     data, at = error.object, error.start
+    if data.startswith(b"\x89HDF"):
+        return ": expected a configuration, which is YAML text, got an HDF5 file; give another file"
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         return ": expected YAML text in UTF-8, got UTF-16; save the file as UTF-8"
+    if b"\0" in data[:_HEAD]:
+        return ": expected a configuration, which is YAML text, got a file that is no text; give another file"
     line, byte = data.count(b"\n", 0, at) + 1, data[at : at + 1]
     as_text = byte.decode("cp1252", "replace")
     meant = f", which is '{as_text}' in Latin-1 (Windows-1252)" if as_text.isprintable() else ""

@@ -18,7 +18,7 @@ from h5py import h5a, h5t
 from porocore.core.echo import reason
 from porocore.core.files.reading import require_ordinary, set_aside
 from porocore.core.hdf5.guard import require_harmless
-from porocore.core.hdf5.seal import check_ends, use_elsewhere
+from porocore.core.hdf5.seal import NoHdf5Error, check_ends, use_elsewhere
 from porocore.core.hdf5.structure import COMPRESSION, SPARE, Stored, Structure, examine
 from porocore.errors import ConfigurationError, DataError
 
@@ -192,7 +192,7 @@ def _utf8(value: Any, where: str) -> str:
 
 
 @contextmanager
-def opened(path: str | Path, what: str, then: str, missing: str | None = None) -> Iterator[Contents]:
+def opened(path: str | Path, what: str, then: str | None, missing: str | None = None) -> Iterator[Contents]:
     """Open an HDF5 file to read it, after its structure was checked.
 
     Parameters
@@ -202,7 +202,8 @@ def opened(path: str | Path, what: str, then: str, missing: str | None = None) -
     what
         What the file should be, such as ``dataset of porocore``.
     then
-        What makes it anew, such as ``sample again``; a damaged one is moved out of the way before.
+        What makes it anew, such as ``sample again``; a damaged one is moved out of the way before. None: a user named
+        the file, and porocore does not know who made it.
     missing
         What to do if there is none; None: the same.
 
@@ -219,25 +220,30 @@ def opened(path: str | Path, what: str, then: str, missing: str | None = None) -
             require_harmless(path)
         with h5py.File(path, "r") as file:
             yield Contents(file, path)
-    except FileNotFoundError:
-        raise DataError(f"{path}: no such file; {missing or then}") from None
+    except FileNotFoundError as error:
+        raise DataError(f"{path}: {error.strerror}; {missing or then or f'expected a {what}'}") from None
     except UNREADABLE as error:
         raise damaged(path, what, error, then) from error
 
 
-def damaged(path: Path, what: str, error: BaseException, then: str) -> DataError:
+def damaged(path: Path, what: str, error: BaseException, then: str | None) -> DataError:
     """Return the error of a file that does not hold what it should, with the reason in at most 160 characters.
 
-    A file that another program has open, or did not close, is not called damaged.
+    A file that another program has open, or did not close, is not called damaged; ``then`` is that of :func:`opened`.
     """
+    again = "copy it again from where it was made" if then is None else set_aside(path, then)
     if (use := use_elsewhere(path)) == "open":
         return DataError(f"{path}: open in another program, which may write it; close it there and try again")
     if use == "not closed":
         return DataError(
-            f"{path}: the program that last wrote it did not close it; if it is open nowhere, "
-            + set_aside(path, then)
+            f"{path}: the program that last wrote it did not close it; if it is open nowhere, {again}"
         )
-    return DataError(f"{path}: not a complete {what} ({reason(error)}); {set_aside(path, then)}")
+    no_file = isinstance(error, OSError) and error.strerror  # h5py's own errors have none
+    if then is None and (no_file or isinstance(error, NoHdf5Error)):
+        return DataError(f"{path}: {reason(error)}; expected a {what}")
+    if then is None:
+        return DataError(f"{path}: damaged, {reason(error)}; {again}")
+    return DataError(f"{path}: not a complete {what} ({reason(error)}); {again}")
 
 
 def numbered(file: Contents, group: str) -> list[str]:

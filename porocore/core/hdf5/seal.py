@@ -29,6 +29,10 @@ _BLOCK = 1 << 20
 _WRITTEN = 1
 
 
+class NoHdf5Error(ValueError):
+    """A file that was never one of HDF5, in contrast to a damaged one."""
+
+
 def seal_of(image: bytes) -> bytes:
     """Return what stands behind the bytes of an HDF5 file."""
     return _LABEL + hashlib.sha256(image).hexdigest().encode()
@@ -54,7 +58,7 @@ def _check_ends(path: str, inode: int, size: int, changed: int) -> bool:
         head = file.read(64)
         end = _end_of_data(head)
         if size < end:
-            raise ValueError(f"truncated: {size} bytes of {end}")
+            raise ValueError(f"cut short: {size} of {end} bytes")
         if size == end:
             return False
         file.seek(end)
@@ -66,7 +70,7 @@ def _check_ends(path: str, inode: int, size: int, changed: int) -> bool:
         while left:
             block = file.read(min(left, _BLOCK))
             if not block:
-                raise ValueError("truncated while it was read")
+                raise ValueError("cut short while it was read")
             digest.update(block)
             left -= len(block)
     if digest.hexdigest().encode() != seal[len(_LABEL) :]:
@@ -99,7 +103,7 @@ def use_elsewhere(path: Path) -> Literal["", "open", "not closed"]:
 def _end_of_data(head: bytes) -> int:
     """Return the length of the file as its superblock tells it."""
     if not head.startswith(SIGNATURE):
-        raise ValueError("no HDF5 file")
+        raise NoHdf5Error("no HDF5 file" if head else "an empty file, no HDF5 file")
     version = head[8] if len(head) == 64 else -1
     if version not in _END_AT:
         raise ValueError("an HDF5 superblock that is cut short or of an unknown version")

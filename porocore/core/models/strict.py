@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -11,6 +12,15 @@ from pydantic_core import ErrorDetails
 from porocore.core.echo import comma_advice, did_you_mean, echo
 from porocore.core.files.yaml_document import Location, dotted
 from porocore.errors import ConfigurationError
+
+
+#: Pydantic's words, and plain ones.
+_PLAIN = {
+    "a valid ": "a ",
+    "integer": "whole number",
+    "greater than or equal to": "at least",
+    "less than or equal to": "at most",
+}
 
 
 class StrictModel(BaseModel):
@@ -79,7 +89,9 @@ def fault_text(error: ErrorDetails) -> str:
     if kind == "missing":
         return f"missing; got {echo(value)}"
     if kind == "value_error":
-        return message.removeprefix("Value error, ")
+        text = message.removeprefix("Value error, ")
+        choice = re.fullmatch(r"'.*' is not one of (.*?)\.?", text, re.DOTALL)  # in the words of typer
+        return f"expected one of {choice[1]}, got {echo(value)}" if choice else text
     if kind == "union_tag_invalid":
         kinds = [name.strip("' ") for name in error["ctx"]["expected_tags"].split(",")]
         question = did_you_mean(str(error["ctx"]["tag"]), kinds)
@@ -87,7 +99,9 @@ def fault_text(error: ErrorDetails) -> str:
             f"; {question}" if question else ""
         )
     expected = message.removeprefix("Input should be ").partition(", unable to parse")[0]
-    return f"expected {expected.replace('a valid ', 'a ')}, got {echo(value)}{comma_advice(value)}"
+    for words, plain in _PLAIN.items():
+        expected = expected.replace(words, plain)
+    return f"expected {expected}, got {echo(value)}{comma_advice(value)}"
 
 
 def by_kind(base: type[BaseModel], default: str) -> Discriminator:

@@ -13,6 +13,7 @@ from pathlib import Path
 from string import Template as Text
 
 from porocore.core.echo import echo, reason
+from porocore.core.files.reading import obstacle
 from porocore.errors import ConfigurationError
 from porocore.plugins.kinds import FIRST_PARTY, KINDS, Kind, kind_of
 from porocore.plugins.kit_version import KIT_VERSION
@@ -47,7 +48,9 @@ def write_project(name: str, kind: str, to: Path | None = None) -> Path:
     _check_name(name, kind_of(kind))
     distribution = f"porocore-{kind}-{name}"
     folder = Path(distribution) if to is None else to
-    if folder.exists() or folder.is_symlink():
+    if found := obstacle(folder):
+        raise ConfigurationError(f"--to {folder}: {found}; choose another --to")
+    if folder.exists():
         raise ConfigurationError(
             f"{folder} is there already and is not overwritten; remove it, or choose another --to"
         )

@@ -29,10 +29,13 @@ class DatasetCheck:
     detail: str
 
 
-def check_file(path: Path, tolerance: float = TOLERANCE) -> list[DatasetCheck]:
-    """Check every array of the dataset at ``path``; a file that cannot be read fails one check."""
+def check_file(path: Path, tolerance: float = TOLERANCE, *, named: bool = False) -> list[DatasetCheck]:
+    """Check every array of the dataset at ``path``; a file that cannot be read fails one check.
+
+    ``named`` is that of :meth:`Dataset.open`.
+    """
     try:
-        dataset = Dataset.open(path, sound=False)
+        dataset = Dataset.open(path, sound=False, named=named)
         fields = list(read_fields(dataset.rows()))
     except DataError as error:
         return [DatasetCheck("readable", False, str(error))]

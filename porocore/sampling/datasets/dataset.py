@@ -78,11 +78,18 @@ class Dataset:
 
     @classmethod
     def open(
-        cls, path: Path, *, inputs: InputSpace | None = None, identity: str | None = None, sound: bool = True
+        cls,
+        path: Path,
+        *,
+        inputs: InputSpace | None = None,
+        identity: str | None = None,
+        sound: bool = True,
+        named: bool = False,
     ) -> Self:
         """Read the file and the parts beside it, also while another process writes; nothing is written.
 
-        ``sound`` is that of :func:`porocore.sampling.datasets.layout.read_block`.
+        ``sound`` is that of :func:`porocore.sampling.datasets.layout.read_block`; ``named`` says that a user named the
+        file, which may be anything.
 
         Raises
         ------
@@ -90,7 +97,7 @@ class Dataset:
             A file is missing, truncated, foreign or of another version, or holds states of another
             ``identity`` or other ``inputs`` than expected.
         """
-        return cls(path, *read_with_parts(path, inputs, identity, sound=sound))
+        return cls(path, *read_with_parts(path, inputs, identity, sound=sound, named=named))
 
     @classmethod
     def create_or_open(

@@ -21,6 +21,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from porocore.core.echo import cut
 from porocore.core.fields.check import response_fault
 from porocore.core.hdf5 import Contents, atomic_hdf5, opened
 from porocore.core.inputs.input_space import InputSpace
@@ -32,6 +33,8 @@ from porocore.states import CELL_FIELDS, Array, CellResponse, MacroState
 FORMAT, VERSION = "porocore-dataset", 1
 CHUNK_NODES = 1024
 TEXT = h5py.string_dtype()
+#: What a user can name where a data set is expected.
+EXPECTED = "data set of porocore, such as samples.h5 of a run folder, or that folder"
 
 
 @dataclass(frozen=True)
@@ -142,7 +145,7 @@ def _write(file: Any, header: Header, block: Block, fields: Iterable[CellField |
         file.create_dataset(name, data=array, fletcher32=array.size > 0)
 
 
-def read_block(path: Path, then: str, *, sound: bool = True) -> tuple[Header, Block]:
+def read_block(path: Path, then: str | None, *, sound: bool = True) -> tuple[Header, Block]:
     """Return header and rows of one file, without the fields.
 
     Parameters
@@ -150,7 +153,7 @@ def read_block(path: Path, then: str, *, sound: bool = True) -> tuple[Header, Bl
     path
         The file.
     then
-        What makes a file anew that cannot be read.
+        What makes a file anew that cannot be read; None: a user named the file.
     sound
         Refuse rows with missing or unexpected numbers and unknown statuses; False to examine them.
 
@@ -160,14 +163,14 @@ def read_block(path: Path, then: str, *, sound: bool = True) -> tuple[Header, Bl
         The file is missing, truncated, damaged, foreign or of another version.
     """
     with _reading(path, then) as file:
-        if "format" not in file.attributes or file.attribute("format", str) != FORMAT:
-            raise DataError(
-                f"{path}: is an HDF5 file, but no dataset of porocore; give the path of one, or choose another --out"
-            )
+        form = file.attribute("format", str) if "format" in file.attributes else ""
+        if form != FORMAT:
+            other = f" but a {cut(form)}" if form.startswith("porocore-") else ""
+            advice = f"expected a {EXPECTED}" if then is None else f"move it elsewhere and {then}"
+            raise DataError(f"{path}: an HDF5 file, but no dataset of porocore{other}; {advice}")
         if (version := file.attribute("version", int)) != VERSION:
-            raise DataError(
-                f"{path}: is a dataset of version {version}, expected {VERSION}; move it elsewhere and {then}"
-            )
+            advice = "use the porocore that made it" if then is None else f"move it elsewhere and {then}"
+            raise DataError(f"{path}: is a dataset of version {version}, expected {VERSION}; {advice}")
         names = tuple(file.texts("inputs/names", "d"))
         low, high = (tuple(map(float, file.array(f"inputs/{end}", "d"))) for end in ("lower", "upper"))
         parameters = tuple(file.texts("inputs/parameters", "m")) if "inputs/parameters" in file else ()
@@ -261,5 +264,7 @@ class _Fields:
         return CellField(self.grad_u[row], float(self.p[row]), self.domain[row], u)
 
 
-def _reading(path: Path, then: str) -> AbstractContextManager[Contents]:
+def _reading(path: Path, then: str | None) -> AbstractContextManager[Contents]:
+    if then is None:
+        return opened(path, EXPECTED, None)
     return opened(path, "dataset of porocore", then, missing="sample first")

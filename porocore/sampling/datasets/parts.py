@@ -13,13 +13,13 @@ MOST_ATTEMPTS = 5
 
 
 def read_with_parts(
-    path: Path, inputs: InputSpace | None, identity: str | None, *, sound: bool
+    path: Path, inputs: InputSpace | None, identity: str | None, *, sound: bool, named: bool
 ) -> tuple[Header, list[Block]]:
     """Return the header and the rows of the file and of the parts beside it; see :meth:`Dataset.open`."""
     for _ in range(MOST_ATTEMPTS):
         seen = stamp(path)
         try:
-            found = _read(path, inputs, identity, sound)
+            found = _read(path, inputs, identity, sound, named)
         except DataError:
             if stamp(path) == seen:
                 raise
@@ -31,9 +31,9 @@ def read_with_parts(
 
 
 def _read(
-    path: Path, inputs: InputSpace | None, identity: str | None, sound: bool
+    path: Path, inputs: InputSpace | None, identity: str | None, sound: bool, named: bool
 ) -> tuple[Header, list[Block]]:
-    header, block = read_block(path, "sample again, or choose another --out", sound=sound)
+    header, block = read_block(path, None if named else "sample again", sound=sound)
     advice = "choose another --out, or move it elsewhere and sample again"
     if identity is not None and header.identity != identity:
         raise DataError(

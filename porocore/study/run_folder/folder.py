@@ -18,7 +18,7 @@ from porocore.core.echo import reason
 from porocore.core.files.atomic import RUN_RECORD, atomic_path, require_outside_a_run
 from porocore.core.files.claim import claim_folder, is_half_written, lock_folder, some_of
 from porocore.core.files.plain_data import write_json
-from porocore.core.files.reading import read_json
+from porocore.core.files.reading import obstacle, read_json
 from porocore.core.unexpected import note_folder
 from porocore.errors import RunFolderError
 from porocore.study.backends import with_closure
@@ -87,10 +87,7 @@ class RunFolder(RunFiles):
             found = (record["format"], record["version"])
             identity = record["identity"]
         except (FileNotFoundError, NotADirectoryError):
-            raise RunFolderError(
-                f"{path} is not a run folder (it has no {RECORD}); start one: "
-                f"porocore run CONFIG --out {path}, or porocore sample CONFIG --out {path}"
-            ) from None
+            raise RunFolderError(_no_run(path)) from None
         except OSError as error:
             raise RunFolderError(f"{path / RECORD} cannot be read: {error.strerror or error}") from None
         except (ValueError, KeyError, TypeError) as error:
@@ -201,3 +198,21 @@ class RunFolder(RunFiles):
             "versions": versions(),
         }
         write_json(self.path / RECORD, record, indent=2)
+
+
+def _no_run(path: Path) -> str:
+    """Return what is at a path that is no run folder, and what to give or to do instead."""
+    if found := obstacle(path):
+        return f"{path}: {found}; expected a run folder"
+    if path.exists() and not path.is_dir():
+        if (path.parent / RECORD).is_file():
+            return f"{path}: expected a run folder, got a file of one; give the folder: {path.parent}"
+        return f"{path}: expected a run folder, got a file; 'porocore run CONFIG' makes one"
+    there = path.exists()
+    said = f"{path} is not a run folder ({f'it has no {RECORD}' if there else 'there is no such folder'})"
+    inside = sorted(path.iterdir()) if there else []
+    if runs := [str(each) for each in inside if (each / RECORD).is_file()]:
+        return f"{said}, but holds some; give one of them: {some_of(runs)}"
+    if inside:
+        return f"{said}, but holds other files; give the folder that 'porocore run' or 'porocore sample' made"
+    return f"{said}; start one: porocore run CONFIG --out {path}, or porocore sample CONFIG --out {path}"
