@@ -75,7 +75,7 @@ def test_every_fault_is_told_at_once_with_its_line(tmp_path):
         ("cell: {geometry: [", "not valid YAML"),
         ("a: 1\n\ta: 2", "study.yaml:2: expected an indentation by spaces, got a tab"),
         ("!!python/object/apply:os.system ['touch hacked']", "not valid YAML"),
-        (b"\x89HDF\r\n\x1a\n\xff", "expected YAML text in UTF-8, got the byte 0x89"),
+        (b"\x89HDF\r\n\x1a\n\xff", "which is YAML text, got an HDF5 file"),
     ],
 )
 def test_a_file_that_is_no_configuration(text, expected, tmp_path):

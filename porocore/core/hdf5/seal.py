@@ -97,7 +97,7 @@ def use_elsewhere(path: Path) -> Literal["", "open", "not closed"]:
                     return "open"
     except OSError:
         return ""
-    return "not closed" if len(head) == 64 and head[8] >= 2 and head[11] & _WRITTEN else ""
+    return "not closed" if len(head) == 64 and head[8] in (2, 3) and head[11] & _WRITTEN else ""
 
 
 def _end_of_data(head: bytes) -> int:
