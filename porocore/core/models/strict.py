@@ -13,7 +13,6 @@ from porocore.core.echo import comma_advice, did_you_mean, echo
 from porocore.core.files.yaml_document import Location, dotted
 from porocore.errors import ConfigurationError
 
-
 #: Pydantic's words, and plain ones.
 _PLAIN = {
     "a valid ": "a ",
