@@ -137,7 +137,7 @@ REFUSED = [
     ("run", "--law", "b", "expected one of 'surrogate', 'linear', 'direct', got 'b'"),
     ("cell rev", "--count", "1.5", "expected a whole number, got '1.5'"),
     ("store clear", "--unused", "-1", "expected at least 0, got '-1'"),
-    ("store clear", "--unused", "many", "expected a number, got 'many'"),
+    ("store clear", "--unused", "some", "expected a number, got 'some'"),
     ("data check", "--tolerance", "nan", "--tolerance"),
     ("data check", "--tolerance", "-1", "--tolerance"),
     
