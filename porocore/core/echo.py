@@ -148,10 +148,15 @@ def _is_slip(name: str, known: str) -> bool:
 
 def did_you_mean(name: str, names: Iterable[str], *, most: int = 1, cutoff: float = 0.6) -> str:
     """Return the question whether a similar name is meant; empty where none of ``names`` is similar."""
+    known: dict[str, list[str]] = {}
+    for each in names:
+        known.setdefault(each.casefold(), []).append(each)
+    folded = name.casefold()
     if len(name) <= SHORT:
-        close = [known for known in names if _is_slip(name.casefold(), known.casefold())][:most]
+        near = [each for each in known if _is_slip(folded, each)]
     else:
-        close = difflib.get_close_matches(name, list(names), n=most, cutoff=cutoff)
+        near = difflib.get_close_matches(folded, known, n=most, cutoff=cutoff)
+    close = [each for found in near for each in known[found]][:most]
     quoted = " or ".join(f"'{found}'" for found in close)
     return f"did you mean {quoted}?" if close else ""
 

@@ -27,7 +27,7 @@ FAULTS = [
         "macro.body.size",
         "missing; text.geo is a geometry",
     ),
-    (BOX, "kind: file\n    path: text.msh", "macro.body.path", "not a mesh that meshio can read"),
+    (BOX, "kind: file\n    path: text.msh", "macro.body.path", "damaged, cut short or of another kind"),
     (BOX, "kind: wedge\n    radius: 1", "macro.body.height", "missing; add 'height:'"),
     ("    x-: {", "    left: {", "macro.boundary.left", "no such surface"),
     (

@@ -44,6 +44,14 @@ def tiff(array: np.ndarray, **how: object):
     return make
 
 
+def cut_data(path: Path) -> None:
+    """A TIFF of one page less the end of its voxels, which stand behind it."""
+    import tifffile
+
+    tifffile.imwrite(path, HALF, metadata=None, volumetric=True, tile=(16, 16, 16))
+    path.write_bytes(path.read_bytes()[:-100])
+
+
 def tiff_of(width: int, height: int, pages: int = 1) -> bytes:
     """A TIFF that declares pages of the given size and holds eight bytes of them."""
     entries = [
@@ -86,18 +94,45 @@ FAULTS: dict[str, tuple[str, Content, str]] = {
         "image.npy: a symbolic link to nowhere, which does not exist",
     ),
     "of a terabyte": (".npy", holes(1 << 40), "at most"),
-    "empty": (".npy", b"", CANNOT),
+    "empty": (".npy", b"", "expected a .npy file of NumPy, got an empty file"),
     "junk": (".npy", bytes(range(256)) * 10, CANNOT),
-    "words": (".npy", "Dear diary", "not an image that can be read: it is no file of a NumPy array"),
+    "words": (".npy", "Dear diary", "expected a .npy file of NumPy, got text by its first bytes"),
+    "of zeros": (".npy", b"\0" * 999, "got a file of zeros alone by its first bytes; copy it again"),
+    "a TIFF in truth": (".npy", tiff_of(8, 8), "got a TIFF image by its first bytes; rename it to image.tif"),
+    "an array in truth": (
+        ".tif",
+        npy(HALF),
+        "got a .npy file of NumPy by its first bytes; rename it to image.npy",
+    ),
+    "an array without a suffix": ("", npy(HALF), "rename it to image.npy"),
+    "a picture in truth": (
+        ".tif",
+        b"\x89PNG\r\n\x1a\n",
+        "got a PNG picture by its first bytes; save the image as",
+    ),
+    "packed in truth": (
+        ".tif",
+        b"\x1f\x8b\x08\0",
+        "got a file packed by gzip by its first bytes; unpack it first",
+    ),
+    "a pointer in truth": (".tif", "version https://git-lfs.github.com/spec/v1\n", "git lfs pull"),
     "cut in its header": (".npy", npy(HALF)[:40], CANNOT),
     "cut in its data": (
         ".npy",
         npy(HALF)[:-100],
         "the file is cut off, 100 bytes of its 8 x 8 x 8 voxels are missing",
     ),
-    "of version 9": (".npy", b"\x93NUMPY\x09\x00" + npy(HALF)[8:], CANNOT),
-    "an archive": (".npy", archive, CANNOT),
-    "of objects": (".npy", npy(np.array([{"a": 1}] * 8).reshape(2, 2, 2)), TYPE),
+    "of version 9": (
+        ".npy",
+        b"\x93NUMPY\x09\x00" + npy(HALF)[8:],
+        "expected a .npy file of version 1.0 or 2.0, got 9",
+    ),
+    "an archive": (".npy", archive, "got a ZIP archive by its first bytes; unpack it first"),
+    "of objects": (
+        ".npy",
+        npy(np.array([{"a": 1}] * 8).reshape(2, 2, 2)),
+        "got Python objects; convert it, as by image.astype(numpy.uint8)",
+    ),
     "with a header that is code": (".npy", header("__import__('os').system('touch hacked')"), CANNOT),
     "with a header of braces": (".npy", header("{" * 100), CANNOT),
     "with a header without a shape": (".npy", header("{'descr': '|u1'}"), CANNOT),
@@ -105,29 +140,53 @@ FAULTS: dict[str, tuple[str, Content, str]] = {
     "of shape 10^4 cubed": (".npy", declared("(10000, 10000, 10000)"), SOLID),
     "of shape 10^30": (".npy", declared(f"({10**30}, 1, 1)"), ""),
     "of negative shape": (".npy", declared("(-8, -8, -8)"), ""),
-    "of 400 cubed declared and 512 bytes": (".npy", declared("(400, 400, 400)"), CANNOT),
+    "of 400 cubed declared and 512 bytes": (
+        ".npy",
+        declared("(400, 400, 400)"),
+        "63,999,488 bytes of its 400 x 400 x 400 voxels are missing",
+    ),
     "of void items of 10^9 bytes": (".npy", declared("(8, 8, 8)", "'|V1000000000'"), TYPE),
     "of 3 voxels": (".npy", npy(np.zeros((3, 3, 3), dtype=int)), SIZE),
     "of no voxels": (".npy", npy(np.zeros((0, 0, 0), dtype=int)), SIZE),
     "a number": (".npy", npy(np.array(1)), SOLID),
     "a line": (".npy", npy(np.zeros(8, dtype=int)), SOLID),
-    "a plane": (".npy", npy(HALF[0]), SOLID),
-    "of four dimensions": (".npy", npy(np.stack([HALF, HALF])), SOLID),
+    "a plane": (".npy", npy(HALF[0]), "got one slice of 8 x 8 pixels; stack all slices into one file"),
+    "of four dimensions": (
+        ".npy",
+        npy(np.stack([HALF, HALF])),
+        "an array of 4 axes, 2 x 8 x 8 x 8; save one channel",
+    ),
     "of 3 voxels along one edge": (".npy", npy(HALF[:, :3]), SIZE),
     "of 401 voxels": (".npy", declared("(401, 401, 401)"), SIZE),
     "of floats": (".npy", npy(HALF.astype(float)), TYPE),
     "of NaN": (".npy", npy(np.full((8, 8, 8), np.nan)), TYPE),
-    "of complex numbers": (".npy", npy(HALF.astype(complex)), TYPE),
+    "of complex numbers": (".npy", npy(HALF.astype(complex)), "got complex numbers; save one real number"),
     "of texts": (".npy", npy(HALF.astype("U3")), TYPE),
     "of dates": (".npy", npy(HALF.astype("datetime64[s]")), TYPE),
     "of records": (".npy", npy(np.zeros((8, 8, 8), dtype=[("a", "u1")])), TYPE),
-    "all pore": (".npy", npy(np.zeros((8, 8, 8), dtype=int)), "every voxel"),
-    "all solid": (".npy", npy(np.ones((8, 8, 8), dtype=int)), "no voxel"),
+    "all pore": (".npy", npy(np.zeros((8, 8, 8), dtype=int)), "got the value 0 in every voxel"),
+    "all solid": (".npy", npy(np.ones((8, 8, 8), dtype=int)), "got the value 1 in every voxel"),
+    "of 1 and 2": (
+        ".npy",
+        npy(HALF + 1),
+        "which stands for pores where none is given; its values are 1 (256), 2 (256)",
+    ),
     "of other values": (".npy", npy(np.arange(512).reshape(8, 8, 8) + 7), "no voxel"),
-    "TIFF, empty": (".tif", b"", CANNOT),
-    "TIFF, junk": (".tif", bytes(range(256)), CANNOT),
-    "TIFF, its beginning only": (".tif", b"II*\0", CANNOT),
-    "TIFF, cut short": (".tif", tiff_of(8, 8)[:40], CANNOT),
+    "TIFF, empty": (".tif", b"", "expected a TIFF image, got an empty file"),
+    "TIFF, junk": (
+        ".tif",
+        b"II*\0" + bytes(range(256)),
+        "the file is cut off: it ends at byte 260, before page 1",
+    ),
+    "TIFF, its beginning only": (".tif", b"II*\0", "got one without a page"),
+    "TIFF, its header only": (
+        ".tif",
+        tiff_of(8, 8)[:8],
+        "the file is cut off: it ends at byte 8, before page 1",
+    ),
+    "TIFF, cut short": (".tif", tiff_of(8, 8)[:40], "the file is cut off: it ends at byte 40, before page 1"),
+    "TIFF, cut between pages": (".tif", tiff_of(8, 8, 9)[:600], "before page 6; copy it again"),
+    "TIFF, cut in its data": (".tif", cut_data, "bytes of its voxels are missing; copy it again"),
     "TIFF of one page": (".tif", tiff(HALF[0]), SOLID),
     "TIFF of floats": (".tif", tiff(HALF.astype(np.float32)), TYPE),
     "TIFF in colour": (".tif", tiff(np.zeros((8, 8, 8, 3), dtype=np.uint8)), "an image in colour with 3"),
@@ -181,6 +240,16 @@ ROWS = [
             ("voxel_size", ["1 um", "2 um", "x"], {}, "cell.geometry.voxel_size"),
             ("voxel_size", float("nan"), {}, "cell.geometry.voxel_size"),
         )
+    ),
+    *(
+        faulty(
+            f"image of one value of the type {array.dtype} by Otsu",
+            {"cell.geometry": {"kind": "voxels", "path": "image.npy", "threshold": "otsu"}},
+            "got the value 7 in every voxel of",
+            "so Otsu's method finds no two classes",
+            files={"image.npy": npy(array)},
+        )
+        for array in (np.full((8, 8, 8), 7), np.full((8, 8, 8), 7.0))
     ),
     faulty(
         "image of voxels that contradict the scales",

@@ -141,7 +141,12 @@ LAUGHS = (
     + "".join(f'<!ENTITY a{i} "{f"&a{i - 1};" * 10}">' for i in range(1, 12))
     + ']><VTKFile type="UnstructuredGrid">&a11;</VTKFile>'
 )
-UNREADABLE, BY_GMSH = "not a mesh that meshio can read", "not a mesh that gmsh can read"
+UNREADABLE, BY_GMSH = (
+    "got a file that is damaged, cut short or of another kind; save the mesh anew",
+    "it is damaged or cut short",
+)
+NO_SUFFIX = "expected a mesh as .msh, .vtu, .med or another that meshio reads, got"
+NO_NODES = "got a file without nodes, which is damaged, cut short or of another kind"
 #: What is wrong in a mesh's own terms: suffix, content, words of the message as a body, and as a cell.
 FAULTS: dict[str, tuple[str, Content, str, str]] = {
     "empty": (".msh", "", "the file is empty", "the file is empty"),
@@ -155,11 +160,18 @@ FAULTS: dict[str, tuple[str, Content, str, str]] = {
     "a tetrahedron given twice, once in no group": (".msh", altered(again), "in no group", "in no group"),
     "binary junk": (".msh", bytes(range(256)) * 40, UNREADABLE, UNREADABLE),
     "words": (".msh", "Dear diary,\n", UNREADABLE, UNREADABLE),
-    "no known suffix": (".xyzzy", WHOLE, UNREADABLE, UNREADABLE),
-    "no suffix": ("", WHOLE, UNREADABLE, UNREADABLE),
+    "no known suffix": (".xyzzy", WHOLE, f"{NO_SUFFIX} '.xyzzy'", "a mesh of gmsh by its first bytes; rename it"),
+    "no suffix": ("", WHOLE, f"{NO_SUFFIX} a file without a suffix", "rename it to mesh.msh"),
     "cut short": (".msh", WHOLE[: len(WHOLE) // 2], BY_GMSH, BY_GMSH),
-    "of zeros": (".msh", b"\0" * 5000, UNREADABLE, UNREADABLE),
-    "JSON": (".vtu", "{}", UNREADABLE, UNREADABLE),
+    "of zeros": (".msh", b"\0" * 5000, "got a file of zeros alone", "got a file of zeros alone"),
+    "JSON": (".vtu", "{}", "got text by its first bytes; save", "got text by its first bytes; save"),
+    "VTK cut short": (".vtu", VTU[:400], "is cut short, before its last tag", "is cut short, before its last tag"),
+    "STL of its first line": (".stl", "solid a\n", NO_NODES, NO_NODES),
+    "STL of another program": (".stl", "Dear diary,\n", UNREADABLE, UNREADABLE),
+    "a picture": (".vtu", b"\x89PNG\r\n\x1a\n", "got a PNG picture by its first", "got a PNG picture by its first"),
+    "gmsh's own renamed": (".vtu", WHOLE, "rename it to mesh.msh", "rename it to mesh.msh"),
+    "an archive": (".msh", b"PK\x03\x04" + b"\0" * 90, "got a ZIP archive", "unpack it first"),
+    "a web page": (".vtu", "<!DOCTYPE html><html></html>", "got a web page", "fetch the file itself again"),
     "XML entities that grow": (".vtu", LAUGHS, UNREADABLE, UNREADABLE),
     "VTK of 10^12 points": (
         ".vtu", VTU.format(points=10**12, cells=1, values="0 0 0", nodes="0 1 2 3"), UNREADABLE, UNREADABLE,
@@ -172,7 +184,7 @@ FAULTS: dict[str, tuple[str, Content, str, str]] = {
         ".msh", WHOLE.replace("$Elements\n64", f"$Elements\n{10**15}"), "no nodes are in", "no nodes are in",
     ),
     "STL": (".stl", STL, "mesh.stl has none", "no elements with a volume"),
-    "binary STL that declares 2^31 facets": (".stl", BINARY_STL, "an array of shape", "an array of shape"),
+    "binary STL that declares 2^31 facets": (".stl", BINARY_STL, NO_NODES, NO_NODES),
     "an infinite node": (".msh", altered(node([float("inf"), 0, 0])), "not finite", "not finite"),
     "a node that is no number": (".msh", altered(node([float("nan"), 0, 0])), "not finite", "not finite"),
     "a node at 1e300": (".msh", altered(node([1e300, 0, 0])), "1e+300", "1e+300"),
@@ -196,6 +208,12 @@ FAULTS: dict[str, tuple[str, Content, str, str]] = {
     "a loop of links": (".msh", link("mesh.msh"), "a symbolic link that leads back", "a symbolic link that leads back"),
     "of a terabyte": (".msh", holes(1 << 40), "at most", "at most"),
 }  # fmt: skip
+#: With names of its groups.
+NAMED = WHOLE.replace(
+    "$Nodes",
+    '$PhysicalNames\n4\n2 1 "bottom"\n2 2 "top"\n3 3 "matrix"\n3 4 "void"\n$EndPhysicalNames\n$Nodes',
+    1,
+)
 BODY = {"1": {"displacement": [0, 0, 0]}, "2": {"traction": [0, 1, 0], "pressure": 0}}
 
 
@@ -213,9 +231,16 @@ def as_cell(kind: str) -> Row:
 
 #: Geometries that gmsh meshes, of a body: suffix, content, size, words of the message.
 GEOMETRIES: dict[str, tuple[str, Content, float, str]] = {
-    "empty .geo": (".geo", "", 0.5, "expected a geometry with a volume"),
+    "empty .geo": (".geo", "", 0.5, "expected a geometry as .geo, got an empty file"),
+    "a mesh as .step": (".step", WHOLE, 0.5, "got a mesh of gmsh by its first bytes; save it as .step anew"),
+    "a cut .step": (
+        ".step",
+        "ISO-10303-21;\nHEADER;\n",
+        0.5,
+        "damaged, cut short or of another kind; save it",
+    ),
     "junk .step": (".step", bytes(range(256)), 0.5, "could not mesh"),
-    "empty .step": (".step", "", 0.5, "expected a geometry with a volume"),
+    "empty .step": (".step", "", 0.5, "expected a geometry as .step, got an empty file"),
     "junk .brep": (
         ".brep",
         "DBRep_DrawableShape\n\nCASCADE Topology V1, (c)",
@@ -266,6 +291,28 @@ ROWS = [
     *map(as_body, FAULTS),
     *map(as_cell, FAULTS),
     *map(as_geometry, GEOMETRIES),
+    faulty(
+        "cell: tags of other letters",
+        {"cell.geometry": {"kind": "mesh-file", "path": "m.msh", "solid": ["Matrix", 77], "fluid": ["VOID"]}},
+        "no tetrahedron of",
+        "has the tag 'Matrix' (did you mean 'matrix'?) and 77 under solid and",
+        "'VOID' (did you mean 'void'?) under fluid",
+        files={"m.msh": NAMED},
+    ),
+    faulty(
+        "body: surfaces of other letters",
+        {
+            "macro.body": {"kind": "file", "path": "m.msh"},
+            "macro.boundary": {
+                "Bottom": {"displacement": [0, 0, 0]},
+                "TOP": {"pressure": 0},
+                "east": {"pressure": 0},
+            },
+        },
+        "macro.boundary.Bottom: the body has no surface 'Bottom'; did you mean 'bottom'? its surfaces are",
+        "also wrong: 'TOP' (did you mean 'top'?) and 'east'",
+        files={"m.msh": NAMED},
+    ),
     *(faulty(f"too fine: {name}", changes, words) for name, (changes, words) in TOO_FINE.items()),
     *(
         faulty(f"throat that joins cells {shift} apart", throat(shift=shift), "throats")

@@ -33,6 +33,28 @@ def test_otsu_parts_two_peaks_in_the_middle_of_their_gap():
     assert GreyValues.of(np.full((4, 4, 4), 7)).otsu == 7
 
 
+def test_one_value_with_decimals_is_told_as_it_is():
+    found = GreyValues.of(np.full((4, 4, 4), 7.25))
+    assert (found.extent, found.otsu) == ("7.25 (64)", 7.25)
+
+
+@pytest.mark.parametrize(("pore", "told"), [(None, 1), (0, 0)])
+def test_which_of_two_values_stands_for_pores_is_told_where_nobody_said_it(tmp_path, pore, told):
+    keys = {} if pore is None else {"pore": pore}
+    geometry = image(tmp_path / "two.npy", np.where(PORES, 0, 255).astype(np.uint8), **keys)
+    notes = [note for note in geometry.notes if "cell.geometry.pore is not given" in note]
+    assert len(notes) == told
+    assert all("'pore: 255'" in note and "the value 0 are pores" in note for note in notes)
+
+
+@pytest.mark.parametrize(("size", "told"), [(12, ("12 x 12 x 12 m", "'12 um'")), (12e-6, ()), (1e-3, ())])
+def test_voxels_of_metres_are_told_with_the_cell_that_they_make(tmp_path, size, told):
+    geometry = image(tmp_path / "two.npy", np.where(PORES, 0, 1), voxel_size=size)
+    found = " ".join(note for note in geometry.warnings if "was read as" in note)
+    assert bool(found) == bool(told)
+    assert all(words in found for words in told)
+
+
 def test_otsu_is_the_largest_variance_between_both_classes():
     values = GREY.astype(np.uint8)
 
@@ -124,7 +146,7 @@ def test_contradictions_are_refused(tmp_path, keys, message):
 @pytest.mark.parametrize(
     ("values", "keys", "message"),
     [
-        (GREY, {}, "expected a segmented image.*float64; segment it first, or write 'threshold: otsu'"),
+        (GREY, {}, "expected a segmented image.*numbers with decimals; segment it first, or write 'threshold: otsu'"),
         (GREY.astype(np.uint8), {"pore": 255}, r"has the value 255; its values are \d+ distinct .*threshold: otsu"),
         (GREY, {"threshold": 400}, r"every voxel of .* is at or below 400; its values are [\d,]+ distinct"),
         (GREY, {"threshold": 400, "bright_pores": True}, "no voxel of .* is above 400"),

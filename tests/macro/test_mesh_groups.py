@@ -3,6 +3,7 @@
 from itertools import pairwise
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 
@@ -326,3 +327,12 @@ def test_threads_make_and_read_meshes_one_after_the_other():
     for radius, each in zip(radii, found, strict=True):
         np.testing.assert_array_equal(each, alone[radius])
     assert all(not np.array_equal(a, b) for a, b in pairwise(alone.values()))
+
+
+def test_data_of_a_file_of_salome_are_no_names_of_groups(tmp_path):
+    """meshio keeps there the labels of its data, which are no pairs of a number and a dimension."""
+    path = tmp_path / "data.med"
+    cells = [("tetra", np.array([[0, 1, 2, 3]])), ("triangle", np.array([[0, 1, 2]]))]
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    meshio.write(path, meshio.Mesh(points, cells, cell_data={"phase": [np.array([3]), np.array([1])]}))
+    assert read_mesh(path).tags[3] == {3: "3"}

@@ -54,7 +54,9 @@ class GreyValues:
         if undefined == image.size:
             return cls(np.zeros(0), np.zeros(0, dtype=np.int64), undefined)
         low, high = min(x.min() for x in known if len(x)), max(x.max() for x in known if len(x))
-        edges = np.linspace(low, high if high > low else low + 1, INTERVALS + 1)
+        if low == high:
+            return cls(np.array([low]), np.array([image.size - undefined]), undefined)
+        edges = np.linspace(low, high, INTERVALS + 1)
         counts = np.asarray(sum(np.histogram(x, edges)[0] for x in known))
         found = np.flatnonzero(counts)
         return cls(((edges[1:] + edges[:-1]) / 2)[found], counts[found], undefined)
@@ -85,6 +87,18 @@ class GreyValues:
         if len(self.values) <= HANDFUL:
             return ", ".join(f"{v:g} ({n:,})" for v, n in zip(self.values, self.counts, strict=True))
         return f"{len(self.values):,} distinct ones from {self.values[0]:g} to {self.values[-1]:g}"
+
+
+def assumed(grey: GreyValues, pore: int) -> tuple[str, ...]:
+    """Return a sentence on which of two values was taken for the pores without being told; none for other images."""
+    if len(grey.values) != 2 or pore not in grey.values:
+        return ()
+    (other,) = (value for value in grey.values if value != pore)
+    share = 100 * float(grey.counts[grey.values == pore].sum() / grey.counts.sum())
+    return (
+        f"cell.geometry.pore is not given, so the voxels of the value {pore} are pores, {share:.3g} %, and those of "
+        f"{other:g} are solid; if it is the other way round, write 'pore: {other:g}'",
+    )
 
 
 def not_segmented(grey: GreyValues, pore: int) -> tuple[str, ...]:

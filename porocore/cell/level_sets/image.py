@@ -8,12 +8,13 @@ import re
 from collections.abc import Callable
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from porocore.cell.level_sets.cleaning import Mask
+from porocore.core.files.first_bytes import NPY, TIFF, foreign, renamed, told_by
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 
@@ -24,7 +25,21 @@ SMALLEST, LARGEST = 4, 400
 MOST = 1_000_000_000
 #: Voxels along an edge above which the share below a level is computed from one point a voxel instead of eight.
 MANY = 96
-TIFF = (".tif", ".tiff")
+SUFFIXES = (*NPY.suffixes, *TIFF.suffixes)
+#: Pages of a TIFF that are looked at.
+MOST_PAGES = 1_000_000
+SAVE = "save the image as a TIFF stack, or by numpy.save as an array of numbers with the axes x, y, z"
+_NUMBERS = "convert it, as by image.astype(numpy.uint8), and save it anew"
+#: Types of values by numpy's letter of them, and what to do with those that are none of an image.
+TYPES = {
+    "f": "numbers with decimals", "c": "complex numbers", "O": "Python objects", "U": "texts", "S": "texts",
+    "M": "dates", "m": "times", "V": "records",
+}  # fmt: skip
+REMEDIES = {
+    "f": "segment it first, or write 'threshold: otsu' in place of 'pore'",
+    "c": "save one real number for each voxel, such as numpy.abs(image)",
+    "O": _NUMBERS, "U": _NUMBERS, "S": _NUMBERS, "V": "save one field of the records alone",
+}  # fmt: skip
 
 
 def read_image(path: Path, crop: Crop | None = None, *, grey: bool = False) -> npt.NDArray[Any]:
@@ -57,15 +72,28 @@ def open_image(path: Path, *, grey: bool = False) -> npt.NDArray[Any]:
 
 def _read(path: Path, check: Callable[[tuple[int, ...], Any], None], crop: Crop | None) -> npt.NDArray[Any]:
     suffix = path.suffix.lower()
-    if suffix not in (".npy", *TIFF):
-        raise ConfigurationError(f"{path}: expected an image as .npy, .tif or .tiff, got '{path.suffix}'")
+    if suffix not in SUFFIXES:
+        kind = told_by(path)
+        then = renamed(path, kind, SUFFIXES) or SAVE
+        got = f"'{path.suffix}'" if suffix else "a file without a suffix"
+        raise ConfigurationError(
+            f"{path}: expected an image as .npy, .tif or .tiff, got {got}"
+            + (f", {kind.name} by its first bytes" if kind else "")
+            + f"; {then}"
+        )
+    npy = suffix == ".npy"
+    if told := foreign(path, (NPY if npy else TIFF).name, SUFFIXES, SAVE):
+        raise ConfigurationError(f"{path}: {told}")
     try:
-        return (_read_npy if suffix == ".npy" else _read_tiff)(path, check, crop)
+        return (_read_npy if npy else _read_tiff)(path, check, crop)
     except ConfigurationError:
         raise
     except Exception as error:  # readers raise any kind of error on a damaged file
-        reason = " ".join(f"{error}".split())[:200] or type(error).__name__
-        raise ConfigurationError(f"{path}: not an image that can be read: {reason}") from error
+        what = (NPY if npy else TIFF).name
+        raise ConfigurationError(
+            f"{path}: not an image that can be read: expected {what}, got one that is damaged or cut short; copy it "
+            f"again, or {SAVE}"
+        ) from error
 
 
 def _read_npy(
@@ -74,12 +102,11 @@ def _read_npy(
     """Read an array after a check of its header."""
     npy: Any = np.lib.format
     with path.open("rb") as file:
-        if file.read(len(npy.MAGIC_PREFIX)) != npy.MAGIC_PREFIX:
-            raise ValueError("it is no file of a NumPy array, whatever its name; write one with numpy.save")
-        file.seek(0)
         version = npy.read_magic(file)
         if version not in ((1, 0), (2, 0)):
-            raise ValueError(f"its version {version[0]}.{version[1]} is unknown")
+            raise ConfigurationError(
+                f"{path}: expected a .npy file of version 1.0 or 2.0, got {version[0]}.{version[1]}; {SAVE}"
+            )
         first = version == (1, 0)
         read = npy.read_array_header_1_0 if first else npy.read_array_header_2_0
         shape, _, dtype = read(file)
@@ -87,9 +114,9 @@ def _read_npy(
     check(shape, dtype)
     missing = begin + math.prod(shape) * dtype.itemsize - path.stat().st_size
     if missing > 0:
-        raise ValueError(
-            f"the file is cut off, {missing:,} bytes of its {' x '.join(map(str, shape))} voxels are missing; copy it "
-            "again"
+        raise ConfigurationError(
+            f"{path}: the file is cut off, {missing:,} bytes of its {' x '.join(map(str, shape))} voxels are missing; "
+            "copy it again"
         )
     return np.asarray(_part(np.load(path, mmap_mode="r", allow_pickle=False), crop))
 
@@ -100,6 +127,7 @@ def _read_tiff(
     """Read a stack of pages, z leading, after a check of its header."""
     import tifffile
 
+    _require_all_pages(path)
     with _opened(path) as file:
         stacks = file.series
         first = stacks[0]
@@ -126,8 +154,49 @@ def _read_tiff(
                 f"{path}: cannot be read, since it is compressed by {compression.name}: pip install imagecodecs, or "
                 f"save it without compression or with Deflate{lossy}"
             )
+        _require_data(path, stacks)
         pages = np.stack([each.asarray() for each in stacks]) if len(stacks) > 1 else first.asarray()
         return np.asarray(_part(np.asarray(pages).T, crop))
+
+
+def _require_all_pages(path: Path) -> None:
+    """Refuse a TIFF whose chain of pages leaves the file; tifffile reads those before the end as if they were all."""
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        begin = file.read(16)
+        order: Literal["little", "big"] = "little" if begin[:2] == b"II" else "big"
+        big = int.from_bytes(begin[2:4], order) == 43
+        word, entry, first, count = (8, 20, 8, 8) if big else (4, 12, 4, 2)
+        place, seen = int.from_bytes(begin[first : first + word], order), set[int]()
+        while place and place not in seen and len(seen) <= MOST_PAGES:
+            seen.add(place)
+            file.seek(place)
+            end = place + count + entry * int.from_bytes(file.read(count), order)
+            if end + word > size:
+                raise ConfigurationError(
+                    f"{path}: the file is cut off: it ends at byte {size:,}, before page {len(seen)}; copy it again"
+                )
+            file.seek(end)
+            place = int.from_bytes(file.read(word), order)
+    if not seen:
+        raise ConfigurationError(f"{path}: expected a TIFF image, got one without a page; {SAVE}")
+
+
+def _require_data(path: Path, stacks: Any) -> None:
+    """Refuse a TIFF whose values lie beyond its end."""
+    size = path.stat().st_size
+    ends = [
+        place + length
+        for stack in stacks
+        for page in stack.pages
+        if page is not None and hasattr(page, "dataoffsets")
+        for place, length in zip(page.dataoffsets, page.databytecounts, strict=False)
+    ]
+    ends += [each.dataoffset + each.nbytes for each in stacks if each.dataoffset is not None]
+    if (missing := max(ends, default=0) - size) > 0:
+        raise ConfigurationError(
+            f"{path}: the file is cut off, {missing:,} bytes of its voxels are missing; copy it again"
+        )
 
 
 def _opened(path: Path) -> Any:
@@ -142,7 +211,7 @@ def stated_voxel(path: Path) -> tuple[tuple[float, float, float], str] | None:
 
     None: it states none.
     """
-    if path.suffix.lower() not in TIFF:
+    if path.suffix.lower() not in TIFF.suffixes:
         return None
     try:
         with _opened(path) as file:
@@ -171,21 +240,31 @@ def _check_kind(path: Path, shape: tuple[int, ...], dtype: Any, grey: bool) -> N
     """Refuse what is no image in three dimensions, or no segmented one where it must be, before it is read."""
     kinds = (np.bool_, np.integer, *((np.floating,) if grey else ()))
     if dtype is None or not any(np.issubdtype(dtype, kind) for kind in kinds):
-        real = dtype is not None and np.issubdtype(dtype, np.floating)
+        kind = "" if dtype is None else dtype.kind
         what = "an image of numbers" if grey else "a segmented image, of whole numbers or of true and false"
         raise ConfigurationError(
-            f"{path}: expected {what}, got values of the type {dtype}"
-            + ("; segment it first, or write 'threshold: otsu' in place of 'pore'" if real else "")
+            f"{path}: expected {what}, got {TYPES.get(kind, 'values of an unknown type')}; {REMEDIES.get(kind, SAVE)}"
         )
     _check_size(path, shape)
 
 
 def _check_size(path: Path, shape: tuple[int, ...]) -> None:
     """Refuse what is no image in three dimensions, or too large a one."""
-    if len(shape) != 3 or math.prod(shape) > MOST:
+    got = " x ".join(map(str, shape))[:80]
+    if len(shape) != 3:
+        name = {0: "a single number", 1: f"a line of {got} values", 2: f"one slice of {got} pixels"}.get(
+            len(shape), f"an array of {len(shape)} axes, {got}"
+        )
+        then = (
+            "stack all slices into one file: a TIFF stack with a page for each z, or numpy.save of "
+            "numpy.stack(slices, axis=2)"
+            if len(shape) < 3
+            else "save one channel at one time, with the axes x, y, z"
+        )
+        raise ConfigurationError(f"{path}: expected an image in three dimensions, got {name}; {then}")
+    if math.prod(shape) > MOST:
         raise ConfigurationError(
-            f"{path}: expected an image in three dimensions of at most {MOST:,} voxels, got the shape "
-            f"{str(tuple(shape))[:80]}"
+            f"{path}: expected an image in three dimensions of at most {MOST:,} voxels, got {got}; save a part of it"
         )
 
 

@@ -15,7 +15,7 @@ from porocore.cell.geometry.pore_geometry import Unfolding
 from porocore.cell.geometry.sides import CUBE, Sides, unit_sides
 from porocore.cell.level_sets.cleaning import Cleaned, Mask, clean
 from porocore.cell.level_sets.faces import blended, mismatch_note
-from porocore.cell.level_sets.grey import GreyValues, not_segmented, phases
+from porocore.cell.level_sets.grey import GreyValues, assumed, not_segmented, phases
 from porocore.cell.level_sets.image import SmoothImage, open_image, read_image, stated_voxel
 from porocore.cell.level_sets.level_set import SPECKS, LevelSetGeometry, mesh_level_set
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra
@@ -36,6 +36,8 @@ ROUNDED = (
 #: Units of lengths in image files: other names, and metres.
 UNITS = {"micron": "um", "microns": "um", "µm": "um", "\\u00B5m": "um", "\u03bcm": "um", "inch": "in"}
 METRES = {"nm": 1e-9, "um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0}
+#: Larger voxels [m] are most likely a number without a unit, in µm or mm.
+HUGE = 1e-3
 #: Share by which the edges of a voxel may differ from those that its file states.
 SAME = 0.01
 #: First place of a part, and the place after its last.
@@ -140,7 +142,8 @@ class Voxels(FromFile, LevelSetGeometry):
     def _of_values(self) -> tuple[str, ...]:
         grey, level = _grey(Path(self.path), self.sha256), self.level
         if level is None:
-            return phases(grey, self.pore)
+            told = "pore" in self.model_fields_set
+            return phases(grey, self.pore) if told else (*assumed(grey, self.pore), *phases(grey, self.pore))
         how = "by Otsu's method" if self.threshold == "otsu" else "as given"
         side = "above it" if self.bright_pores else "up to it"
         return (f"threshold {level:g}, {how}; values are {grey.extent}, and the voxels {side} are pores",)
@@ -174,9 +177,23 @@ class Voxels(FromFile, LevelSetGeometry):
         )
 
     @property
+    def _of_huge_voxels(self) -> tuple[str, ...]:
+        """A sentence on voxels of more than a millimetre."""
+        if self.voxel_size is None or np.max(self.voxel_size) <= HUGE:
+            return ()
+        edges = length_text(*np.broadcast_to(self.voxel_size, 3).tolist())
+        cell = length_text(*(self.length or 0.0) * np.array(self.sides))
+        number = np.max(self.voxel_size)
+        unit = f", such as '{number:g} um'" if number >= 1 else ""
+        return (
+            f"cell.geometry.voxel_size was read as {edges}, so that the cell is {cell} large; a number without a unit "
+            f"is in metres: if another is meant, write it{unit}",
+        )
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         faces = mismatch_note(_periodic(self)[0]) if self.repeat == "periodic" else ()
-        return (*self.grey_warnings, *self._of_edges, *faces)
+        return (*self.grey_warnings, *(self._of_edges or self._of_huge_voxels), *faces)
 
     @property
     def error_of_flow(self) -> str:
@@ -259,12 +276,29 @@ def _periodic(geometry: Voxels) -> tuple[Mask, str]:
     pores = geometry.pores_of(image)
     if pores.all() or not pores.any():
         found = GreyValues.of(image)
+        if len(found.values) == 1:
+            key = "pore" if geometry.threshold is None else "threshold"
+            why = (
+                "so Otsu's method finds no two classes"
+                if geometry.threshold == "otsu"
+                else "so there is one phase"
+            )
+            raise ConfigurationError(
+                f"cell.geometry.{key}: expected an image of pores and solid, got the value {found.values[0]:g} in "
+                f"every voxel of {path}{'' if geometry.crop is None else ' within crop'}, {why}; check the file"
+            )
         which = "every voxel" if pores.all() else "no voxel"
         level = geometry.level
         if level is None:
-            hint = "; give 'threshold: otsu' in place of pore" if not_segmented(found, geometry.pore) else ""
+            if not_segmented(found, geometry.pore):
+                hint = "; give 'threshold: otsu' in place of pore"
+            else:
+                hint = "; write " + " or ".join(f"'pore: {value:g}'" for value in found.values)
+            default = (
+                "" if "pore" in geometry.model_fields_set else ", which stands for pores where none is given"
+            )
             raise ConfigurationError(
-                f"cell.geometry.pore: {which} of {path} has the value {geometry.pore}; its values are "
+                f"cell.geometry.pore: {which} of {path} has the value {geometry.pore}{default}; its values are "
                 f"{found.extent}{hint}"
             )
         side = "above" if geometry.bright_pores else "at or below"

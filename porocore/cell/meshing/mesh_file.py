@@ -25,6 +25,7 @@ from porocore.cell.meshing.tetrahedra import (
     with_middles,
 )
 from porocore.cell.symmetry.mesh_symmetry import RegionMap, region_maps
+from porocore.core.echo import did_you_mean, echo, joined
 from porocore.core.files.foreign_mesh import ForeignMesh, read_mesh, require_apart
 from porocore.core.files.input_file import FromFile
 from porocore.core.tensors.point_group import PointGroup, Rotation, as_rotation
@@ -167,18 +168,14 @@ def _parts(geometry: MeshFile, path: Path, mesh: ForeignMesh, kind: str) -> dict
             f"got {geometry.tags or 'none, and none of the usual ones is there'}; it has "
             f"{', '.join(sorted(mesh.data)) or 'no data of elements; give physical groups of volumes (gmsh)'}"
         )
+    _require_tags(geometry, path, mesh)
     found: dict[Phase, dict[str, IntArray]] = {"solid": {}, "fluid": {}}
     owner = np.full(len(mesh.elements[3][kind]), -1)
     names: list[str] = []
     for phase, parts in found.items():
         for tag in getattr(geometry, phase):
             name = mesh.name(3, tag)
-            if name is None:
-                raise ConfigurationError(
-                    f"cell.geometry.{phase}: no tetrahedron of {path} has the tag {tag!r}; its tags are "
-                    f"{_listed(mesh, groups)}"
-                )
-            if name in parts:
+            if name is None or name in parts:
                 continue
             rows = groups[name][kind]
             if (both := owner[rows] >= 0).any():
@@ -197,6 +194,30 @@ def _parts(geometry: MeshFile, path: Path, mesh: ForeignMesh, kind: str) -> dict
             "cell.geometry.solid or cell.geometry.fluid"
         )
     return found
+
+
+def _require_tags(geometry: MeshFile, path: Path, mesh: ForeignMesh) -> None:
+    """Refuse tags that no tetrahedron has; all of them are told."""
+    phases: tuple[Phase, ...] = ("solid", "fluid")
+    wrong = {
+        phase: [tag for tag in getattr(geometry, phase) if mesh.name(3, tag) is None] for phase in phases
+    }
+    told = []
+    for phase, tags in wrong.items():
+        near = [" ".join([echo(tag), *_near(str(tag), mesh)]) for tag in tags]
+        told += [f"{joined(near)} under {phase}"] if near else []
+    if told:
+        first = next(phase for phase in phases if wrong[phase])
+        raise ConfigurationError(
+            f"cell.geometry.{first}: no tetrahedron of {path} has the tag {' and '.join(told)}; its tags are "
+            f"{_listed(mesh, mesh.groups[3])}"
+        )
+
+
+def _near(tag: str, mesh: ForeignMesh) -> tuple[str, ...]:
+    """Return the question whether a similar name of a group is meant."""
+    asked = did_you_mean(tag, mesh.groups[3])
+    return (f"({asked})",) if asked else ()
 
 
 def _listed(mesh: ForeignMesh, names: Iterable[str]) -> str:

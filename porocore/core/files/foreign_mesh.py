@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from porocore.core.files.first_bytes import foreign, renamed, told_by
 from porocore.core.files.gmsh_model import Arrays, file_arrays, model_arrays
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
@@ -55,6 +56,12 @@ FORMATS = (
     "names of groups are read from .msh (gmsh), .med (Salome), .inp (Abaqus, CalculiX: *ELSET) and .su2, numbers from "
     "others such as .vtu, .xdmf and .mesh"
 )
+
+SAVE = "save the mesh anew, best as .msh of gmsh of version 4.1 or 2.2"
+#: Last tags of files in XML.
+_XML = {".vtu": b"</VTKFile>", ".xdmf": b"</Xdmf>", ".xmf": b"</Xdmf>"}
+#: Kinds of first bytes that many formats share.
+SHARED = ("text", "an HDF5 file")
 
 _ONE_AT_A_TIME = threading.Lock()
 
@@ -153,6 +160,38 @@ def mesh_of_model(gmsh: Any, path: Path) -> ForeignMesh:
 def _beginning(path: Path) -> bytes:
     with path.open("rb") as file:
         return file.read(200)
+
+
+def _sort_of(path: Path) -> str:
+    """Return what the suffix of a mesh promises, in words."""
+    return f"a mesh as {path.suffix.lower()}"
+
+
+def _require_suffix(path: Path) -> None:
+    """Refuse a file whose suffix is that of no mesh, or whose first bytes are those of another kind."""
+    from meshio import extension_to_filetypes as suffixes  # heavy, and needed here only
+
+    suffix = path.suffix.lower()
+    kind = told_by(path)
+    if suffix not in suffixes:
+        got = f"'{suffix}'" if suffix else "a file without a suffix"
+        then = renamed(path, kind, suffixes) or SAVE
+        raise ConfigurationError(
+            f"{path}: expected a mesh as .msh, .vtu, .med or another that meshio reads, got {got}"
+            + (f", {kind.name} by its first bytes" if kind else "")
+            + f"; {then}"
+        )
+    ignored = () if suffix in _XML else SHARED
+    if told := foreign(path, _sort_of(path), suffixes, SAVE, ignored):
+        raise ConfigurationError(f"{path}: {told}")
+
+
+def _is_cut(path: Path) -> bool:
+    """Return whether a file in XML ends before its last tag; False for other formats, which have no end to look for."""
+    last = _XML.get(path.suffix.lower())
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - 1000))
+        return last is not None and not file.read().rstrip().endswith(last)
 
 
 def _first_words(beginning: bytes) -> str:
@@ -394,22 +433,31 @@ def _of_model(
 def _read_by_meshio(path: Path, numbering: str | None) -> ForeignMesh:
     import meshio  # heavy, and needed here only
 
+    _require_suffix(path)
     sets = _abaqus_sets(path) if path.suffix.lower() == ".inp" else []
     try:
         # What it prints is redirected for all threads.
-        with _ONE_AT_A_TIME, redirect_stdout(io.StringIO()) as printed, redirect_stderr(printed):
+        with _ONE_AT_A_TIME, redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
             mesh = meshio.read(path)
     # meshio's readers raise whatever the file makes them stumble over; some of them print and end the process.
     except (Exception, SystemExit) as error:
-        reason = str(error) if not isinstance(error, SystemExit) else " ".join(printed.getvalue().split())
+        how = (
+            "is cut short, before its last tag"
+            if _is_cut(path)
+            else "is damaged, cut short or of another kind"
+        )
         raise ConfigurationError(
-            f"{path}: not a mesh that meshio can read ({reason or type(error).__name__}); expected .msh, .vtu, .mesh "
-            "or another of its formats"
+            f"{path}: not a mesh that can be read: expected {_sort_of(path)}, got a file that {how}; {SAVE}"
         ) from error
     points = np.asarray(mesh.points)
+    if not points.size:
+        raise ConfigurationError(
+            f"{path}: expected {_sort_of(path)}, got a file without nodes, which is damaged, cut short or of another "
+            f"kind; {SAVE}"
+        )
     if points.ndim != 2 or points.shape[1] != 3 or not np.issubdtype(points.dtype, np.number):
         raise ConfigurationError(
-            f"{path}: expected nodes in three dimensions, got an array of shape {points.shape} and type {points.dtype}"
+            f"{path}: expected nodes in three dimensions, got {points.shape[-1]} coordinates of each; {SAVE}"
         )
     return _of_meshio(mesh, path, numbering, sets).mesh(points.astype(float), numbering)
 
@@ -450,7 +498,9 @@ def _of_meshio(mesh: Any, path: Path, numbering: str | None, of_blocks: list[str
                 for name in families.get(family, ()):
                     parts.join(dim, block.type, rows[numbers == family], name.strip())
             continue
-        names = {int(tag): name for name, (tag, of) in mesh.field_data.items() if int(of) == dim}
+        # A file of Salome has data of another kind there.
+        pairs = {name: of for name, of in mesh.field_data.items() if np.shape(of) == (2,)}
+        names = {int(tag): name for name, (tag, of) in pairs.items() if int(of) == dim}
         parts.number(dim, block.type, rows, numbers, names or (markers if dim == 2 else {}))
     return parts
 

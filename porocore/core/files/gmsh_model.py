@@ -115,8 +115,7 @@ def file_arrays(path: Path, by_group: bool) -> Arrays:
                 raise PorocoreError(told["text"])
             if told["kind"] == "file":
                 raise ConfigurationError(f"{path}: {told['text']}")
-            reason = f" ({told['text']})" if told["text"] else ""
-            raise ConfigurationError(f"{path}: not a mesh that gmsh can read{reason}; {anew}")
+            raise ConfigurationError(f"{path}: not a mesh that gmsh can read; {anew}")
         if done.returncode != 0:
             raise ConfigurationError(f"{path}: gmsh crashes with this file; {anew}")
         with np.load(result, allow_pickle=False) as arrays:
@@ -143,8 +142,8 @@ def serve() -> None:
             np.savez(result, **arrays)
     except Exception as error:  # gmsh raises plain Exception
         kind = "file" if isinstance(error, ConfigurationError) else kind
-        # What C++ throws has no words.
-        text = str(error) or ("" if kind == "gmsh" else type(error).__name__)
+        # The words of gmsh are left out: such as 'Error loading' they say less than what is said of the file.
+        text = "" if kind == "gmsh" else str(error) or type(error).__name__
         sys.stdout.write(json.dumps({"kind": kind, "text": text}))
         sys.stdout.flush()
         raise SystemExit(_REFUSED) from error

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
 from scipy.spatial import cKDTree
 
+from porocore.core.echo import did_you_mean, joined
 from porocore.errors import ConfigurationError
 from porocore.macro.body.element import ELEMENTS, ReferenceElement
 from porocore.states import Array, IntArray
@@ -151,8 +152,32 @@ class BodyMesh:
                 f"{each} (a number, without a name)" if each.isdecimal() else each for each in self.surfaces
             )
             names = ", ".join(listed) or "none; give the surfaces of the mesh file names"
-            raise ConfigurationError(f"{key}: the body has no surface '{name}'; its surfaces are {names}")
+            near = did_you_mean(name, self.surfaces)
+            advice = f"{near} its surfaces are {names}".lstrip()
+            raise ConfigurationError(f"{key}: the body has no surface '{name}'; {advice}")
         return self.surfaces[name]
+
+    def require_surfaces(self, names: Iterable[str], key: str) -> None:
+        """Check that the body has all surfaces of these names.
+
+        Raises
+        ------
+        ConfigurationError
+            It has not; the message begins with ``key`` and a name, and tells all names that are wrong.
+        """
+        wrong = [name for name in names if name not in self.surfaces]
+        if not wrong:
+            return
+        try:
+            self.surface(wrong[0], f"{key}.{wrong[0]}")
+        except ConfigurationError as error:
+            asked = [" ".join([f"'{name}'", *self._near(name)]) for name in wrong[1:]]
+            also = f"; also wrong: {joined(asked)}" if asked else ""
+            raise ConfigurationError(f"{error}{also}") from None
+
+    def _near(self, name: str) -> tuple[str, ...]:
+        asked = did_you_mean(name, self.surfaces)
+        return (f"({asked})",) if asked else ()
 
     def check(self, what: str) -> BodyMesh:
         """Return this mesh.

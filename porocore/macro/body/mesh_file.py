@@ -10,9 +10,11 @@ import numpy as np
 
 from porocore.cell.meshing.estimate import PER_CUBE, require_few
 from porocore.cell.meshing.tetrahedra import order_by_place
+from porocore.core.files.first_bytes import foreign
 from porocore.core.files.foreign_mesh import (
     CORNERS,
     FORMATS,
+    SHARED,
     ForeignMesh,
     mesh_of_model,
     read_mesh,
@@ -103,7 +105,17 @@ def _body(foreign: ForeignMesh, path: Path, scale: float) -> BodyMesh:
 
 def _meshed(path: Path, size: float) -> ForeignMesh:
     """Return second-order tetrahedra of a geometry; the names are those of physical surfaces and volumes."""
-    if path.suffix.lower().startswith((".geo", ".opt")):
+    suffix = path.suffix.lower()
+    told = foreign(
+        path,
+        f"a geometry as {suffix}",
+        GEOMETRIES,
+        f"save it as {suffix} anew, or mesh it into a .msh file",
+        SHARED,
+    )
+    if told:
+        raise ConfigurationError(f"{path}: {told}")
+    if suffix.startswith((".geo", ".opt")):
         found = EXECUTING.search(read_text(path).replace("\0", " "))
         if found:
             raise ConfigurationError(
@@ -122,8 +134,14 @@ def _meshed(path: Path, size: float) -> ForeignMesh:
         except ConfigurationError:
             raise
         except Exception as error:  # gmsh raises plain Exception
+            # Of a script gmsh tells the line; of other files no more than that they cannot be read.
+            why = (
+                f" ({error})"
+                if suffix.startswith(".geo")
+                else ": it is damaged, cut short or of another kind"
+            )
             raise ConfigurationError(
-                f"gmsh could not mesh {path} ({error}); mesh it into a .msh file, and read that"
+                f"gmsh could not mesh {path}{why}; save it as {suffix} anew, or mesh it into a .msh file, and read that"
             ) from error
     if list(mesh.elements[3]) != ["tetra10"]:
         raise ConfigurationError(f"gmsh made no tetrahedra alone of {path.name}; mesh it into a .msh file")

@@ -122,6 +122,7 @@ class Collector:
         self.drains: dict[str, Support] = {}
 
     def result(self) -> BoundaryData:
+        self.mesh.require_surfaces(self.problem.boundary, "macro.boundary")
         self._require_one_load_on_each_face()
         for name, boundary in self.problem.boundary.items():
             key = f"macro.boundary.{name}"
