@@ -83,7 +83,9 @@ def test_the_solutions_can_be_looked_at(finished):
 def test_the_metrics_hold_figures_of_merit_and_times(finished):
     metrics = json.loads((finished / "metrics.json").read_text(encoding="utf-8"))
     parts = {"cell", "sampling", "surrogate", "closure", "macro", "linear_systems", "stages", "stage_runs"}
-    assert set(metrics) == parts
+    assert set(metrics) == {*parts, "warnings"}
+    told = json.loads((finished / "finished.json").read_text(encoding="utf-8"))["warnings"]
+    assert metrics["warnings"] == told
     for each in metrics["linear_systems"]:
         assert "are solved for by a direct factor" in each["solver"]
         assert each["systems"] >= each["set_ups"] > 0

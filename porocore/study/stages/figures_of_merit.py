@@ -14,6 +14,7 @@ from porocore.report.dimensional import dimensional_metrics, figures_with_units
 from porocore.report.law_differences import law_differences
 from porocore.report.loading_mode import reactions
 from porocore.report.metrics import case_metrics, without_settlement
+from porocore.report.text import all_warnings
 from porocore.report.words.held_out import (
     rms_percent,
     rms_percent_in_body,
@@ -37,6 +38,7 @@ def figures_of_merit(results: RunResults, context: ReportContext) -> dict[str, A
     figures = dict if context.loading_mode.settles else without_settlement
     (first, *others), cells = context.of_each_cell, results.by_cell
     found: dict[str, Any] = {
+        "warnings": all_warnings(context),
         **_of_cell(cells[None], first),
         "macro": [
             {
