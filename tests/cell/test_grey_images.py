@@ -183,7 +183,7 @@ def test_pages_that_were_written_one_by_one_are_one_stack(tmp_path):
     np.testing.assert_array_equal(read_image(tmp_path / "stack.tif"), pages.T)
     write_page_by_page(tmp_path / "two.tif", [pages, pages[:5]])
     with pytest.raises(
-        ConfigurationError, match="expected one stack of pages of one size, got 2 with the shapes 6 x"
+        ConfigurationError, match="one stack of pages of one size, got 2 stacks, 1 of 6 x 8 x 10 and 1 of 5 x"
     ):
         read_image(tmp_path / "two.tif")
 
@@ -234,3 +234,70 @@ def test_edges_of_voxels_that_the_file_states_are_told_where_they_differ(tmp_pat
     assert warnings() == ()
     tifffile.imwrite(path, pages)
     assert warnings() == ()
+
+
+#: White at 0 and black at 255, as the masks of ImageJ with an inverting table.
+DESCENDING = np.tile(np.arange(255, -1, -1, dtype=np.uint16) * 257, (3, 1))
+
+
+@pytest.mark.parametrize(
+    ("how", "keys", "why", "taken", "other"),
+    [
+        ({"photometric": "miniswhite"}, {"pore": 0}, "WhiteIsZero", "shows bright: if", "'pore: 255'"),
+        ({"photometric": "miniswhite"}, {"pore": 255}, "WhiteIsZero", "shows dark: if", "'pore: 0'"),
+        ({"photometric": "miniswhite"}, {"threshold": "otsu"}, "WhiteIsZero", "bright: if", "'bright_pores: true'"),
+        (
+            {"photometric": "miniswhite"}, {"threshold": 9, "bright_pores": True}, "WhiteIsZero", "dark: if",
+            "'bright_pores: false'",
+        ),
+        ({"photometric": "palette", "colormap": DESCENDING}, {"pore": 0}, "its palette", "bright: if", "'pore: 255'"),
+        ({"photometric": "palette", "colormap": DESCENDING[:, ::-1]}, {"pore": 0}, "", "", ""),
+        ({"photometric": "minisblack"}, {"pore": 0}, "", "", ""),
+    ],
+)  # fmt: skip
+def test_a_file_that_viewers_show_the_other_way_round_is_read_as_stored_and_told(
+    tmp_path, how, keys, why, taken, other
+):
+    path = tmp_path / "mask.tif"
+    tifffile.imwrite(path, np.where(PORES, 0, 255).T.astype(np.uint8), **how)
+    geometry = Voxels(kind="voxels", path=str(path), repeat="periodic", **keys)
+    shown_dark = keys.get("pore") == 255 or keys.get("bright_pores", False)
+    assert geometry.porosity == pytest.approx((~PORES if shown_dark else PORES).mean(), abs=1e-15)
+    if not why:
+        assert geometry.warnings == ()
+        return
+    (note,) = geometry.warnings
+    assert note.startswith("a viewer shows the value 0 of the file bright and 255 dark, since its")
+    for words in (why, taken, f"write {other}"):
+        assert words in note
+
+
+@pytest.mark.parametrize(
+    ("odd", "told"),
+    [
+        (lambda page: page[:-1], r"page 4 \(of .*\) with 7 x 10 values of uint8 where page 1 has 8 x 10 values"),
+        (lambda page: page.astype(np.uint16), "page 4 .* of uint16 where page 1 has .* of uint8"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("count", [6, 24])
+def test_a_page_of_another_size_or_type_is_refused_with_its_number(tmp_path, odd, told, count):
+    pages = np.random.default_rng(0).integers(0, 2, (count, 8, 10)).astype(np.uint8)
+    with tifffile.TiffWriter(tmp_path / "odd.tif") as file:
+        for k, page in enumerate(pages):
+            file.write(odd(page) if k == 3 else page, contiguous=False, metadata=None)
+    with pytest.raises(ConfigurationError, match=told):
+        read_image(tmp_path / "odd.tif")
+
+
+def test_a_page_that_is_stored_in_another_way_is_refused(tmp_path):
+    pages = np.random.default_rng(0).integers(0, 2, (6, 8, 10)).astype(np.uint8)
+    with tifffile.TiffWriter(tmp_path / "odd.tif") as file:
+        for k, page in enumerate(pages):
+            file.write(
+                page, contiguous=False, metadata=None, photometric="miniswhite" if k == 4 else "minisblack"
+            )
+    with pytest.raises(
+        ConfigurationError,
+        match=r"got page 5 \(of 6\) with another tag PhotometricInterpretation than page 1",
+    ):
+        read_image(tmp_path / "odd.tif")

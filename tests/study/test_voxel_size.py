@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import tifffile
 import yaml
 
 from porocore.core.units.results import length_text
@@ -115,3 +116,20 @@ def test_a_misspelt_voxel_size_is_told_beside_the_pore_that_it_hides(load):
         "cell.geometry.voxel_size",
         "scales.modulus",
     ]
+
+
+@pytest.mark.parametrize(
+    ("spacing", "told"),
+    [(6.5, "'voxel_size: 6.5 um'"), (13, "'voxel_size: [6.5 um, 6.5 um, 13 um]'"), (None, "")],
+)
+def test_the_size_that_the_file_states_is_what_to_write(load, tmp_path, spacing, told):
+    how = {} if spacing is None else {"imagej": True, "resolution": (1 / 6.5, 1 / 6.5)}
+    metadata = {} if spacing is None else {"axes": "ZYX", "spacing": spacing, "unit": "um"}
+    tifffile.imwrite(tmp_path / "image.tif", np.zeros((8, 8, 8), np.uint8), metadata=metadata, **how)
+    with pytest.raises(ConfigurationError) as refused:
+        load({"path": "image.tif"}, pore=None)
+    end = (
+        f"or under 'cell.geometry:' what the image file states, {told}" if told else "under 'cell.geometry:'"
+    )
+    assert "scales.pore: missing; add 'pore:' under 'scales:', or " in str(refused.value)
+    assert str(refused.value).splitlines()[0].endswith(end)

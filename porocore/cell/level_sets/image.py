@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import re
+from collections import Counter
 from collections.abc import Callable
 from itertools import product
 from pathlib import Path
@@ -137,12 +138,14 @@ def _read_tiff(
                 f"{path}: expected one value in every voxel, got an image in colour with {first.shape[-1]}; save it in "
                 "grey, in ImageJ by Image > Type > 8-bit"
             )
+        _require_equal_pages(path, stacks)
         shape = first.shape
         if len(stacks) > 1:
             if shape[2:] or any((each.shape, each.dtype) != (shape, first.dtype) for each in stacks):
-                shapes = " and ".join(" x ".join(map(str, each.shape)) for each in stacks[:3])
+                counts = Counter(" x ".join(map(str, each.shape)) for each in stacks)
+                shapes = " and ".join(f"{n} of {shape}" for shape, n in counts.most_common(3))
                 raise ConfigurationError(
-                    f"{path}: expected one stack of pages of one size, got {len(stacks)} with the shapes {shapes}; "
+                    f"{path}: expected one stack of pages of one size, got {len(stacks)} stacks, {shapes}; "
                     "save the one that is meant in a file of its own"
                 )
             shape = (len(stacks), *shape)  # written page by page
@@ -180,6 +183,36 @@ def _require_all_pages(path: Path) -> None:
             place = int.from_bytes(file.read(word), order)
     if not seen:
         raise ConfigurationError(f"{path}: expected a TIFF image, got one without a page; {SAVE}")
+
+
+def _require_equal_pages(path: Path, stacks: Any) -> None:
+    """Refuse a TIFF with a page unlike the first one; within a stack tifffile takes the first one's size for all."""
+    with _opened(path) as file:
+        # Read one by one; those of a stack repeat what its first one says.
+        whole = file.pages
+        first = whole[0]
+        for stack in stacks:
+            pages = [
+                whole[each.index] for each in stack.pages if isinstance(getattr(each, "index", None), int)
+            ]
+            for page in pages:
+                if (page.shape, page.dtype) != (first.shape, first.dtype):
+                    fault = f"with {_page(page)} where page 1 has {_page(first)}"
+                elif page.photometric != first.photometric:
+                    fault = "with another tag PhotometricInterpretation than page 1"
+                elif page.hash != pages[0].hash:
+                    fault = f"with another compression or layout than page {pages[0].index + 1}"
+                else:
+                    continue
+                raise ConfigurationError(
+                    f"{path}: expected pages of one size and kind, got page {page.index + 1} (of {len(whole)}) "
+                    f"{fault}; export the stack anew, or leave that page out"
+                )
+
+
+def _page(page: Any) -> str:
+    values = "an unknown type" if page.dtype is None else page.dtype.name
+    return f"{' x '.join(map(str, page.shape))} values of {values}"
 
 
 def _require_data(path: Path, stacks: Any) -> None:
@@ -230,6 +263,25 @@ def stated_voxel(path: Path) -> tuple[tuple[float, float, float], str] | None:
     if len(found) < 3 or not all(0 < edge < math.inf for edge in found) or name.startswith("pixel"):
         return None
     return (found[0], found[1], found[2]), name
+
+
+def reversed_by(path: Path, low: float, high: float) -> str:
+    """Return the property of a TIFF file by which a viewer shows its low values brighter than its high ones.
+
+    Empty: it has none, as every other file. Values are read as they are stored, as in ImageJ and scikit-image.
+    """
+    if path.suffix.lower() not in TIFF.suffixes:
+        return ""
+    with _opened(path) as file:
+        page = file.pages[0]
+        if page.photometric == 0:
+            return "its tag PhotometricInterpretation is WhiteIsZero"
+        colours = page.colormap if page.photometric == 3 else None
+    if colours is None or not 0 <= low < high < colours.shape[1]:
+        return ""
+    # Luma of ITU-R BT.601.
+    brightness = np.array([0.299, 0.587, 0.114]) @ colours[:, [int(low), int(high)]]
+    return "its palette descends" if brightness[0] > brightness[1] else ""
 
 
 def _part(image: npt.NDArray[Any], crop: Crop | None) -> npt.NDArray[Any]:

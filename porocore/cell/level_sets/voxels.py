@@ -16,7 +16,7 @@ from porocore.cell.geometry.sides import CUBE, Sides, unit_sides
 from porocore.cell.level_sets.cleaning import Cleaned, Mask, clean
 from porocore.cell.level_sets.faces import blended, mismatch_note
 from porocore.cell.level_sets.grey import GreyValues, assumed, not_segmented, phases
-from porocore.cell.level_sets.image import SmoothImage, open_image, read_image, stated_voxel
+from porocore.cell.level_sets.image import SmoothImage, open_image, read_image, reversed_by, stated_voxel
 from porocore.cell.level_sets.level_set import SPECKS, LevelSetGeometry, mesh_level_set
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra
 from porocore.cell.symmetry.point_set import group_of_voxels
@@ -149,11 +149,38 @@ class Voxels(FromFile, LevelSetGeometry):
         return (f"threshold {level:g}, {how}; values are {grey.extent}, and the voxels {side} are pores",)
 
     @property
-    def grey_warnings(self) -> tuple[str, ...]:
-        """A sentence on a file that is not segmented, of any size; none where it is, or has a threshold."""
-        if self.threshold is not None:
+    def value_warnings(self) -> tuple[str, ...]:
+        """Sentences on a file that is not segmented, or looks otherwise in a viewer, of any size."""
+        grey = _grey(Path(self.path), self.sha256)
+        found = () if self.threshold is not None else not_segmented(grey, self.pore)
+        return (*self._of_view(grey), *found)
+
+    def _of_view(self, grey: GreyValues) -> tuple[str, ...]:
+        """Return a sentence on a file of which a viewer shows low values brighter than high ones."""
+        low, high = grey.values[0], grey.values[-1]
+        why = reversed_by(Path(self.path), low, high)
+        if not why:
             return ()
-        return not_segmented(_grey(Path(self.path), self.sha256), self.pore)
+        if self.threshold is not None:
+            darker, pores = (
+                self.bright_pores,
+                f"the voxels {'above' if self.bright_pores else 'up to'} the threshold",
+            )
+            other = f"bright_pores: {str(not darker).lower()}"
+        else:
+            darker, pores = self.pore != low, f"the voxels of the value {self.pore}"
+            other = f"pore: {low if darker else high:g}"
+        taken, meant = ("dark", "bright") if darker else ("bright", "dark")
+        then = (
+            f"so the pores, {pores}, are what a viewer shows {taken}: if they are what it shows {meant}, write "
+            f"'{other}'"
+            if self.threshold is not None or self.pore in (low, high)
+            else f"so check 'pore: {self.pore}'"
+        )
+        return (
+            f"a viewer shows the value {low:g} of the file bright and {high:g} dark, since {why}; values are read as "
+            f"they are stored, {then}",
+        )
 
     @property
     def _of_edges(self) -> tuple[str, ...]:
@@ -173,7 +200,7 @@ class Voxels(FromFile, LevelSetGeometry):
         )
         return (
             f"the file states that its voxels are {shown} along x, y, z, and cell.geometry {taken}; if the file is "
-            f"right, write 'voxel_size: {shown}'",
+            f"right, write 'voxel_size: {_edges_as_key(edges, unit)}'",
         )
 
     @property
@@ -193,7 +220,7 @@ class Voxels(FromFile, LevelSetGeometry):
     @property
     def warnings(self) -> tuple[str, ...]:
         faces = mismatch_note(_periodic(self)[0]) if self.repeat == "periodic" else ()
-        return (*self.grey_warnings, *(self._of_edges or self._of_huge_voxels), *faces)
+        return (*self.value_warnings, *(self._of_edges or self._of_huge_voxels), *faces)
 
     @property
     def error_of_flow(self) -> str:
@@ -252,6 +279,20 @@ class Voxels(FromFile, LevelSetGeometry):
 
     def tetrahedra(self, size: float, element: Element) -> dict[Phase, Tetrahedra]:
         return mesh_level_set(self, self.level_set(), size, element, drop_specks=self.drop_grains)
+
+
+def stated_size(path: Path) -> str:
+    """Return what to write as ``voxel_size`` by what the file states; empty where it states no lengths."""
+    if (stated := stated_voxel(path)) is None:
+        return ""
+    unit = UNITS.get(stated[1], stated[1])
+    return _edges_as_key(np.array(stated[0]), unit) if unit in METRES else ""
+
+
+def _edges_as_key(edges: Array, unit: str) -> str:
+    if np.abs(edges / edges[0] - 1).max() <= SAME:
+        return f"{edges[0]:.6g} {unit}"
+    return f"[{', '.join(f'{edge:.6g} {unit}' for edge in edges)}]"
 
 
 @lru_cache(maxsize=2)

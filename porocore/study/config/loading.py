@@ -11,6 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from porocore.cell.cell import Cell
+from porocore.cell.level_sets.voxels import stated_size
 from porocore.core.echo import echo, suggestion
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted, leaves
 from porocore.core.models.bounds import LARGEST_NUMBER
@@ -178,11 +179,15 @@ def _scales(document: YamlDocument) -> tuple[Scales | None, list[tuple[Location,
 
 def _with_voxel_size(document: YamlDocument, at: Location, text: str) -> str:
     """Return a complaint about scales, for an image without their pore with the key that tells it."""
-    kind = ("cell", "geometry", "kind")
+    geometry = ("cell", "geometry")
     missing = at == ("scales", "pore") and at not in document
-    if missing and kind in document and document.value(kind) == "voxels":
-        return f"{text}, or 'voxel_size:' under 'cell.geometry:'"
-    return text
+    if not missing or (*geometry, "kind") not in document or document.value((*geometry, "kind")) != "voxels":
+        return text
+    path = document.value((*geometry, "path")) if (*geometry, "path") in document else None
+    size = stated_size(document.folder / path) if isinstance(path, str) else ""
+    if size:
+        return f"{text}, or under 'cell.geometry:' what the image file states, 'voxel_size: {size}'"
+    return f"{text}, or 'voxel_size:' under 'cell.geometry:'"
 
 
 def _beside_the_scales(document: YamlDocument) -> list[tuple[Location, str]]:

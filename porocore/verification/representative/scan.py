@@ -112,7 +112,7 @@ class Scan:
         yield f"image {Path(self.geometry.path).name} of {shape} voxels{length}{of}, repeat: {self.geometry.repeat}"
         solid, fluid = self.elements
         yield f"elements of {solid:.3g} voxels in the solid and {fluid:.3g} in the fluid"
-        yield from (f"note: {warning}" for warning in self.geometry.grey_warnings)
+        yield from (f"note: {warning}" for warning in self.geometry.value_warnings)
 
     def edge(self, size: int) -> int:
         """Return the edge of the cell that is made of a sub-volume [voxels]."""
