@@ -214,6 +214,19 @@ NAMED = WHOLE.replace(
     '$PhysicalNames\n4\n2 1 "bottom"\n2 2 "top"\n3 3 "matrix"\n3 4 "void"\n$EndPhysicalNames\n$Nodes',
     1,
 )
+#: The names of two surfaces and of two volumes are the numbers of the other.
+CROSSED = (
+    NAMED.replace('"bottom"', '"2"')
+    .replace('"top"', '"1"')
+    .replace('"matrix"', '"4"')
+    .replace('"void"', '"3"')
+)
+#: The name of one volume is the number of the other.
+HALF_CROSSED = NAMED.replace('"void"', '"3"')
+VTU_OF_DATA = VTU.format(points=4, cells=1, values="0 0 0 1 0 0 0 1 0 0 0 1", nodes="0 1 2 3").replace(
+    "</Piece>",
+    '<CellData><DataArray type="Int64" Name="mat_id" format="ascii">7</DataArray></CellData></Piece>',
+)
 BODY = {"1": {"displacement": [0, 0, 0]}, "2": {"traction": [0, 1, 0], "pressure": 0}}
 
 
@@ -250,6 +263,14 @@ GEOMETRIES: dict[str, tuple[str, Content, float, str]] = {
     "a .geo with a fault": (".geo", "Point(1) = {0, 0,;\n", 0.5, "could not mesh"),
     "too fine": (".geo", 'SetFactory("OpenCASCADE"); Box(1) = {0,0,0, 1,1,1};', 1e-3, "about"),
     "that calls the system": (".geo", 'SystemCall "touch hacked";\n', 0.5, "SystemCall"),
+    "that takes in another file": (
+        ".geo",
+        'Merge "box.step";\n',
+        0.5,
+        "holds the command Merge; nothing that is read may execute a program, and other files that it takes in are not "
+        "covered by sha256",
+    ),
+    "that runs a program for its sizes": (".geo", "Field[1] = ExternalProcess;\n", 0.5, "ExternalProcess"),
 }
 
 
@@ -298,6 +319,94 @@ ROWS = [
         "has the tag 'Matrix' (did you mean 'matrix'?) and 77 under solid and",
         "'VOID' (did you mean 'void'?) under fluid",
         files={"m.msh": NAMED},
+    ),
+    faulty(
+        "cell: names that are numbers of other groups",
+        {"cell.geometry": {"kind": "mesh-file", "path": "m.msh", "solid": [3], "fluid": [4]}},
+        "cell.geometry.solid: in m.msh '3' is both the name of one group (number 4, 6 elements) and the number of "
+        "another (named '4', 42 elements); give both in the mesher names that are no numbers",
+        files={"m.msh": CROSSED},
+    ),
+    faulty(
+        "cell: a name that is the number of a group with a name",
+        {"cell.geometry": {"kind": "mesh-file", "path": "m.msh", "solid": ["matrix"], "fluid": ["3"]}},
+        "cell.geometry.fluid: in m.msh '3' is both the name of one group (number 4, 6 elements) and the number of "
+        "another (named 'matrix', 42 elements); give the first in the mesher a name that is no number, and write "
+        "'matrix' for the second",
+        files={"m.msh": HALF_CROSSED},
+    ),
+    faulty(
+        "cell: a name that is the number of a group without one",
+        {"cell.geometry": {"kind": "mesh-file", "path": "m.msh", "solid": [3], "fluid": [4]}},
+        "'3' is both the name of one group (number 4, 6 elements) and the number of another (without a name, 42",
+        files={"m.msh": HALF_CROSSED.replace('\n4\n2 1 "bot', '\n3\n2 1 "bot').replace('3 3 "matrix"\n', "")},
+    ),
+    faulty(
+        "cell: one group by its number and its name",
+        {"cell.geometry": {"kind": "mesh-file", "path": "m.msh", "solid": ["matrix"], "fluid": [3, 4]}},
+        "cell.geometry.fluid: 42 of the 42 tetrahedra of",
+        "m.msh with the tag 3 ('matrix') have the tag 'matrix' of solid too",
+        files={"m.msh": NAMED},
+    ),
+    faulty(
+        "cell: data of an unknown name",
+        {"cell.geometry": {"kind": "mesh-file", "path": "m.vtu", "solid": [7], "fluid": [8]}},
+        "none of gmsh:physical, medit:ref, phase",
+        "it has mat_id",
+        files={"m.vtu": VTU_OF_DATA},
+    ),
+    faulty(
+        "body: surfaces whose names are numbers of others",
+        {"macro.body": {"kind": "file", "path": "m.msh"}, "macro.boundary": BODY},
+        "macro.boundary.1: in m.msh '1' is both the name of one group (number 2, 8 faces) and the number of another "
+        "(named '2', 8 faces); give both in the mesher names",
+        "also wrong: '2'",
+        files={"m.msh": CROSSED},
+    ),
+    *(
+        faulty(
+            f"region: a volume {what}",
+            {
+                "macro.body": {"kind": "file", "path": "m.msh"},
+                "macro.boundary": {"bottom": BODY["1"], "top": BODY["2"]},
+                "macro.regions": {"lower": {"kind": "volume", "name": "3", "fields": {"radius": 0.2}}},
+                "cell.geometry.radius": {"range": [0.2, 0.25]},
+                "closure": "potential",
+            },
+            f"macro.regions.lower.name: {told}",
+            files={"m.msh": content},
+        )
+        for what, content, told in (
+            (
+                "by the number of one with a name",
+                NAMED,
+                "this is the number of the volume 'matrix' of m.msh; call it",
+            ),
+            (
+                "whose name is the number of another",
+                HALF_CROSSED,
+                "in m.msh '3' is both the name of one group",
+            ),
+        )
+    ),
+    faulty(
+        "body: a mesh without faces",
+        {"macro.body": {"kind": "file", "path": "m.vtu"}, "macro.boundary": BODY},
+        "it has elements with a volume alone and no faces, which must be saved too",
+        files={"m.vtu": VTU_OF_DATA},
+    ),
+    faulty(
+        "body: data of an unknown name",
+        {"macro.body": {"kind": "file", "path": "m.vtu"}, "macro.boundary": BODY},
+        "its elements have the data 'mat_id'; give physical groups",
+        "where data of elements called gmsh:physical, medit:ref, phase, region, cell_tags, material",
+        files={
+            "m.vtu": VTU_OF_DATA.replace('NumberOfCells="1"', 'NumberOfCells="2"')
+            .replace("0 1 2 3\n", "0 1 2 3 0 1 2\n")
+            .replace(">4<", ">4 7<")
+            .replace(">10<", ">10 5<")
+            .replace(">7<", ">7 8<")
+        },
     ),
     faulty(
         "body: surfaces of other letters",

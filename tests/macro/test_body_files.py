@@ -72,7 +72,7 @@ def test_what_is_near_in_a_body_from_a_file_is_near_in_memory(tmp_path):
 
 
 def test_files_that_are_no_body_are_refused(tmp_path):
-    with pytest.raises(ConfigurationError, match="No such file"):
+    with pytest.raises(ConfigurationError, match="no such file"):
         read_body(tmp_path / "none.msh", None, 1.0)
     broken = tmp_path / "broken.msh"
     broken.write_text("$MeshFormat\n4.1 0 8\n", encoding="utf-8")

@@ -13,7 +13,7 @@ from porocore.errors import ConfigurationError, PorocoreError
 from porocore.macro.body.kinds import Box, make_body
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.body.mesh_file import read_body
-from porocore.macro.body.surfaces import Facets
+from porocore.macro.body.surfaces import Facets, Patch, with_patches
 from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.boundary.reactions import Support, shares
 from porocore.macro.problem import MacroProblem
@@ -70,6 +70,46 @@ def test_a_mesh_is_one_in_every_format(tmp_path, reference, name):
         assert list(body.surfaces) == list(reference.surfaces)
 
 
+def test_names_of_salome_have_letters_outside_ascii(tmp_path):
+    """The bytes of UTF-8 are signed there; older programs write Latin-1."""
+    path = tmp_path / "a.med"
+    with gmsh_session() as gmsh:
+        gmsh.open(str(CORE))
+        for dim, new in ((3, "Kern größer 中"), (2, "Öben")):
+            _, group = gmsh.model.getPhysicalGroups(dim)[0]
+            gmsh.model.removePhysicalName(gmsh.model.getPhysicalName(dim, group))
+            gmsh.model.setPhysicalName(dim, group, new)
+        gmsh.write(str(path))
+    body = read_body(path, None, 1.0)
+    assert "Kern größer 中" in body.volumes
+    assert "Öben" in body.surfaces
+    content = path.read_bytes()
+    path.write_bytes(content.replace("Öben".encode(), "Öben".encode("latin-1") + b"\0"))
+    assert "Öben" in read_body(path, None, 1.0).surfaces
+
+
+@pytest.mark.parametrize(
+    ("data", "surfaces"),
+    [
+        ({"Material": 7}, ["7"]),
+        ({"MATERIAL": 7, "Material": 8}, None),
+        ({"Material": 7, "cell_tags": 9}, ["9"]),
+    ],
+)
+def test_data_of_groups_may_have_other_letters_if_one_alone_has(tmp_path, data, surfaces):
+    path = tmp_path / "a.vtu"
+    points = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    cells = [("triangle", np.array([[0, 2, 1]])), ("tetra", np.array([[0, 1, 2, 3]]))]
+    meshio.Mesh(points, cells, cell_data={k: [np.array([v]), np.array([1])] for k, v in data.items()}).write(
+        path
+    )
+    if surfaces is None:
+        with pytest.raises(ConfigurationError, match="have the data 'MATERIAL' and 'Material'; give"):
+            read_body(path, None, 1.0)
+    else:
+        assert list(read_body(path, None, 1.0).surfaces) == surfaces
+
+
 def two_tetrahedra(elements, names=""):
     """Two tetrahedra on one triangle, in lines of gmsh's format 2.2."""
     lines = elements.strip().splitlines()
@@ -92,6 +132,20 @@ def test_elements_of_one_entity_have_the_groups_that_the_file_gives_to_each(tmp_
         "high": [0],
     }
     assert list(body.surfaces) == ["5"]
+
+
+def test_names_that_are_numbers_of_other_groups_are_told_only_where_they_are_used(tmp_path):
+    path = tmp_path / "a.msh"
+    names = '$PhysicalNames\n2\n2 5 "6"\n2 6 "top"\n$EndPhysicalNames\n'
+    path.write_text(
+        two_tetrahedra("1 4 2 2 2 1 2 3 5\n2 4 2 2 2 1 3 2 4\n3 2 2 5 5 1 2 4\n4 2 2 6 6 1 2 5", names)
+    )
+    body = read_body(path, None, 1.0)
+    assert len(body.surface("top", "key")) == 1
+    with pytest.raises(ConfigurationError, match=r"^key: in a\.msh '6' is both the name of one group"):
+        body.surface("6", "key")
+    patched = with_patches(body, {"5": Patch(of="top", x=(-1, 1))})
+    assert len(patched.surface("5", "key")) == 1
 
 
 def test_without_physical_groups_the_entities_are_the_groups(tmp_path):

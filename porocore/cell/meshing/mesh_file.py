@@ -26,7 +26,7 @@ from porocore.cell.meshing.tetrahedra import (
 )
 from porocore.cell.symmetry.mesh_symmetry import RegionMap, region_maps
 from porocore.core.echo import did_you_mean, echo, joined
-from porocore.core.files.foreign_mesh import ForeignMesh, read_mesh, require_apart
+from porocore.core.files.foreign_mesh import KNOWN_DATA, ForeignMesh, read_mesh, require_apart
 from porocore.core.files.input_file import FromFile
 from porocore.core.tensors.point_group import PointGroup, Rotation, as_rotation
 from porocore.errors import ConfigurationError
@@ -165,13 +165,13 @@ def _parts(geometry: MeshFile, path: Path, mesh: ForeignMesh, kind: str) -> dict
     if not groups or (geometry.tags is not None and geometry.tags not in mesh.data):
         raise ConfigurationError(
             f"cell.geometry.tags: expected the name of the element data of {path} that tells solid from fluid, "
-            f"got {geometry.tags or 'none, and none of the usual ones is there'}; it has "
+            f"got {geometry.tags or f'none, and none of {KNOWN_DATA} holds whole numbers'}; it has "
             f"{', '.join(sorted(mesh.data)) or 'no data of elements; give physical groups of volumes (gmsh)'}"
         )
     _require_tags(geometry, path, mesh)
     found: dict[Phase, dict[str, IntArray]] = {"solid": {}, "fluid": {}}
     owner = np.full(len(mesh.elements[3][kind]), -1)
-    names: list[str] = []
+    given: list[str] = []
     for phase, parts in found.items():
         for tag in getattr(geometry, phase):
             name = mesh.name(3, tag)
@@ -181,10 +181,11 @@ def _parts(geometry: MeshFile, path: Path, mesh: ForeignMesh, kind: str) -> dict
             if (both := owner[rows] >= 0).any():
                 raise ConfigurationError(
                     f"cell.geometry.{phase}: {int(both.sum()):,} of the {len(rows):,} tetrahedra of {path} with the "
-                    f"tag '{name}' have the tag '{names[owner[rows[both][0]]]}' too; give each one part of the cell"
+                    f"tag {_as_given(tag, name)} have the tag {given[owner[rows[both][0]]]} too; give each one part "
+                    "of the cell"
                 )
-            owner[rows], parts[name] = len(names), rows
-            names.append(name)
+            owner[rows], parts[name] = len(given), rows
+            given.append(f"{_as_given(tag, name)} of {phase}")
     left = np.flatnonzero(owner < 0)
     if len(left):
         theirs = [name for name, members in groups.items() if np.isin(members[kind], left).any()]
@@ -196,9 +197,18 @@ def _parts(geometry: MeshFile, path: Path, mesh: ForeignMesh, kind: str) -> dict
     return found
 
 
+def _as_given(tag: Tag, name: str) -> str:
+    """Return a tag as it is written, with the name of its group where that is another."""
+    return echo(tag) if str(tag) == name else f"{echo(tag)} ({echo(name)})"
+
+
 def _require_tags(geometry: MeshFile, path: Path, mesh: ForeignMesh) -> None:
-    """Refuse tags that no tetrahedron has; all of them are told."""
+    """Refuse tags that stand for two groups, and those that no tetrahedron has, all of which are told."""
     phases: tuple[Phase, ...] = ("solid", "fluid")
+    for phase in phases:
+        for tag in getattr(geometry, phase):
+            if why := mesh.clashes[3].get(str(tag)):
+                raise ConfigurationError(f"cell.geometry.{phase}: in {path.name} {why}")
     wrong = {
         phase: [tag for tag in getattr(geometry, phase) if mesh.name(3, tag) is None] for phase in phases
     }

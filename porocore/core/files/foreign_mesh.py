@@ -52,9 +52,11 @@ _BEGINNINGS = (b"$MeshFormat", b"$Comments")
 FARTHEST = 1e90
 #: Share of the mesh's length within which two nodes are at the same place.
 SAME_PLACE = 1e-10
+#: Names of data that number groups, as messages tell them.
+KNOWN_DATA = ", ".join((*_NUMBERINGS[:-1], _OF_FACES))
 FORMATS = (
     "names of groups are read from .msh (gmsh), .med (Salome), .inp (Abaqus, CalculiX: *ELSET) and .su2, numbers from "
-    "others such as .vtu, .xdmf and .mesh"
+    f"others such as .vtu, .xdmf and .mesh, where data of elements called {KNOWN_DATA} hold whole numbers"
 )
 
 SAVE = "save the mesh anew, best as .msh of gmsh of version 4.1 or 2.2"
@@ -67,6 +69,7 @@ _ONE_AT_A_TIME = threading.Lock()
 
 #: Rows of elements by their kind.
 Rows = Mapping[str, IntArray]
+_Pieces = dict[str, list[IntArray]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +87,8 @@ class ForeignMesh:
         be in several groups.
     tags
         Names of the groups that have a number, by dimension and number.
+    clashes
+        Why a text that is the name of one group and the number of another stands for neither, by dimension and text.
     data
         Values (k, ...) of the elements with a volume, by name and kind; NaN where the file has none.
     """
@@ -92,10 +97,14 @@ class ForeignMesh:
     elements: Mapping[int, Mapping[str, IntArray]]
     groups: Mapping[int, Mapping[str, Rows]]
     tags: Mapping[int, Mapping[int, str]]
+    clashes: Mapping[int, Mapping[str, str]]
     data: Mapping[str, Mapping[str, Array]]
 
     def name(self, dimension: int, wanted: str | int) -> str | None:
-        """Return the name of the group with a name or number; None where there is none."""
+        """Return the name of the group with a name or number; None where there is none.
+
+        ``clashes`` has the texts of which this is one of two groups.
+        """
         text = str(wanted)
         if text in self.groups[dimension]:
             return text
@@ -207,7 +216,8 @@ class _Parts:
         self.path = path
         self.blocks: dict[int, dict[str, list[IntArray]]] = {2: {}, 3: {}}
         self.counts: Counter[tuple[int, str]] = Counter()
-        self.members: dict[int, dict[str, dict[str, list[IntArray]]]] = {2: {}, 3: {}}
+        #: By dimension, name and number, None without.
+        self.members: dict[int, dict[str, dict[int | None, _Pieces]]] = {2: {}, 3: {}}
         self.tags: dict[int, dict[int, str]] = {2: {}, 3: {}}
         self.data: dict[str, dict[str, list[tuple[IntArray, Array]]]] = {}
 
@@ -223,7 +233,8 @@ class _Parts:
         label = name or str(tag)
         if tag is not None:
             self.tags[dim][tag] = label
-        self.members[dim].setdefault(label, {}).setdefault(kind, []).append(rows)
+        pieces = self.members[dim].setdefault(label, {}).setdefault(tag, {})
+        pieces.setdefault(kind, []).append(rows)
 
     def number(self, dim: int, kind: str, rows: IntArray, numbers: Any, names: Mapping[int, str]) -> None:
         """Make elements members of the groups whose numbers (k,) they have."""
@@ -262,10 +273,12 @@ class _Parts:
                 )
             self.number(3, kind, np.arange(len(numbers)), numbers, {})
         groups: dict[int, dict[str, Rows]] = {2: {}, 3: {}}
+        clashes: dict[int, dict[str, str]] = {}
         for dim, of in nodes.items():
             places = {}
+            joint = {label: _joint(by_tag.values()) for label, by_tag in self.members[dim].items()}
             for kind in of:
-                own = {label: np.concatenate(m[kind]) for label, m in self.members[dim].items() if kind in m}
+                own = {label: members[kind] for label, members in joint.items() if kind in members}
                 kept, places[kind] = _once(of[kind], kind, own, self.path, strict=dim == 3)
                 of[kind] = of[kind][kept]
                 if dim == 3:
@@ -274,11 +287,42 @@ class _Parts:
                     }
             # In the order of their numbers, as far as they have one, and not of a format.
             first = {label: tag for tag, label in sorted(self.tags[dim].items(), reverse=True)}
-            for label, members in sorted(self.members[dim].items(), key=lambda each: first.get(each[0], -1)):
-                groups[dim][label] = {
-                    kind: np.unique(places[kind][np.concatenate(rows)]) for kind, rows in members.items()
-                }
-        return ForeignMesh(points, nodes, groups, self.tags, data)
+            for label, members in sorted(joint.items(), key=lambda each: first.get(each[0], -1)):
+                groups[dim][label] = {kind: np.unique(places[kind][rows]) for kind, rows in members.items()}
+            clashes[dim] = self._clashes(dim, places)
+        return ForeignMesh(points, nodes, groups, self.tags, clashes, data)
+
+    def _clashes(self, dim: int, places: Rows) -> dict[str, str]:
+        """Return why a text that is the name of one group and the number of another cannot be used.
+
+        ``places`` are the new rows of the elements by kind.
+        """
+        what = "faces" if dim == 2 else "elements"
+        by_name, tags = self.members[dim], self.tags[dim]
+
+        def count(pieces: Iterable[_Pieces]) -> str:
+            rows = _joint(pieces)
+            return f"{sum(len(np.unique(places[kind][of])) for kind, of in rows.items()):,} {what}"
+
+        numbered = {str(tag): tag for tag, name in tags.items() if by_name.get(str(tag), {}).keys() - {tag}}
+        found = {}
+        for text, tag in numbered.items():
+            others = {other: pieces for other, pieces in by_name[text].items() if other != tag}
+            numbers = "".join(
+                f"number {other}, " for other in sorted(other for other in others if other is not None)
+            )
+            name = tags[tag]
+            called = "without a name" if name == text else f"named '{name}'"
+            remedy = (
+                "give both in the mesher names that are no numbers"
+                if name == text or name in numbered
+                else f"give the first in the mesher a name that is no number, and write '{name}' for the second"
+            )
+            found[text] = (
+                f"'{text}' is both the name of one group ({numbers}{count(others.values())}) and the number of another "
+                f"({called}, {count([by_name[name][tag]])}); {remedy}"
+            )
+        return found
 
     def _joined(self, kind: str, pieces: list[tuple[IntArray, Array]]) -> Array:
         """Return the data of all elements of a kind; NaN where no piece has any."""
@@ -288,6 +332,15 @@ class _Parts:
             if values.shape[1:] == shape:
                 found[rows] = values
         return found
+
+
+def _joint(pieces: Iterable[_Pieces]) -> dict[str, IntArray]:
+    """Return rows of elements by kind, those of all pieces."""
+    found: _Pieces = {}
+    for each in pieces:
+        for kind, rows in each.items():
+            found.setdefault(kind, []).extend(rows)
+    return {kind: np.concatenate(rows) for kind, rows in found.items()}
 
 
 def _once(
@@ -438,7 +491,7 @@ def _read_by_meshio(path: Path, numbering: str | None) -> ForeignMesh:
     try:
         # What it prints is redirected for all threads.
         with _ONE_AT_A_TIME, redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
-            mesh = meshio.read(path)
+            mesh = _read_med(path) if path.suffix.lower() == ".med" else meshio.read(path)
     # meshio's readers raise whatever the file makes them stumble over; some of them print and end the process.
     except (Exception, SystemExit) as error:
         how = (
@@ -460,6 +513,42 @@ def _read_by_meshio(path: Path, numbering: str | None) -> ForeignMesh:
             f"{path}: expected nodes in three dimensions, got {points.shape[-1]} coordinates of each; {SAVE}"
         )
     return _of_meshio(mesh, path, numbering, sets).mesh(points.astype(float), numbering)
+
+
+def _read_med(path: Path) -> Any:
+    """Read a file of Salome, of which meshio takes names of groups in ASCII alone.
+
+    The bytes of the names are signed there. meshio makes a letter of each, which fails with negative ones.
+    """
+    import h5py  # heavy, and needed here only
+    import meshio
+
+    names: dict[str, Any] = {}
+
+    def collect(name: str, entry: Any) -> None:
+        if name.endswith("/GRO/NOM"):
+            names[name] = entry[()]
+
+    with h5py.File(path) as file:
+        file.visititems(collect)
+    if all((of >= 0).all() for of in names.values()):
+        return meshio.read(path)
+    content = io.BytesIO(path.read_bytes())
+    with h5py.File(content, "r+") as file:
+        for name, of in names.items():
+            del file[name]
+            file[name] = of.view(np.uint8)
+    mesh = meshio.med.read(content)
+    mesh.cell_tags = {family: [_decoded(name) for name in of] for family, of in mesh.cell_tags.items()}
+    return mesh
+
+
+def _decoded(name: str) -> str:
+    """Return a name each of whose letters stands for a byte; older programs write Latin-1 in place of UTF-8."""
+    try:
+        return name.encode("latin-1").decode("utf-8")
+    except UnicodeDecodeError:
+        return name
 
 
 def _of_meshio(mesh: Any, path: Path, numbering: str | None, of_blocks: list[str]) -> _Parts:
@@ -514,7 +603,11 @@ def _without_columns(values: Any) -> Array:
 def _numbering(mesh: Any, dim: int) -> str | None:
     """Return the name of the data that number the groups of a dimension; None without any."""
     candidates = (_OF_FACES, *_NUMBERINGS) if dim == 2 else (*_NUMBERINGS, _OF_FACES)
-    for name in candidates:
+    letters = Counter(name.casefold() for name in mesh.cell_data)
+    alike: dict[str, str] = {
+        name.casefold(): name for name in mesh.cell_data if letters[name.casefold()] == 1
+    }
+    for name in (*candidates, *(alike.get(name, name) for name in candidates)):
         if name in mesh.cell_data and all(
             _whole(values)
             for block, values in zip(mesh.cells, mesh.cell_data[name], strict=True)

@@ -33,7 +33,9 @@ class BodyMesh:
     volumes
         Elements (k,) of each named volume.
     unusable
-        Why nothing can be prescribed on the other surfaces that a file names.
+        Why nothing can be prescribed on a surface that a file names.
+    unusable_volumes
+        Why a volume that a file names cannot be a region.
     """
 
     points: Array
@@ -41,6 +43,7 @@ class BodyMesh:
     surfaces: Mapping[str, IntArray] = field(default_factory=dict)
     volumes: Mapping[str, IntArray] = field(default_factory=dict)
     unusable: Mapping[str, str] = field(default_factory=dict)
+    unusable_volumes: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def element(self) -> ReferenceElement:
@@ -145,7 +148,7 @@ class BodyMesh:
         ConfigurationError
             There is none of that name, or nothing can be prescribed on it; the message begins with ``key``.
         """
-        if name in self.unusable and name not in self.surfaces:
+        if name in self.unusable:
             raise ConfigurationError(f"{key}: {self.unusable[name]}")
         if name not in self.surfaces:
             listed = (
@@ -165,7 +168,7 @@ class BodyMesh:
         ConfigurationError
             It has not; the message begins with ``key`` and a name, and tells all names that are wrong.
         """
-        wrong = [name for name in names if name not in self.surfaces]
+        wrong = [name for name in names if name not in self.surfaces or name in self.unusable]
         if not wrong:
             return
         try:
@@ -176,7 +179,7 @@ class BodyMesh:
             raise ConfigurationError(f"{error}{also}") from None
 
     def _near(self, name: str) -> tuple[str, ...]:
-        asked = did_you_mean(name, self.surfaces)
+        asked = "" if name in self.unusable else did_you_mean(name, self.surfaces)
         return (f"({asked})",) if asked else ()
 
     def check(self, what: str) -> BodyMesh:

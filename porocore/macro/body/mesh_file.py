@@ -10,6 +10,7 @@ import numpy as np
 
 from porocore.cell.meshing.estimate import PER_CUBE, require_few
 from porocore.cell.meshing.tetrahedra import order_by_place
+from porocore.core.echo import echo, joined
 from porocore.core.files.first_bytes import foreign
 from porocore.core.files.foreign_mesh import (
     CORNERS,
@@ -31,7 +32,10 @@ KEY = "macro.body.path"
 #: What gmsh meshes itself.
 GEOMETRIES = (".geo", ".geo_unrolled", ".step", ".stp", ".brep", ".iges", ".igs", ".opt")
 #: Commands of a .geo file that run other programs, or take in what its checksum does not cover.
-EXECUTING = re.compile(r"\b(NonBlockingSystemCall|SystemCall|System|Include)\b")
+EXECUTING = re.compile(
+    r"\b(NonBlockingSystemCall|SystemCall|System|OnelabRun|ExternalProcess|Include|Merge|MergeWithBoundingBox"
+    r"|ShapeFromFile|ListFromFile|FileName)\b"
+)
 #: Volume elements that are understood.
 VOLUMES = ("tetra", "tetra10", "hexahedron", "hexahedron27")
 
@@ -91,16 +95,29 @@ def _body(foreign: ForeignMesh, path: Path, scale: float) -> BodyMesh:
         ]
         for name, members in foreign.groups[2].items()
     }
-    surfaces, unusable = _surfaces(mesh, faces, path)
-    unusable |= {
-        str(tag): f"this is the number of the surface '{name}' of {path.name}; call it by its name"
-        for tag, name in foreign.tags[2].items()
-        if name != str(tag)
-    }
+    surfaces, unusable = _surfaces(mesh, faces, foreign, path)
     volumes = {
         name: np.sort(place[members[kind]]) for name, members in foreign.groups[3].items() if kind in members
     }
-    return BodyMesh(mesh.points, mesh.cells, surfaces, volumes, unusable)
+    return BodyMesh(
+        mesh.points,
+        mesh.cells,
+        surfaces,
+        volumes,
+        unusable | _numbers(foreign, 2, path),
+        _numbers(foreign, 3, path),
+    )
+
+
+def _numbers(foreign: ForeignMesh, dimension: int, path: Path) -> dict[str, str]:
+    """Return why the number of a group that has a name cannot be used."""
+    what = "surface" if dimension == 2 else "volume"
+    own = {
+        str(tag): f"this is the number of the {what} '{name}' of {path.name}; call it by its name"
+        for tag, name in foreign.tags[dimension].items()
+        if name != str(tag)
+    }
+    return own | {text: f"in {path.name} {why}" for text, why in foreign.clashes[dimension].items()}
 
 
 def _meshed(path: Path, size: float) -> ForeignMesh:
@@ -119,8 +136,9 @@ def _meshed(path: Path, size: float) -> ForeignMesh:
         found = EXECUTING.search(read_text(path).replace("\0", " "))
         if found:
             raise ConfigurationError(
-                f"{path.name} holds the command {found[0]}; nothing that is read may execute a program, and "
-                "what it includes is not covered by sha256: leave it out, or mesh it into a .msh file"
+                f"{path.name} holds the command {found[0]}; nothing that is read may execute a program, and other "
+                "files that it takes in are not covered by sha256: leave the word out, of comments too, or mesh it "
+                "into a .msh file"
             )
     with gmsh_session() as gmsh:
         try:
@@ -200,7 +218,7 @@ def _quadratic(points: Array, kind: str, cells: IntArray) -> BodyMesh:
 
 
 def _surfaces(
-    mesh: BodyMesh, faces: dict[str, list[IntArray]], path: Path
+    mesh: BodyMesh, faces: dict[str, list[IntArray]], foreign: ForeignMesh, path: Path
 ) -> tuple[dict[str, IntArray], dict[str, str]]:
     """Return the facets whose corners are those of the faces of each name, and why names cannot be used.
 
@@ -224,8 +242,13 @@ def _surfaces(
         elif keys:
             surfaces[name] = outer[np.sort([number[key] for key in keys])]
     if not surfaces and not unusable:
+        held = (
+            f"its elements have the data {joined(map(echo, sorted(foreign.data)))}; " if foreign.data else ""
+        )
+        if not foreign.elements[2]:
+            held = "it has elements with a volume alone and no faces, which must be saved too; "
         raise ConfigurationError(
-            f"{path.name} names no part of its surface, so nothing can be prescribed; give physical groups of "
+            f"{path.name} names no part of its surface, so nothing can be prescribed; {held}give physical groups of "
             f'surfaces (gmsh: Physical Surface("top") = {{...}};); {FORMATS}'
         )
     return surfaces, unusable

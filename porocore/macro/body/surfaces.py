@@ -62,6 +62,8 @@ def with_patches(mesh: BodyMesh, patches: Mapping[str, Patch]) -> BodyMesh:
         A patch is of no surface, holds no facet, or has the name of a surface.
     """
     surfaces = dict(mesh.surfaces)
+    unusable = {name: why for name, why in mesh.unusable.items() if name not in patches or name in surfaces}
+    mesh = replace(mesh, unusable=unusable)
     for name, patch in patches.items():
         key = f"macro.surfaces.{name}"
         if name in surfaces:

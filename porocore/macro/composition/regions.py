@@ -139,6 +139,8 @@ class VolumeRegion(Region):
 
     def holds(self, mesh: BodyMesh, centres: Array, key: str) -> Array:
         """Return the elements of the volume."""
+        if self.name in mesh.unusable_volumes:
+            raise ConfigurationError(f"{key}.name: {mesh.unusable_volumes[self.name]}")
         if self.name not in mesh.volumes:
             known = ", ".join(mesh.volumes)
             told = (
