@@ -105,9 +105,14 @@ ROWS = [
     ),
     curve(
         "a clock",
-        "creep.csv:2: time: expected a finite number, got '0:01'; times count from the beginning of the test in one "
-        "unit, such as seconds; write them so",
+        "creep.csv:2: time: expected a number, as in line 3, got the clock time '0:01'; write all times alike",
         CREEP.replace("1,", "0:01,"),
+    ),
+    curve(
+        "clock times without scales",
+        "creep.csv:2: time: '0:00:01' is a time in seconds, but the configuration has no scales to make it "
+        "dimensionless; add 'scales:' with length, pore and modulus at the top level, or write dimensionless times",
+        "time,settlement\n0:00:01,0.1\n0:00:02,0.2\n0:00:03,0.3\n",
     ),
     curve("encoding", f"{KEY}.encoding: expected an encoding such as utf-8", encoding="latin-99"),
     curve("heading line", f"{KEY}.heading_line: expected the line of the headings in", heading_line=40),
@@ -160,7 +165,7 @@ ROWS = [
     ),
     curve(
         "unit that nobody knows",
-        "the unit 'Sek' is not known; correct it in the file, or name a known one by 'time_unit:'",
+        "the unit 'Sek' is not known; did you mean 's'? correct it in the file, or name a known one by 'time_unit:'",
         CREEP.replace("time", "time [Sek]"),
     ),
     curve(

@@ -56,6 +56,17 @@ ZWICK = (
 )
 ZWICK_KEYS = {"time": "Prüfzeit", "values": "Standardkraft"}
 BLOCK = ("0;0.0051", "0.5;0.2357", "1.25;3.1932", "1000.5;1234.5", "3600;-1039.63")
+VALUES = [row.split(";")[1] for row in BLOCK]
+CLOCK = [
+    f"{clock};{value}"
+    for clock, value in zip(
+        ("00:00:00", "00:00:00.5", "00:00:01.25", "00:16:40.5", "01:00:00"), VALUES, strict=True
+    )
+]
+MINUTES = [
+    f"{clock};{value}"
+    for clock, value in zip(("00:00", "00:00.5", "00:01.25", "16:40.5", "60:00"), VALUES, strict=True)
+]
 
 EXPORTS = {
     "Zwick/Roell testXpert": Export(rows(*ZWICK, code="latin-1"), ZWICK_KEYS),
@@ -276,11 +287,41 @@ EXPORTS = {
     "units in key, heading and row": Export(
         rows("time [s];force", "s;N", *BLOCK), {"time_unit": "sec", "unit": "N"}
     ),
+    "a zero that is none, and another sign": Export(
+        rows("time [s];force [N]", *(f"{t:g};{250 - f:.4f}" for t, f in zip(TIMES, FORCES, strict=True))),
+        {"offset": "0.25 kN", "factor": -1},
+    ),
+    "clock times": Export(rows("time;force [N]", *CLOCK)),
+    "clock times with decimal commas and a format": Export(
+        rows("time;force", "hh:mm:ss;N", *(row.replace(".", ",") for row in CLOCK))
+    ),
+    "minutes and seconds": Export(rows("time;force [N]", *MINUTES)),
+    "minutes and seconds as a spreadsheet names them": Export(rows("time (mm:ss.0);force [N]", *MINUTES)),
     "columns of one name": Export(
         rows("time [s];force [kN];force [N]", *(row.replace(";", ";7;") for row in BLOCK)),
         {"values": "force [N]"},
     ),
 }
+
+
+@pytest.mark.parametrize(
+    ("texts", "keys", "seconds"),
+    [
+        (("0:00:30", "30:00:00", "100:00:01"), {}, (30, 108_000, 360_001)),
+        (("59:30", "1:00:30", "1:01:00"), {}, (3570, 3630, 3660)),
+        (("00:30", "75:30", "100:00"), {"time_unit": "mm:ss"}, (30, 4530, 6000)),
+        (("00:30", "25:30", "100:00"), {"time_unit": "hh:mm"}, (1800, 91_800, 360_000)),
+    ],
+)
+def test_a_clock_goes_on_beyond_a_day(
+    tmp_path: Path, texts: tuple[str, ...], keys: dict[str, str], seconds: tuple[float, ...]
+) -> None:
+    """In seconds, or in minutes where no seconds are."""
+    curve = read(tmp_path, rows("time;force [N]", *(f"{text};1" for text in texts)), **keys)
+    assert curve.time_unit == ("min" if keys.get("time_unit") == "hh:mm" else "s")
+    factor = 60 if curve.time_unit == "min" else 1
+    np.testing.assert_allclose(factor * curve.displayed_times, seconds)
+    assert not curve.notes
 
 
 @pytest.mark.parametrize("name", EXPORTS)
@@ -289,7 +330,7 @@ def test_an_export_gives_its_numbers(name: str, tmp_path: Path) -> None:
     curve = read(tmp_path, export.content, **export.keys)
     np.testing.assert_allclose(curve.displayed_times * export.seconds, TIMES, rtol=1e-12, atol=1e-15)
     assert curve.measured is not None
-    np.testing.assert_array_equal(curve.measured, FORCES)
+    np.testing.assert_allclose(curve.measured, FORCES, rtol=0 if "offset" not in export.keys else 1e-12)
     assert curve.unit == "N"
     np.testing.assert_allclose(curve.factor, 9)
 
@@ -376,11 +417,42 @@ REFUSED = {
         "expected one table with 'time' in its headings, got one in line 2 and another in line 8; keep one in the "
         "file, or say which by 'heading_line: 2' and 'last_line:'",
     ),
-    "a clock": (
-        rows("time;force [N]", "00:00:01;1", "00:00:02;2"),
+    "a clock with half a day": (
+        rows("time;force [N]", "12:41:05 PM;1", "12:41:06 PM;2"),
         {},
-        "force.csv:2: time: expected a finite number, got '00:00:01'; times count from the beginning of the test in "
-        "one unit, such as seconds",
+        "force.csv:2: time: expected a finite number, got '12:41:05 PM'; times count from the beginning of the test; "
+        "write them in one unit, such as seconds, or as hh:mm:ss",
+    ),
+    "minutes or hours": (
+        rows("time;force [N]", "00:01;1", "00:02;2"),
+        {},
+        "force.csv:2: time: '00:01' may be minutes and seconds, or hours and minutes; give 'time_unit: \"mm:ss\"' or "
+        "'time_unit: \"hh:mm\"'",
+    ),
+    "a clock with a unit": (
+        rows("time [min];force [N]", "0:00:01;1", "0:00:02;2"),
+        {},
+        "force.csv:2: time: expected a number in 'min', got the clock time '0:00:01'; give 'time_unit: \"hh:mm:ss\"'",
+    ),
+    "a clock and numbers": (
+        rows("time;force [N]", "0:00:01;1", "2;2"),
+        {},
+        "force.csv:2: time: expected a number, as in line 3, got the clock time '0:00:01'; write all times alike",
+    ),
+    "seconds where none are": (
+        rows("time [hh:mm];force [N]", "0:00:01;1", "0:00:02;2"),
+        {},
+        "force.csv:2: time: expected times as hh:mm, got '0:00:01' among others with seconds; give 'time_unit:",
+    ),
+    "a clock as values": (
+        rows("time [s];force [N]", "1;00:00:01", "2;00:00:02"),
+        {},
+        "force.csv:2: force: expected a finite number, got '00:00:01'",
+    ),
+    "a format without a clock": (
+        rows("time [hh:mm:ss];force [N]", *BLOCK),
+        {},
+        "the unit 'hh:mm:ss' is not known; correct it in the file, or name a known one by 'time_unit:'",
     ),
     "no number": (
         force("1", "---", "3"),
@@ -464,6 +536,10 @@ REFUSED = {
     ),
     "a row that was cut off": (rows("time;force;gap", "0;1;1", "1;2;1", "2;1,6"), {"values": "force"},
                                "force.csv:4: expected 3 entries"),
+    "an offset of another quantity": (
+        rows("time [s];force [N]", *BLOCK), {"offset": "3 mm"},
+        "offset: expected a force, such as 10 mN, got '3 mm', which is a length",
+    ),
 }  # fmt: skip
 
 

@@ -158,6 +158,7 @@ def test_data_that_nothing_explains_are_told_in_one_sentence() -> None:
     misfit, found = fitted(Relaxation(), falling)
     quality = FitQuality.of_fit(misfit, found.best)
     assert "no values of the unknowns explain the data" in quality.complaint
+    assert "units, signs and zero of its columns ('offset:' is subtracted)" in quality.complaint
     assert "the curve 'force' is off by" in quality.complaint
 
 

@@ -268,6 +268,10 @@ def test_a_picture_of_greys_without_values_is_asked_for_them(tmp_path, named):
         ({"axes": 0.2}, "'axes' are the material axes"),
         ({"fibres": {"about": [0, 0, 1], "angle": 3}}, "material axes are given under the name 'axes'"),
         ({"axes": {"about": [0, 0, 1]}}, "about and angle belong together"),
+        (
+            {"axes": {"about": [0, 0, 1], "angle": 90, "initial": 0, "over": {"ramp": 1, "until": 2}}},
+            "expected initial and over under 'angle:'",
+        ),
         ({"radius": "0.1*w"}, "unknown name"),
         ({"radius": {"formula": "1", "initial": 2}}, "initial and over belong together"),
         (

@@ -127,8 +127,8 @@ class ObservationSettings(StrictModel):
     values: Name | None = None
     """Heading of the values, without its unit; null: the only other column, or that with the name of the curve."""
     time_unit: Annotated[str, Field(max_length=60)] | None = None
-    """Unit of the times; null: the one in brackets in the heading, or in a row of units below the headings; without any
-    they are dimensionless."""
+    """Unit of the times, or ``mm:ss`` or ``hh:mm`` for clock times; null: the one in brackets in the heading, or in a
+    row of units below the headings; without any they are dimensionless."""
     unit: Annotated[str, Field(max_length=60)] | None = None
     """Unit of the values, as that of the times."""
     encoding: Annotated[str, Field(max_length=60), AfterValidator(_encoding)] | None = None
@@ -144,6 +144,9 @@ class ObservationSettings(StrictModel):
     count."""
     factor: Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)] = 1.0
     """Factor on the values that were read, such as -1 for another sign."""
+    offset: Value = 0.0
+    """What the channel reads at zero, in the unit of the values or with its own, such as the force before the piston
+    touches: it is subtracted before the factor."""
     deviation: Value | None = None
     """Standard deviation of every value, in their unit or with its own."""
     deviation_share: Annotated[float, Field(gt=0, le=1)] | None = None

@@ -70,8 +70,8 @@ class FitQuality:
         return (
             f"no values of the unknowns explain the data: the reduced chi-square is {self.reduced:.3g}, expected about "
             f"1; the curve '{name}' is off by {off:.3g} standard deviations (root mean square). Check its clock (at "
-            "t = 0 the load of the study begins; an unknown 'of: time_shift' moves the data), units and signs of its "
-            "columns, the standard deviations, the bounds, and what the study leaves out"
+            "t = 0 the load of the study begins; an unknown 'of: time_shift' moves the data), units, signs and zero of "
+            "its columns ('offset:' is subtracted), the standard deviations, the bounds, and what the study leaves out"
         )
 
 

@@ -11,6 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
+from porocore.calibration.observations.clock import CLOCK
 from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
 from porocore.states import Array
@@ -50,8 +51,13 @@ class Entry:
 
     @classmethod
     def read(cls, text: str) -> Entry:
-        """Return the entry with all of its readings."""
+        """Return the entry with all of its readings; a clock time is the number of its last place."""
         plain = text.strip().translate(_SAME)
+        if (clock := CLOCK.fullmatch(plain)) is not None:
+            seconds = str(60 * (60 * int(clock["h"] or 0) + int(clock["m"])) + int(clock["s"]))
+            of, places = (clock["f"] or "")[:1], (clock["f"] or "")[1:]
+            marks = (of,) if of else WORDS
+            return cls(text, {mark: f"{seconds}.{places}" if of else seconds for mark in marks})
         if plain.isascii() and plain.isdigit():
             return cls(text, {POINT: plain, COMMA: plain})
         found = {}
@@ -94,11 +100,14 @@ class TextColumn:
         Its heading.
     texts, lines
         Of its n cells, and their lines in the file.
+    clock
+        They may be clock times.
     """
 
     name: str
     texts: Sequence[str]
     lines: Sequence[int]
+    clock: bool = False
 
     @cached_property
     def entries(self) -> list[Entry]:
@@ -200,7 +209,7 @@ def _mark_of_others(column: TextColumn, marks: set[str], separator: str) -> str 
 
 def _require_numbers(where: str, column: TextColumn) -> None:
     for line, entry in zip(column.lines, column.entries, strict=True):
-        if not entry.is_number:
+        if not entry.is_number or (":" in entry.text and not column.clock):
             at = f"{where}:{line}: {column.name}"
             raise ConfigurationError(
                 f"{at}: expected a finite number, got {echo(entry.text)}; {_advice(entry.text)}"
@@ -209,7 +218,7 @@ def _require_numbers(where: str, column: TextColumn) -> None:
 
 def _advice(text: str) -> str:
     if re.fullmatch(r".*\d+:\d\d.*", text):
-        return "times count from the beginning of the test in one unit, such as seconds; write them so"
+        return "times count from the beginning of the test; write them in one unit, such as seconds, or as hh:mm:ss"
     if re.search(r"\d", text):
         return "remove the row, or write the number alone, with a decimal point or comma"
     if text.strip() == "":

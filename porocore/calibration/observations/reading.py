@@ -147,8 +147,6 @@ def _measured(
         raise ConfigurationError(
             f"values: expected another column than the times, got {echo(table.names[at])}"
         )
-    time = _of_column("time_unit", settings.time_unit, table, at, "time", scales)
-    unit = _of_column("unit", settings.unit, table, column, series.quantity, scales)
     extra = [None if each is None else table.find(each) for each in named[1:]]
     used = [at, column, *(k for k in extra if k is not None)]
     rows = table.without(settings.missing, used)
@@ -158,12 +156,16 @@ def _measured(
             f"missing: expected rows with numbers in {joined(echo(table.names[k]) for k in used)}, but every row of "
             f"{path} has {texts} there; name other columns, or change the key"
         )
-    numbers = dict(zip(used, rows.numbers(used, settings.decimal), strict=True))
+    timed = rows.with_clock(at, settings.time_unit, scales=scales is not None) or table
+    given = settings.time_unit if timed is table else None
+    time = _of_column("time_unit", given, timed, at, "time", scales)
+    unit = _of_column("unit", settings.unit, table, column, series.quantity, scales)
+    numbers = dict(zip(used, rows.numbers(used, settings.decimal, clock=at), strict=True))
     deviations, weights = (None if k is None else _positive(rows, k, numbers[k].values) for k in extra)
     _require_rising(rows, at, numbers[at].values)
     read = _Rows(
         _ended(numbers[at], end * time.factor),
-        settings.factor * numbers[column].values,
+        settings.factor * (numbers[column].values - unit.converted("offset", settings.offset)),
         settings.weight * (np.ones(len(rows.rows)) if weights is None else weights),
         None if deviations is None else abs(settings.factor) * deviations,
     )
@@ -174,7 +176,7 @@ def _measured(
         data.weights[kept], data.values[kept],
         _spread(settings, unit) if data.deviations is None else data.deviations[kept],
         settings.deviation_share,
-        (*_notes(table, rows, numbers[at], read, data, time), *_unitless(table, settings, at, column, scales)),
+        (*_notes(table, rows, numbers[at], read, data, time), *_unitless(timed, settings, at, column, scales)),
         DataFile.of(path, str(settings.file), len(table.rows)),
     )  # fmt: skip
 

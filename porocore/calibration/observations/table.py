@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from porocore.calibration.config.settings import MOST_POINTS
+from porocore.calibration.observations.clock import clock_format, clock_unit
 from porocore.calibration.observations.decoding import decoded_text
 from porocore.calibration.observations.numbers import Entry, Numbers, TextColumn, read_columns
 from porocore.calibration.observations.unit import is_unit
@@ -70,6 +71,11 @@ def _unit(text: str) -> str:
     if (text[:1], text[-1:]) in (("[", "]"), ("(", ")")):
         text = text[1:-1].strip()
     return "" if text in _NONE else text
+
+
+def _is_unit(cell: str) -> bool:
+    """Return whether a cell is a unit, or a format of clock times."""
+    return is_unit(_unit(cell)) or bool(clock_format(_unit(cell)))
 
 
 @dataclass(frozen=True)
@@ -136,7 +142,7 @@ class _Place:
             return False
         units, first = self.below
         if units.commented != self.row.commented or (
-            units.commented and not all(is_unit(_unit(cell)) for cell in units.at(self.named))
+            units.commented and not all(_is_unit(cell) for cell in units.at(self.named))
         ):
             return False
         # A unit of 1 is none of a row of numbers.
@@ -293,6 +299,23 @@ class CurveTable:
             raise ConfigurationError(f"{self.path}: no column is called {echo(name)}; {advice}")
         return found[0]
 
+    def with_clock(self, column: int, format_or_unit: str | None, *, scales: bool) -> CurveTable | None:
+        """Return the table with the unit that clock times in a column have; None: there are none.
+
+        Raises
+        ------
+        ConfigurationError
+            As :func:`~porocore.calibration.observations.clock.clock_unit`.
+        """
+        heading, texts = self.headings[column], [row[column] for row in self.rows]
+        unit = heading.unit if format_or_unit is None else format_or_unit
+        where = f"{self.path}:{{}}: {heading.name}"
+        found = clock_unit(where, texts, self.lines, unit, scales=scales)
+        if not found:
+            return None
+        headings = [replace(each, unit=found) if each is heading else each for each in self.headings]
+        return replace(self, headings=tuple(headings))
+
     def without(self, missing: Sequence[str], columns: Sequence[int]) -> CurveTable:
         """Return the table without rows that have one of the texts ``missing``, or nothing at all, in some columns."""
         texts = {text.strip().casefold() for text in missing}
@@ -304,15 +327,21 @@ class CurveTable:
         kept = [k for k, row in enumerate(self.rows) if counts(row)]
         return replace(self, rows=[self.rows[k] for k in kept], lines=tuple(self.lines[k] for k in kept))
 
-    def numbers(self, columns: Sequence[int], decimal: str | None = None) -> list[Numbers]:
+    def numbers(
+        self, columns: Sequence[int], decimal: str | None = None, *, clock: int | None = None
+    ) -> list[Numbers]:
         """Return the numbers of some columns, which tell together what points and commas mean.
+
+        Only the column ``clock`` may have clock times.
 
         Raises
         ------
         ConfigurationError
             As :func:`~porocore.calibration.observations.numbers.read_columns`.
         """
-        found = [TextColumn(self.names[k], [row[k] for row in self.rows], self.lines) for k in columns]
+        found = [
+            TextColumn(self.names[k], [row[k] for row in self.rows], self.lines, k == clock) for k in columns
+        ]
         return read_columns(str(self.path), found, self.separator, decimal)
 
 
@@ -417,7 +446,7 @@ def _likely(path: Path, found: Sequence[tuple[list[_Row], str]]) -> _Place:
             raise _one_column(path, rows[0])
         rows, separator = max(found, key=lambda each: max(len(row.cells) for row in each[0]))
         return _Place(rows, separator, 0, (0,))
-    is_units = at > 1 and all(is_unit(_unit(cell)) for cell in rows[at - 1].cells if _unit(cell))
+    is_units = at > 1 and all(_is_unit(cell) for cell in rows[at - 1].cells if _unit(cell))
     return _Place(rows, separator, at - 2 if is_units else at - 1, (0,))
 
 

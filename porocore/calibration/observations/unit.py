@@ -83,7 +83,8 @@ class StudyUnit:
         try:
             _ = unit.factor
         except UnitError as error:
-            raise ConfigurationError(f"{key}: {error}; {advice[0]}") from None
+            end = " " if str(error).endswith("?") else "; "
+            raise ConfigurationError(f"{key}: {error}{end}{advice[0]}") from None
         return unit
 
     @property

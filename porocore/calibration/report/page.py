@@ -21,6 +21,7 @@ from porocore.calibration.report.words import (
     provenance_rows,
     search_rows,
     seen_sentence,
+    underived_sentence,
     unknown_rows,
 )
 from porocore.core.files.atomic import atomic_path
@@ -76,6 +77,7 @@ def render(contents: CalibrationContents, pictures: Pictures | None = None) -> s
             separable=any(each.separates for each in inference.suggestions)
             or all(each.exact for each in inference.directions),
             derived=[(each.title, list(derived_rows(each))) for each in contents.derived],
+            underived=underived_sentence(contents),
             searched=[] if contents.plan is None else list(search_rows(contents.plan)),
             data=[] if contents.plan is None else list(data_rows(contents.plan)),
             provenance=list(provenance_rows(contents)),

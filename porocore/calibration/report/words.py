@@ -13,6 +13,7 @@ from porocore.calibration.plan import CalibrationPlan
 from porocore.calibration.posterior.posterior import Posterior
 from porocore.calibration.problem import Unknown
 from porocore.calibration.report.contents import CalibrationContents
+from porocore.core.echo import joined
 from porocore.core.units.quantities import pretty
 from porocore.report.format import NONE, number, percent
 
@@ -67,6 +68,20 @@ def derived_rows(cell: DerivedCell) -> Iterator[tuple[str, str, str, str, str]]:
     for each in cell.numbers:
         reasons = "; ".join(end_reasons(each.low, each.high))
         yield each.words, each.unit or NONE, number(each.value), ends_text(each.interval), reasons
+
+
+def underived_sentence(contents: CalibrationContents) -> str:
+    """Return why some experiments have no derived results; empty where all have some, or the plan is not known."""
+    names = [] if contents.plan is None else [each.name for each in contents.plan.experiments]
+    missing = [name for name in names if not any(name in cell.experiments for cell in contents.derived)]
+    if not missing:
+        return ""
+    of = f" of {joined(filter(None, missing))}" if any(missing) else ""
+    return (
+        f"There are no derived results{of}, such as the aggregate modulus H_A and the permeability: they are those of "
+        "one undeformed cell, and in this body cells differ from place to place, by several cells, by regions, or by "
+        "fields that are not the fitted ones."
+    )
 
 
 def search_rows(plan: CalibrationPlan) -> Iterator[tuple[str, ...]]:

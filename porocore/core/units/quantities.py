@@ -36,6 +36,13 @@ COMMON = (
     *("m", "cm", "mm", "um", "nm", "s", "min", "h", "day", "Pa", "kPa", "MPa", "GPa", "bar", "mmHg", "psi"),
     *("N", "mN", "kN", "Pa*s", "mPa*s", "cP"),
 )
+#: Units as machines in German and French write them.
+FOREIGN = {
+    **dict.fromkeys(("sek", "sekunde", "sekunden", "seconde", "secondes"), "s"),
+    **dict.fromkeys(("min", "minuten"), "min"),
+    **dict.fromkeys(("std", "stunde", "stunden", "heure", "heures"), "h"),
+    **dict.fromkeys(("tag", "tage", "jour", "jours"), "day"),
+}
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: At most so many letters are missing where kP, kilopoise, stands for kPa.
 CUT = 2
@@ -99,8 +106,8 @@ def unit_in_si(unit: str, quantity: str, text: str = "") -> Fraction:
     text = text or unit
     factor, dimensions = _measured(unit)
     if dimensions is None:
-        near = next((known for known in COMMON if known.casefold() == unit.replace(" ", "").casefold()), None)
-        question = "" if near is None else f"; did you mean '{near}'?"
+        near = _near(unit)
+        question = f"; did you mean '{near}'?" if near else ""
         raise UnitError(
             f"expected {EXAMPLES[quantity]}, got {echo(text)}; the unit {echo(unit)} is not known{question}"
         )
@@ -119,9 +126,23 @@ def pretty(unit: str) -> str:
     return re.sub(r"\bu(?=[A-Za-z])", "µ", re.sub(r"\s*\*\s*", " ", powers))
 
 
+def _word(unit: str) -> str:
+    """Return a unit without blanks, capitals and the point of an abbreviation."""
+    return unit.replace(" ", "").rstrip(".").casefold()
+
+
+def _near(unit: str) -> str:
+    """Return the common unit that an unknown one is but for capitals and language; empty where there is none."""
+    word = _word(unit)
+    return FOREIGN.get(word) or next((known for known in COMMON if known.casefold() == word), "")
+
+
 def _begun(unit: str, quantity: str) -> str:
     """Return the question whether a unit of the quantity is meant of which only the beginning stands there."""
     dimensions = _measured(QUANTITIES[quantity].unit)[1]
+    word = FOREIGN.get(_word(unit))
+    if word is not None and _measured(word)[1] == dimensions:  # Min. would be a million inches.
+        return f"; did you mean '{word}'?"
     for known in COMMON:
         if 0 < len(known) - len(unit) <= CUT and known.startswith(unit) and _measured(known)[1] == dimensions:
             return f"; did you mean '{known}'?"

@@ -80,6 +80,16 @@ class AxesField(StrictModel):
     second: Direction | None = None
     """Direction of the cell's second axis."""
 
+    @model_validator(mode="before")
+    @classmethod
+    def _turn_by_their_angle(cls, data: Any) -> Any:
+        if isinstance(data, dict) and (given := [key for key in ("initial", "over") if key in data]):
+            raise ValueError(
+                f"expected initial and over under 'angle:', got {' and '.join(given)} beside it; write "
+                "'angle: {formula: 12*y, initial: 0, over: {ramp: 1, until: 100}}'"
+            )
+        return data
+
     @field_validator("angle", mode="before")
     @classmethod
     def _in_degrees(cls, angle: Any) -> Any:

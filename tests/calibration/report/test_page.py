@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from browser import too_wide
 from calibration_models import Consolidation, Formula, data_of, misfit_of
+from curve_experiment import planned
 from report_page import ODD, Page
 
 from porocore.calibration.config.settings import PosteriorSettings
+from porocore.calibration.derived import DerivedCell
 from porocore.calibration.inference.infer import infer
 from porocore.calibration.inference.suggestions import experiment
 from porocore.calibration.plan import FittedField
@@ -101,6 +103,16 @@ def test_the_page_where_everything_is_seen(seen, undrawn):
 def test_without_what_helps_another_test_is_asked_for(unseen, undrawn):
     alone = replace(unseen, inference=replace(unseen.inference, suggestions=()))
     assert "another test, another load or another quantity is needed" in Page(render(alone)).words
+
+
+def test_a_page_without_derived_results_says_why(unseen, undrawn):
+    words = "There are no derived results, such as the aggregate modulus H_A and the permeability: they are"
+    plan = planned()
+    (name,) = (each.name for each in plan.experiments)
+    assert words in Page(render(replace(unseen, plan=plan))).words
+    cell = DerivedCell((name,), "", ())
+    assert words not in Page(render(replace(unseen, plan=plan, derived=(cell,)))).words
+    assert words not in Page(render(unseen)).words
 
 
 def test_one_unknown_has_no_plane_and_no_correlations(undrawn):
