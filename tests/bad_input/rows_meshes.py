@@ -267,9 +267,13 @@ GEOMETRIES: dict[str, tuple[str, Content, float, str]] = {
         ".geo",
         'Merge "box.step";\n',
         0.5,
-        "holds the command Merge; nothing that is read may execute a program, and other files that it takes in are not "
-        "covered by sha256",
+        "holds the command Merge; a geometry that is read may not execute a program, take in other files, which sha256 "
+        "does not cover, or write files",
     ),
+    "that saves": (".geo", 'Mesh 3; Save "study.yaml";\n', 0.5, "holds the command Save"),
+    "that prints into a file": (".geo", 'Printf("a; b") /* */ >> f;\n', 0.5, "holds the command Printf"),
+    "that makes a folder": (".geo", 'CreateDir "a";\n', 0.5, "holds the command CreateDir"),
+    "that prints": (".geo", 'Print "a.png";\n', 0.5, "holds the command Print"),
     "that runs a program for its sizes": (".geo", "Field[1] = ExternalProcess;\n", 0.5, "ExternalProcess"),
 }
 

@@ -38,7 +38,8 @@ def test_a_geometry_is_meshed_by_gmsh_with_its_names(tmp_path):
     path = tmp_path / "drum.geo"
     path.write_text(
         'SetFactory("OpenCASCADE");\nCylinder(1) = {0, 0, 0, 0, 1, 0, 0.5};\nPhysical Volume("body") = {1};\n'
-        'Physical Surface("mantle") = {1};\nPhysical Surface("lids") = {2, 3};\n',
+        'Physical Surface("mantle") = {1};\nPhysical Surface("lids") = {2, 3};\n'
+        'Print.Background = 0;\nPrintf("made");\nIf (1 >= 0)\nPrintf("so");\nEndIf\n',
         encoding="utf-8",
     )
     body = read_body(path, 0.3, 1.0)

@@ -31,10 +31,12 @@ from porocore.states import Array, IntArray
 KEY = "macro.body.path"
 #: What gmsh meshes itself.
 GEOMETRIES = (".geo", ".geo_unrolled", ".step", ".stp", ".brep", ".iges", ".igs", ".opt")
-#: Commands of a .geo file that run other programs, or take in what its checksum does not cover.
-EXECUTING = re.compile(
+#: Commands of a .geo file that run other programs, take in what its checksum does not cover, or write files, as Printf
+#: does by a later '>'. They are found in comments too, as only gmsh itself could tell for certain what is one.
+REACHING_OUT = re.compile(
     r"\b(NonBlockingSystemCall|SystemCall|System|OnelabRun|ExternalProcess|Include|Merge|MergeWithBoundingBox"
-    r"|ShapeFromFile|ListFromFile|FileName)\b"
+    r"|ShapeFromFile|ListFromFile|FileName|Save|CreateDir)\b|\bPrint\b(?!\.)|\bPrintf\b(?=.*?>(?!=))",
+    re.DOTALL,
 )
 #: Volume elements that are understood.
 VOLUMES = ("tetra", "tetra10", "hexahedron", "hexahedron27")
@@ -133,12 +135,12 @@ def _meshed(path: Path, size: float) -> ForeignMesh:
     if told:
         raise ConfigurationError(f"{path}: {told}")
     if suffix.startswith((".geo", ".opt")):
-        found = EXECUTING.search(read_text(path).replace("\0", " "))
+        found = REACHING_OUT.search(read_text(path).replace("\0", " "))
         if found:
             raise ConfigurationError(
-                f"{path.name} holds the command {found[0]}; nothing that is read may execute a program, and other "
-                "files that it takes in are not covered by sha256: leave the word out, of comments too, or mesh it "
-                "into a .msh file"
+                f"{path.name} holds the command {found[0]}; a geometry that is read may not execute a program, take "
+                "in other files, which sha256 does not cover, or write files: leave the word out, of comments too, or "
+                "mesh it into a .msh file"
             )
     with gmsh_session() as gmsh:
         try:
