@@ -152,7 +152,8 @@ def did_you_mean(name: str, names: Iterable[str], *, most: int = 1, cutoff: floa
     for each in names:
         known.setdefault(each.casefold(), []).append(each)
     folded = name.casefold()
-    if len(name) <= SHORT:
+    # Another digit makes another component, not a slip of one.
+    if len(name) <= SHORT and any(map(str.isdigit, name)):
         near = [each for each in known if _is_slip(folded, each)]
     else:
         near = difflib.get_close_matches(folded, known, n=most, cutoff=cutoff)

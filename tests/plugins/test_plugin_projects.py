@@ -152,7 +152,7 @@ def test_what_is_there_is_not_overwritten(tmp_path):
         write_project("my-own", "sampler", tmp_path / "mine")
     assert [path.name for path in (tmp_path / "mine").iterdir()] == ["kept"]
     (tmp_path / "file").touch()
-    with pytest.raises(ConfigurationError, match=r"cannot write .*file/new.* choose another --to"):
+    with pytest.raises(ConfigurationError, match=r"file is a file, not a folder; choose another --to"):
         write_project("my-own", "sampler", tmp_path / "file" / "new")
 
 

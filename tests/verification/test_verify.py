@@ -181,7 +181,7 @@ def test_the_command_prints_a_table_and_the_status(fakes, porocore_command, tmp_
     [
         (("--case", "cylinder"), "unknown case 'cylinder'; the cases are"),
         (("--fem", "fenics"), "unknown cell solver 'fenics'"),
-        (("--out", "/dev/null/all.json"), "--out /dev/null/all.json: no file can be written there: "),
+        (("--out", "/dev/null/all.json"), "--out /dev/null/all.json: /dev/null is a device, not a folder"),
         (("--out", "/dev"), "--out /dev: no file can be written there: expected a file, got a folder"),
     ],
 )
