@@ -83,8 +83,8 @@ class Boundary(StrictModel):
 
     @property
     def is_held(self) -> bool:
-        """True if a displacement is prescribed or a plate is pushed, so that there is a force on the surface."""
-        return any(u is not None for u in (*self.displacement, self.normal, self.plate))
+        """True if a displacement is prescribed, so that a run has a force on the surface; that on a plate is given."""
+        return any(u is not None for u in (*self.displacement, self.normal))
 
     @property
     def is_moved(self) -> bool:

@@ -66,3 +66,21 @@ def test_check_from_python_reads_the_data_of_a_calibration(tmp_path: Path) -> No
         Study(path, progress=False).check()
     with pytest.raises(ConfigurationError, match=r"creep\.csv: expected a CSV file|creep\.csv: no such file"):
         Study({**study, "title": "from settings"}, progress=False).check()
+
+
+@pytest.mark.parametrize(("unknown", "noted"), [("modulus", True), ("load", False)])
+def test_check_notes_values_whose_sign_the_load_excludes(
+    unknown: str, noted: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not where the load is fitted, which may then have another sign."""
+    study = yaml.safe_load(benchmark_path().read_text(encoding="utf-8"))
+    bounds = UNKNOWNS["modulus"] if unknown == "modulus" else {"lower": -0.1, "upper": 0.1}
+    section = {"unknowns": {unknown: bounds}, "observations": {"creep": OBSERVATIONS["creep"]}}
+    study = merged(study, {"macro": {"loads": [-0.05]}, "closure": "mean-gradient", "calibration": section})
+    (tmp_path / "study.yaml").write_text(yaml.safe_dump(study), encoding="utf-8")
+    (tmp_path / "creep.csv").write_text("time;settlement\n0;0\n1;-1\n2;-3\n", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(app, ["check", "study.yaml"])
+    assert done.exit_code == 0, done.output
+    words = "note: creep: the values are below 0, but the study presses y+, so that the settlement is above 0"
+    assert (words in done.output) == noted, done.output

@@ -14,6 +14,7 @@ from porocore.calibration.config.settings import CalibrationSettings, Experiment
 from porocore.calibration.config.unknowns import keyed, planned_unknowns
 from porocore.calibration.observations.reading import read_curve
 from porocore.calibration.observations.series import MeasuredSeries
+from porocore.calibration.observations.signs import sign_note
 from porocore.calibration.plan import CalibrationPlan, Experiment, PlannedUnknown
 from porocore.calibration.posterior.ensemble import require_emcee
 from porocore.core.files.reading import read_text
@@ -28,6 +29,8 @@ from porocore.study.sweep.family import family_over
 
 #: Key of the section in a study.
 SECTION = "calibration"
+#: Unknown numbers by which a load may have either sign.
+OF_LOAD = ("load", "boundary")
 
 
 class _Section(StrictModel):
@@ -193,6 +196,10 @@ def _plan(
             else:
                 curves.append(curve)
                 notes |= dict.fromkeys(f"{curve.name}: {note}" for note in curve.notes)
+        numbers = [each.numbers[name] for each in unknowns if name in each.numbers]
+        if not any(number.kind in OF_LOAD for number in numbers):
+            signs = ((curve, sign_note(curve, config.macro, load)) for curve in curves)
+            notes |= dict.fromkeys(f"{curve.name}: {note}" for curve, note in signs if note)
         experiments.append(Experiment(name, family, load, tuple(curves)))
     if refused:
         raise ConfigurationError("\n".join(refused))
