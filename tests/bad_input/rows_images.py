@@ -84,7 +84,11 @@ FAULTS: dict[str, tuple[str, Content, str]] = {
     "missing": (".npy", lambda path: None, "no such file"),
     "of another kind": (".png", b"\x89PNG", "expected an image as .npy, .tif or .tiff"),
     "without a suffix": ("", npy(HALF), "expected an image as .npy, .tif or .tiff"),
-    "a folder": (".npy", folder, "expected a file, got a folder"),
+    "a folder": (
+        ".npy",
+        folder,
+        "expected slices as .npy, .tif, .tiff, got no files; save the slices as TIFF",
+    ),
     "a named pipe": (".npy", fifo, "got a named pipe"),
     "an endless device": (".npy", link("/dev/zero"), "got a device"),
     "a loop of links": (".npy", link("image.npy"), "a symbolic link that leads back to itself"),
@@ -150,7 +154,11 @@ FAULTS: dict[str, tuple[str, Content, str]] = {
     "of no voxels": (".npy", npy(np.zeros((0, 0, 0), dtype=int)), SIZE),
     "a number": (".npy", npy(np.array(1)), SOLID),
     "a line": (".npy", npy(np.zeros(8, dtype=int)), SOLID),
-    "a plane": (".npy", npy(HALF[0]), "got one slice of 8 x 8 pixels; stack all slices into one file"),
+    "a plane": (
+        ".npy",
+        npy(HALF[0]),
+        "got one slice of 8 x 8 pixels; give the folder of all slices as path, or stack all slices into one file",
+    ),
     "of four dimensions": (
         ".npy",
         npy(np.stack([HALF, HALF])),
@@ -200,6 +208,68 @@ FAULTS: dict[str, tuple[str, Content, str]] = {
     ),
     "TIFF, all pore": (".tif", tiff(np.zeros((8, 8, 8), dtype=np.uint8)), "every voxel"),
 }
+
+
+def slices(count: int = 8, **others: Content) -> dict[str, Content]:
+    """A folder of slices, and others by the stems of their names."""
+    found: dict[str, Content] = {f"scan/s_{k}.tif": tiff(HALF[0]) for k in range(count)}
+    return {**found, **{f"scan/{name}.tif": content for name, content in others.items()}}
+
+
+#: Name, path, words of the message, files.
+SLICES: tuple[tuple[str, str, str, dict[str, Content]], ...] = (
+    (
+        "that are pictures",
+        "scan",
+        "expected slices as .npy, .tif, .tiff, got 2 .png, 1 .txt; save the slices as TIFF",
+        {"scan/1.png": b"\x89PNG", "scan/2.png": b"\x89PNG", "scan/log.txt": "of the scanner"},
+    ),
+    (
+        "of no pattern",
+        "scan/t*.tif",
+        "got no name of this pattern in a folder of 8 .tif; check the",
+        slices(),
+    ),
+    ("of no folder", "scam/*.tif", "scam: no such folder", slices()),
+    (
+        "of two stacks",
+        "scan",
+        "got s_#.tif (8), mask_#.tif (1); choose by a pattern of names, such as 'path: scan/s_[0-9]*.tif'",
+        slices(mask_1=tiff(HALF[0])),
+    ),
+    (
+        "of one number twice",
+        "scan",
+        "one slice of each number, got s_01.tif and s_1.tif",
+        slices(s_01=tiff(HALF[0])),
+    ),
+    (
+        "of two sizes",
+        "scan/*.tif",
+        "*.tif: expected slices of one size and kind, got s_8.tif of 7 x 8 uint8 along x, y, where s_0.tif has 8 x 8",
+        slices(s_8=tiff(HALF[0][:, :7])),
+    ),
+    (
+        "of two types",
+        "scan",
+        "got s_8.tif of 8 x 8 uint16 along x, y",
+        slices(s_8=tiff(HALF[0].astype(np.uint16))),
+    ),
+    (
+        "one of which is a stack",
+        "scan",
+        "expected one slice in each file, got s_8.tif of the",
+        slices(s_8=tiff(HALF)),
+    ),
+    (
+        "one of which is text",
+        "scan/*.tif",
+        "*.tif: s_8.tif: expected a TIFF image, got text",
+        slices(s_8="a"),
+    ),
+    ("that are too few", "scan", "expected an image of 4 to 400 voxels", slices(2)),
+    ("of floats", "scan", "expected a segmented image", {"scan/1.tif": tiff(HALF[0].astype(np.float32))}),
+)
 LONG = "x" * 300 + ".npy"
 
 
@@ -260,6 +330,16 @@ ROWS = [
         },
         "scales.pore: expected 48 µm",
         files={"image.npy": npy(HALF)},
+    ),
+    *(
+        faulty(
+            f"slices {name}",
+            {"cell.geometry": {"kind": "voxels", "path": path, "pore": 1}},
+            "cell.geometry.path: ",
+            expected,
+            files=files,
+        )
+        for name, path, expected, files in SLICES
     ),
     faulty(
         "image with another checksum",

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import meshio
 import numpy as np
 import pytest
+import tifffile
 from pydantic import ValidationError
 
 from porocore.core.units.results import OutputUnits, ResultUnits, speaking
@@ -66,6 +67,19 @@ def test_what_a_file_covers_is_told_beside_the_body(kind, tmp_path):
         kind
     ]
     assert line == f"macro.fields.radius: {ends}, the body (0, 0, 0) to (1, 2, 1)"
+
+
+def test_slices_of_a_field_are_told_with_their_gaps_and_how_viewers_show_them(tmp_path):
+    for k, value in ((2, 0), (3, 100), (9, 200), (10, 255)):
+        tifffile.imwrite(tmp_path / f"{k}.tif", np.full((2, 1), value, np.uint8), photometric="miniswhite")
+    field = {"kind": "image", "path": str(tmp_path / "*.tif"), "voxel_size": 1}
+    np.testing.assert_array_equal(radius(field), 0)
+    covers, gaps, view = covered_lines(sections(setup({"radius": field})), (np.zeros(3), np.ones(3)))
+    assert covers.startswith(f"macro.fields.radius: {tmp_path.name}/*.tif covers (0, 0, 0) to (1, 2, 4)")
+    assert gaps.startswith(
+        "note: macro.fields.radius: slices are missing between 2.tif and 10.tif, numbered 4 to 8"
+    )
+    assert "shows the value 0 of the file bright and 255 dark, since its tag" in view
 
 
 def test_numbers_formulas_and_tables_at_the_points():

@@ -133,3 +133,11 @@ def test_the_size_that_the_file_states_is_what_to_write(load, tmp_path, spacing,
     )
     assert "scales.pore: missing; add 'pore:' under 'scales:', or " in str(refused.value)
     assert str(refused.value).splitlines()[0].endswith(end)
+
+
+def test_an_image_that_cannot_be_read_is_refused_at_the_line_of_its_path(load, tmp_path):
+    tifffile.imwrite(tmp_path / "image.tif", np.zeros((8, 8), np.uint8))
+    with pytest.raises(
+        ConfigurationError, match=r"study.yaml:\d+: cell.geometry.path: .*image.tif: expected an image in"
+    ):
+        load({"path": "image.tif", "voxel_size": "12 um"}, pore=None)

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from porocore.cell.level_sets.cleaning import Mask
 from porocore.core.files.first_bytes import NPY, TIFF, foreign, renamed, told_by
+from porocore.core.files.slices import Slices
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 
@@ -46,7 +47,8 @@ REMEDIES = {
 def read_image(path: Path, crop: Crop | None = None, *, grey: bool = False) -> npt.NDArray[Any]:
     """Return the values of the voxels, with indices along x, y and z, of a part of the image or of all of it.
 
-    A .npy file holds this array; the pages of a TIFF stack lie along z, its rows along y and its columns along x.
+    A .npy file holds this array; the pages of a TIFF stack lie along z, its rows along y and its columns along x. So
+    do the files of a folder of slices, or of a pattern of names, by ascending numbers.
     Values of a ``grey`` image may be any numbers, else they are whole.
 
     Raises
@@ -72,6 +74,8 @@ def open_image(path: Path, *, grey: bool = False) -> npt.NDArray[Any]:
 
 
 def _read(path: Path, check: Callable[[tuple[int, ...], Any], None], crop: Crop | None) -> npt.NDArray[Any]:
+    if (slices := _slices(path)) is not None:
+        return _read_slices(path, slices.files, check, crop)
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         kind = told_by(path)
@@ -95,6 +99,44 @@ def _read(path: Path, check: Callable[[tuple[int, ...], Any], None], crop: Crop 
             f"{path}: not an image that can be read: expected {what}, got one that is damaged or cut short; copy it "
             f"again, or {SAVE}"
         ) from error
+
+
+def _slices(path: Path) -> Slices | None:
+    try:
+        return Slices.at(path, SUFFIXES)
+    except ValueError as error:
+        raise ConfigurationError(str(error)) from None
+
+
+def _read_slices(
+    path: Path, files: tuple[Path, ...], check: Callable[[tuple[int, ...], Any], None], crop: Crop | None
+) -> npt.NDArray[Any]:
+    """Read files of one slice each as the pages of a stack."""
+    kinds: list[tuple[tuple[int, ...], str]] = []
+
+    def check_slice(shape: tuple[int, ...], dtype: Any) -> None:
+        name = files[len(kinds)].name
+        if len(shape) != 2:
+            raise ConfigurationError(
+                f"{path}: expected one slice in each file, got {name} of the shape {' x '.join(map(str, shape))}; "
+                "write the path of a file that is a whole stack itself"
+            )
+        kinds.append((shape, "values of an unknown type" if dtype is None else dtype.name))
+        if kinds[-1] != kinds[0]:
+            (got, kind), (expected, first) = kinds[-1], kinds[0]
+            raise ConfigurationError(
+                f"{path}: expected slices of one size and kind, got {name} of {got[0]} x {got[1]} {kind} along x, y, "
+                f"where {files[0].name} has {expected[0]} x {expected[1]} {first}; export it anew, or leave it out"
+            )
+        check((*shape, len(files)), dtype)
+
+    pages = []
+    for file in files:
+        try:
+            pages.append(_read(file, check_slice, None).T)
+        except ConfigurationError as error:
+            raise ConfigurationError(str(error).replace(f"{file}: ", f"{path}: {file.name}: ", 1)) from error
+    return np.asarray(_part(np.stack(pages).T, crop))
 
 
 def _read_npy(
@@ -268,8 +310,11 @@ def stated_voxel(path: Path) -> tuple[tuple[float, float, float], str] | None:
 def reversed_by(path: Path, low: float, high: float) -> str:
     """Return the property of a TIFF file by which a viewer shows its low values brighter than its high ones.
 
-    Empty: it has none, as every other file. Values are read as they are stored, as in ImageJ and scikit-image.
+    Empty: it has none, as every other file. Values are read as they are stored, as in ImageJ and scikit-image. The
+    first one counts for a stack of slices.
     """
+    if (slices := _slices(path)) is not None:
+        path = slices.files[0]
     if path.suffix.lower() not in TIFF.suffixes:
         return ""
     with _opened(path) as file:
@@ -308,7 +353,8 @@ def _check_size(path: Path, shape: tuple[int, ...]) -> None:
             len(shape), f"an array of {len(shape)} axes, {got}"
         )
         then = (
-            "stack all slices into one file: a TIFF stack with a page for each z, or numpy.save of "
+            "give the folder of all slices as path, or stack all slices into one file: a TIFF stack with a page for "
+            "each z, or numpy.save of "
             "numpy.stack(slices, axis=2)"
             if len(shape) < 3
             else "save one channel at one time, with the axes x, y, z"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,14 @@ from porocore.cell.geometry.sides import CUBE, Sides, unit_sides
 from porocore.cell.level_sets.cleaning import Cleaned, Mask, clean
 from porocore.cell.level_sets.faces import blended, mismatch_note
 from porocore.cell.level_sets.grey import GreyValues, assumed, not_segmented, phases
-from porocore.cell.level_sets.image import SmoothImage, open_image, read_image, reversed_by, stated_voxel
+from porocore.cell.level_sets.image import (
+    SUFFIXES,
+    SmoothImage,
+    open_image,
+    read_image,
+    reversed_by,
+    stated_voxel,
+)
 from porocore.cell.level_sets.level_set import SPECKS, LevelSetGeometry, mesh_level_set
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra
 from porocore.cell.symmetry.point_set import group_of_voxels
@@ -53,8 +60,10 @@ class Voxels(FromFile, LevelSetGeometry):
     blended into each other. The steps of the voxels are smoothed, with the same share of pores.
     """
 
+    slice_suffixes: ClassVar[tuple[str, ...]] = SUFFIXES
     kind: Literal["voxels"]
-    """A segmented image of equal voxels from a ``.npy`` or TIFF file."""
+    """A segmented image of equal voxels from a ``.npy`` or TIFF file, or from slices along z in files of their own:
+    ``path`` is that of their folder, or a pattern such as ``slices/scan_*.tif``."""
     pore: int = 0
     """Value of the voxels in the pores; all others are solid."""
     threshold: Annotated[float, Field(allow_inf_nan=False)] | Literal["otsu"] | None = None
@@ -135,8 +144,9 @@ class Voxels(FromFile, LevelSetGeometry):
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on the values of the voxels, on what was blended and removed, and on grains that float."""
+        slices = () if self.slices is None else (self.slices.summary,)
         values = () if self.repeat != "layer" else (_periodic(self)[1],)
-        return (*self._of_values, *values, *_cleaned(self).notes)
+        return (*slices, *self._of_values, *values, *_cleaned(self).notes)
 
     @property
     def _of_values(self) -> tuple[str, ...]:
@@ -150,10 +160,11 @@ class Voxels(FromFile, LevelSetGeometry):
 
     @property
     def value_warnings(self) -> tuple[str, ...]:
-        """Sentences on a file that is not segmented, or looks otherwise in a viewer, of any size."""
+        """Sentences on a file of any size that is not segmented, lacks slices, or looks otherwise in a viewer."""
         grey = _grey(Path(self.path), self.sha256)
         found = () if self.threshold is not None else not_segmented(grey, self.pore)
-        return (*self._of_view(grey), *found)
+        gaps = "" if self.slices is None else self.slices.gaps
+        return (*([gaps] if gaps else ()), *self._of_view(grey), *found)
 
     def _of_view(self, grey: GreyValues) -> tuple[str, ...]:
         """Return a sentence on a file of which a viewer shows low values brighter than high ones."""
@@ -262,7 +273,7 @@ class Voxels(FromFile, LevelSetGeometry):
         shape = self.solid.shape
         voxels = f"{shape[0]}³" if len(set(shape)) == 1 else " × ".join(map(str, shape))
         how = f"with a periodic layer of {self.layer}" if self.repeat == "layer" else self.repeat
-        return f"image {Path(self.path).name} of {voxels} voxels, {how}"
+        return f"image {self.file_name} of {voxels} voxels, {how}"
 
     def specification(self) -> dict[str, Any]:
         """Return all that the cell depends on; of the size of a voxel that is its shape."""

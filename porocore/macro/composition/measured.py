@@ -8,12 +8,12 @@ from contextlib import contextmanager
 from functools import lru_cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, field_validator
 
-from porocore.cell.level_sets.image import open_image
+from porocore.cell.level_sets.image import SUFFIXES, open_image, reversed_by
 from porocore.core.echo import echo, suggestion
 from porocore.core.files.foreign_mesh import CORNERS, read_mesh
 from porocore.core.files.input_file import FromFile
@@ -69,6 +69,11 @@ class MeasuredField(FromFile, ParameterField):
             The file cannot be read; the message begins with ``key``.
         """
 
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences on what may be wrong with the file."""
+        return ()
+
     def reached(self, points: Points, time: float, key: str) -> Array:
         """Return the values of the file at the centre of each point's element."""
         used, inverse = np.unique(points.element, return_inverse=True)
@@ -88,8 +93,10 @@ class MeasuredField(FromFile, ParameterField):
 class ImageField(MeasuredField):
     """A stack of images, each voxel of which has one value; it has to cover the body."""
 
+    slice_suffixes: ClassVar[tuple[str, ...]] = SUFFIXES
     kind: Literal["image"]
-    """A stack of images from a ``.npy`` file with the axes [x, y, z], or a TIFF file with a page for each z."""
+    """A stack of images from a ``.npy`` file with the axes [x, y, z], a TIFF file with a page for each z, or a folder
+    (or pattern of names) of such slices."""
     voxel_size: Length | tuple[Length, Length, Length]
     """Edge of a voxel, or its edges along x, y and z; with a unit, such as 50 um, or as a multiple of the length."""
     origin: Annotated[tuple[float, float, float], Dimension("displacement")] = (0.0, 0.0, 0.0)
@@ -101,6 +108,19 @@ class ImageField(MeasuredField):
             image = _image(self.checked(key))
         low = np.array(self.origin)
         return low, low + self._edges * image.shape
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Sentences on slices that are missing, and on an image that viewers show the other way round."""
+        path = Path(self.path)
+        gaps = "" if self.slices is None else self.slices.gaps
+        low, high = (float(end(_image(path))) for end in (np.nanmin, np.nanmax))
+        why = reversed_by(path, low, high)
+        view = (
+            f"a viewer shows the value {low:g} of the file bright and {high:g} dark, since {why}; values are read as "
+            "they are stored"
+        )
+        return tuple(text for text in (gaps, why and view) if text)
 
     @property
     def _edges(self) -> Array:
@@ -172,7 +192,8 @@ def covered_lines(
         for name, entry in entries.items():
             if isinstance(entry, MeasuredField):
                 low, high = entry.extent(f"{prefix}.{name}")
-                yield f"{prefix}.{name}: {Path(entry.path).name} covers {_text(low)} to {_text(high)}, {of_body}"
+                yield f"{prefix}.{name}: {entry.file_name} covers {_text(low)} to {_text(high)}, {of_body}"
+                yield from (f"note: {prefix}.{name}: {remark}" for remark in entry.remarks)
 
 
 @contextmanager

@@ -22,7 +22,7 @@ from porocore.core.units.texts import resolved
 from porocore.macro.body.kinds import Box, Cylinder, QuarterCylinder, Wedge
 from porocore.study.config.cells import SAME_LENGTH, cell_faults, other_lengths
 from porocore.study.config.config import RunConfig
-from porocore.study.config.errors import faults, refusal, switched, unexpected
+from porocore.study.config.errors import faults, located, refusal, switched, unexpected
 from porocore.study.config.examples import benchmark_path
 
 NO_VISCOSITY = (
@@ -136,7 +136,8 @@ def validated(document: YamlDocument, *, alone: bool = False) -> RunConfig:
             config.macro.boundary,
             {name: patch.of for name, patch in config.macro.surfaces.items()},
         )
-        found += other_lengths(config) if alone else cell_faults(config)
+        with located(document):
+            found += other_lengths(config) if alone else cell_faults(config)
         found += _without_viscosity(config) if scales is not None else ()
     found += [fault for fault in switched(document, RunConfig) if fault[0] not in dict(found)]
     if found or config is None:
@@ -223,7 +224,8 @@ def _length(document: YamlDocument) -> tuple[float | None, list[tuple[Location, 
     except ValidationError as error:
         found += [fault for fault in faults(document, error.errors(), _OnlyCell) if fault[0] not in unread]
         return None, found
-    return cell.geometry.length, found
+    with located(document):
+        return cell.geometry.length, found
 
 
 def _other_length(length: float, given: Any) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -109,7 +108,7 @@ class Scan:
         shape, extents = (" x ".join(map(str, each)) for each in (self.values.shape, self.extents))
         of = "" if shape == extents else f", of which {extents} are used"
         length = f" of {length_text(*self.voxel_edges)}" if self.voxel_edges else ""
-        yield f"image {Path(self.geometry.path).name} of {shape} voxels{length}{of}, repeat: {self.geometry.repeat}"
+        yield f"image {self.geometry.file_name} of {shape} voxels{length}{of}, repeat: {self.geometry.repeat}"
         solid, fluid = self.elements
         yield f"elements of {solid:.3g} voxels in the solid and {fluid:.3g} in the fluid"
         yield from (f"note: {warning}" for warning in self.geometry.value_warnings)
