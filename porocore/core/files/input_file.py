@@ -142,8 +142,11 @@ def content_hash(path: Path, suffixes: tuple[str, ...] = ()) -> str:
 
 
 def _changed(path: Path, expected: str | None, found: str) -> str:
-    what = "file" if path.is_file() else "stack of slices"
-    return (
-        f"expected {path} with the content {expected}, got {found}; the {what} has changed since the configuration was "
-        f"written: restore the old {what}, or remove the key sha256 to use the present {what}"
+    then = (
+        "; the file has changed since the configuration was written: restore the old file, or remove the key sha256 to "
+        "use the present file"
+        if path.is_file()
+        else "; slices have changed, are missing or were added since the configuration was written: restore the old "
+        "ones, or remove the key sha256 to use those that are there"
     )
+    return f"expected {path} with the content {expected}, got {found}{then}"
