@@ -135,7 +135,7 @@ def _read_slices(
         try:
             pages.append(_read(file, check_slice, None).T)
         except ConfigurationError as error:
-            raise ConfigurationError(str(error).replace(f"{file}: ", f"{path}: {file.name}: ", 1)) from error
+            raise ConfigurationError(str(error).replace(f"{file}: ", f"{path}: {file.name}: ", 1)) from None
     return np.asarray(_part(np.stack(pages).T, crop))
 
 
