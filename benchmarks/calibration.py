@@ -23,12 +23,10 @@ import yaml
 from common import table
 
 import porocore
-from porocore.calibration.config.loading import read_plan
-from porocore.calibration.forward.cells import families
-from porocore.calibration.forward.experiment import ExperimentModel
-from porocore.calibration.forward.model import StudiesModel
-from porocore.calibration.observations.curve import curve_data
-from porocore.calibration.observations.interpolation import HistoryInterpolation
+from porocore.calibration.cells import families
+from porocore.calibration.experiment import ExperimentModel, StudiesModel
+from porocore.calibration.loading import read_plan
+from porocore.calibration.observations import HistoryInterpolation, curve_data
 from porocore.calibration.problem import Misfit
 from porocore.core.console import Console
 from porocore.core.files.store import ResultStore

@@ -30,19 +30,18 @@ from common import table
 from coverage_studies import STUDIES
 from viscosity_ratio import PowerSeries, ratio_interval
 
-from porocore.calibration.config.loading import read_plan
-from porocore.calibration.fit.search import fit
-from porocore.calibration.forward.cells import families
-from porocore.calibration.forward.experiment import ExperimentModel
-from porocore.calibration.forward.model import StudiesModel
-from porocore.calibration.inference.infer import infer
-from porocore.calibration.observations.curve import curve_data
+from porocore.calibration.cells import families
+from porocore.calibration.experiment import ExperimentModel, StudiesModel
+from porocore.calibration.fit import fit
+from porocore.calibration.infer import infer
+from porocore.calibration.loading import read_plan
+from porocore.calibration.observations import curve_data
 from porocore.calibration.plan import CalibrationPlan
 from porocore.calibration.problem import CurveModel, CurvePrediction, Misfit
 from porocore.core.console import Console
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.store import ResultStore
-from porocore.core.parallel.threads import one_blas_thread
+from porocore.core.parallel.memory import one_blas_thread
 from porocore.errors import PorocoreError
 
 Array = npt.NDArray[np.float64]

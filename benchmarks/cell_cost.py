@@ -2,7 +2,7 @@
 
 The images are of smoothed noise, half of them pores, three voxels a tetrahedron; each is a whole periodic cell, or the
 eighth of one with mirrors. Seconds are those of the processor, so that other work on the machine counts little. The
-rows are what ``porocore/study/preflight/cost.py`` holds.
+rows are what ``porocore/study/notes/cost.py`` holds.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from common import table
 from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import Domain, MeshSettings
 from porocore.states import Status
-from porocore.study.preflight import cost
-from porocore.testing.cell_laws.open_cells import image_cell
+from porocore.study.notes import cost
+from porocore.testing.cell_laws.base import image_cell
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 
 #: Voxels along an edge of the images of whole cells and of eighths.

@@ -16,11 +16,11 @@ from unittest.mock import patch
 from porocore.core.console import Console, Task
 from porocore.interfaces.sampler import Outlook
 from porocore.interfaces.surrogate import TrainingProgress
-from porocore.macro.integration.forecast import StepForecast
+from porocore.macro.integration.newton import StepForecast
 from porocore.plugins.registry import registry
 from porocore.sampling.forecast import Guess, StateForecast
 from porocore.study.config.config import RunConfig
-from porocore.study.run_folder.folder import RunFolder
+from porocore.study.run_folder import RunFolder
 from porocore.study.stages import pipeline
 from porocore.study.stages.training import TrainingCurveFile
 

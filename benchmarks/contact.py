@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from common import best, table
 
-import porocore.cell.equilibrium.path as path
+import porocore.cell.equilibrium.responses as path
 from porocore.cell.cell import Cell
 from porocore.states import MacroState, Status
 from porocore_fem_skfem.cell_solver import SkfemCellSolver

@@ -12,7 +12,7 @@ from common import table
 
 from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import MeshSettings
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.interfaces.solution import MacroSolution
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.macro.laws import CellLaw, ClosedLaw, MeanGradientClosure, PotentialClosure
@@ -20,7 +20,7 @@ from porocore.macro.laws.direct import DirectCellLaw, DirectWork
 from porocore.macro.problem import MacroProblem
 from porocore.sampling.execution import CellPool
 from porocore.states import Array, CellResponse, MacroState
-from porocore.study.config.sections import SamplingSettings
+from porocore.study.config.config import SamplingSettings
 from porocore.study.stages.stage_files import prepare_cell
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.testing.synthetic.response import confined_column

@@ -14,11 +14,11 @@ from common import table
 
 from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import MeshSettings
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.sampling.campaign import CampaignProgress, run_campaign
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
-from porocore.sampling.samplers.random_states import RandomStates
+from porocore.sampling.samplers.designs import RandomStates
 from porocore.study.stages.stage_files import prepare_cell
 
 INPUTS = InputSpace(

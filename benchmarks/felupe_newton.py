@@ -14,7 +14,7 @@ from common import in_turn, table
 from pypardiso import spsolve
 
 from porocore.cell.cell import Cell
-from porocore.cell.equilibrium.path import follow
+from porocore.cell.equilibrium.responses import follow
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 
 H_22, TOLERANCE = -0.15, 1e-9

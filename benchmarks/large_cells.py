@@ -24,8 +24,7 @@ from common import table
 from porocore.cell.cell import Cell
 from porocore.cell.geometry.kinds import TriplyPeriodic, Voxels
 from porocore.cell.meshing.mesh import MeshSettings
-from porocore.core.parallel.memory import freed_memory_kept
-from porocore.core.parallel.threads import one_thread_in_children
+from porocore.core.parallel.memory import freed_memory_kept, one_thread_in_children
 from porocore.states import CellResponse, Status
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 

@@ -13,8 +13,8 @@ from typing import Any
 from common import table
 from surrogate_calls import SURROGATES, trained
 
-from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.core.inputs.input_space import InputSpace
+from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.core.inputs import InputSpace
 from porocore.macro.laws import ClosedLaw, make_closure
 from porocore.plugins.registry import registry
 from porocore.testing.synthetic.response import CONDUCTIVITY, SOLID_FRACTION, confined_column, linear_law

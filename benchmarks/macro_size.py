@@ -16,8 +16,8 @@ import h5py  # noqa: F401 - before dolfinx, which brings an HDF5 library of its 
 import numpy as np
 from common import table
 
-from porocore.core.parallel.threads import one_thread_in_children
-from porocore.macro.linear_systems.figures import work_figures
+from porocore.core.parallel.memory import one_thread_in_children
+from porocore.macro.linear_systems import work_figures
 from porocore.macro.problem import MacroProblem
 from porocore.verification.ladder.small_strain import mean_gradient, potential
 

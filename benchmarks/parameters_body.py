@@ -17,10 +17,10 @@ import numpy as np
 from common import in_turn, table
 from parameters_cost import MIDDLE, RANGES, alone, law_of, of_family
 
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.laws import ClosedLaw
-from porocore.macro.linear_systems.figures import work_figures
+from porocore.macro.linear_systems import work_figures
 from porocore.macro.problem import MacroProblem
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.testing.synthetic.porous_family import PARAMETERS

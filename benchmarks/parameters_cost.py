@@ -18,12 +18,12 @@ from typing import Any
 import numpy as np
 from common import in_turn, table
 
-from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.tensors.point_group import CUBIC
+from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.core.inputs import InputSpace
+from porocore.core.tensors import CUBIC
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
-from porocore.macro.composition.region_law import RegionLaw
+from porocore.macro.composition.regions import RegionLaw
 from porocore.macro.laws import ClosedLaw, make_closure
 from porocore.plugins.registry import registry
 from porocore.states import Array, BodyPlace, MacroState

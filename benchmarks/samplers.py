@@ -26,14 +26,12 @@ from solved_states import CELL, Given, Library, random_points
 
 from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import MeshSettings
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.interfaces.sampler import Sampler, StudyFacts
-from porocore.sampling.samplers.active import Active
-from porocore.sampling.samplers.density import DensitySweep
+from porocore.sampling.samplers.active import Active, DensitySweep
 from porocore.sampling.samplers.designs import LatinHypercube, SobolDesign
 from porocore.states import Array, CellResponse, MacroState
-from porocore.surrogates.polynomial.committee import judge
-from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate, judge
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "dehghani2022.yaml"
 TWO = InputSpace(("p", "H22"), (-0.02, -0.40), (0.24, 0.04))

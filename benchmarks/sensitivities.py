@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from common import in_turn, table
 
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.interfaces.sensitivities import (
     BoundaryChange,
     CellParameterChange,

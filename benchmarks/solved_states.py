@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from porocore.cell.cell import Cell
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.interfaces.sampler import Request, Sampler
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.sampling.campaign import run_campaign

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 from common import best, table
 
-from porocore.core.inputs.input_space import NAMES, InputSpace
-from porocore.core.tensors.point_group import CUBIC
+from porocore.core.inputs import NAMES, InputSpace
+from porocore.core.tensors import CUBIC
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.plugins.registry import registry
 from porocore.states import MacroState

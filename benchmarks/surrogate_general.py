@@ -17,7 +17,7 @@ import numpy as np
 from common import table
 from solved_states import Given, Library, random_points, sobol_points, worst_share
 
-from porocore.core.inputs.input_space import NAMES, InputSpace
+from porocore.core.inputs import NAMES, InputSpace
 from porocore.interfaces.surrogate import Surrogate
 from porocore.plugins.registry import registry
 from porocore.states import CellResponse, MacroState

@@ -34,23 +34,45 @@ def in_the_tree(path: Path) -> str:
 
 
 def with_tree(page: str) -> str:
-    """Return the page whose tree has the first lines of all files."""
+    """Return the page whose tree has the entries that are there, in the order of the page, and their first lines.
 
-    def lines(tree: str) -> Iterator[str]:
-        above = ROOT / "porocore"
-        for line in tree.splitlines():
-            name = line.split(maxsplit=1)[0]
-            if line.startswith("  ") and not line.startswith("   ") and name.endswith("/"):
-                above = ROOT / "porocore" / name
-            depth = len(line) - len(line.lstrip())
-            path = (ROOT / "porocore" if depth == 2 else above) / name
-            if name.endswith(".py") and name != "__init__.py" and path.is_file():
+    Rooms keep their line of the page; a new room gets the first line of its ``__init__.py``.
+    """
+    found = re.search(r"(?<=^```\nporocore/\n).*?(?=^```$)", page, re.MULTILINE | re.DOTALL)
+    assert found, "docs/architecture.md has no tree that begins with porocore/"
+    rows: dict[str, str] = {}
+    above = ""
+    for row in found[0].splitlines():
+        name = row.split(maxsplit=1)[0]
+        if len(row) - len(row.lstrip()) == 2:
+            above = name if name.endswith("/") else ""
+            rows[name] = row
+        else:
+            rows[above + name] = row
+
+    def lines(folder: Path, depth: int) -> Iterator[str]:
+        there = {path.name for path in folder.glob("*.py")} | {
+            f"{path.parent.name}/" for path in folder.glob("*/__init__.py")
+        }
+        if depth > 2:
+            there.discard("__init__.py")
+        key = "" if depth == 2 else f"{folder.name}/"
+        order = list(rows)
+        for name in sorted(
+            there, key=lambda each: (order.index(key + each) if key + each in rows else len(order), each)
+        ):
+            path = folder / name
+            if name.endswith(".py") and name != "__init__.py":
                 yield f"{' ' * depth}{name}".ljust(COLUMN - 1) + f" {in_the_tree(path)}"
+            elif key + name in rows:
+                yield rows[key + name]
             else:
-                yield line
+                yield f"{' ' * depth}{name}".ljust(COLUMN - 1) + f" {in_the_tree(path / '__init__.py')}"
+            if name.endswith("/") and depth == 2:
+                yield from lines(path, 4)
 
-    tree = re.compile(r"(?<=^```\nporocore/\n).*?(?=^```$)", re.MULTILINE | re.DOTALL)
-    return tree.sub(lambda found: "".join(f"{line}\n" for line in lines(found[0])), page, count=1)
+    made = "".join(f"{line}\n" for line in lines(ROOT / "porocore", 2))
+    return page[: found.start()] + made + page[found.end() :]
 
 
 def listed() -> Iterator[str]:

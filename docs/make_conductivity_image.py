@@ -15,11 +15,11 @@ import numpy as np
 
 from porocore.errors import PorocoreError
 from porocore.interfaces.solution import History, MacroSolution
-from porocore.macro.laws.pull_back import PulledBack
+from porocore.macro.laws.closure import PulledBack
 from porocore.report.figures import png_bytes
 from porocore.report.figures.style import BLACK, BLUE, DASHED, DOTTED, GREY, VERMILLION, new_figure, styled
 from porocore.states import MacroState
-from porocore.study.run_folder.folder import RunFolder
+from porocore.study.run_folder import RunFolder
 from porocore.study.stages.stage_files import load_reference, load_surrogate
 
 IMAGE = Path(__file__).parent / "images" / "conductivity.png"

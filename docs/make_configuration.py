@@ -7,7 +7,7 @@ A table stands between two HTML comments, and the first one says which table it 
     <!-- keys cell fem -->                     the keys of these sections, and of all below them
     <!-- kinds cell.geometry -->               the kinds of a section
     <!-- keys-by-kind cell.geometry -->        the keys of the kinds but the default one
-    <!-- fields porocore.core.formulas.time_function.TimeFunction -->    the keys of one model
+    <!-- fields porocore.core.formulas.TimeFunction -->    the keys of one model
     <!-- parameters PATH CLASS -->             the options of a class, by its docstring
     <!-- responses cell -->                    the fields of a response that cell solvers provide
     <!-- end -->

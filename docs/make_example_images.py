@@ -12,16 +12,15 @@ import numpy as np
 from make_images import IMAGES, _pixels
 from matplotlib.figure import Figure
 
-from porocore.core.units.results import ResultUnits
+from porocore.core.units import ResultUnits
 from porocore.interfaces.solution import MacroSolution
-from porocore.macro.body.section import sections
+from porocore.macro.body.kinds import sections
 from porocore.report.figures import PROFILE_FIELDS, body_figure, png_bytes, series_figure
-from porocore.report.figures.fields import axes_in_section
-from porocore.report.figures.profiles import ColumnAxis
-from porocore.report.figures.series import panels
+from porocore.report.figures.body import axes_in_section
+from porocore.report.figures.curves import ColumnAxis, panels
 from porocore.report.figures.style import DASHED, TIME_COLOURS, axis_label, new_figure, styled
 from porocore.states import Array
-from porocore.study.run_folder.folder import RunFolder
+from porocore.study.run_folder import RunFolder
 
 #: Of each example: the number of the profile, and what is shown against time.
 SHOWN = {

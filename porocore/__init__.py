@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from porocore.calibration.calibrate import calibrate as calibrate
     from porocore.calibration.results import Calibration as Calibration
     from porocore.cell.cell import Cell as Cell
-    from porocore.cell.materials.neo_hookean import NeoHookean as NeoHookean
-    from porocore.core.inputs.input_space import InputSpace as InputSpace
-    from porocore.core.inputs.sampled_range import SampledRange as SampledRange
-    from porocore.core.units.results import ResultUnits as ResultUnits
+    from porocore.cell.materials.hyperelastic import NeoHookean as NeoHookean
+    from porocore.core.inputs import InputSpace as InputSpace
+    from porocore.core.inputs import SampledRange as SampledRange
+    from porocore.core.units import ResultUnits as ResultUnits
     from porocore.errors import ConfigurationError as ConfigurationError
     from porocore.errors import DataError as DataError
     from porocore.errors import MemberError as MemberError
@@ -29,17 +29,17 @@ if TYPE_CHECKING:
     from porocore.interfaces.cell import CellField as CellField
     from porocore.interfaces.cell import CellSolution as CellSolution
     from porocore.interfaces.cell import CellSolver as CellSolver
-    from porocore.interfaces.element_cells import ElementCells as ElementCells
+    from porocore.interfaces.cell import ElementCells as ElementCells
     from porocore.interfaces.law import LawMemory as LawMemory
     from porocore.interfaces.law import MacroLaw as MacroLaw
     from porocore.interfaces.law import MacroResponse as MacroResponse
     from porocore.interfaces.law import MacroTangent as MacroTangent
-    from porocore.interfaces.law_changes import MemoryChanges as MemoryChanges
-    from porocore.interfaces.law_changes import PointChanges as PointChanges
-    from porocore.interfaces.law_changes import ResponseChanges as ResponseChanges
+    from porocore.interfaces.law import MemoryChanges as MemoryChanges
+    from porocore.interfaces.law import PointChanges as PointChanges
+    from porocore.interfaces.law import ResponseChanges as ResponseChanges
     from porocore.interfaces.macro import MacroSolver as MacroSolver
+    from porocore.interfaces.records import RestData as RestData
     from porocore.interfaces.records import failed_response as failed_response
-    from porocore.interfaces.rest_data import RestData as RestData
     from porocore.interfaces.sampler import Exploration as Exploration
     from porocore.interfaces.sampler import Request as Request
     from porocore.interfaces.sampler import Sampler as Sampler
@@ -62,9 +62,9 @@ if TYPE_CHECKING:
     from porocore.interfaces.surrogate import Surrogate as Surrogate
     from porocore.interfaces.surrogate import TrainingProgress as TrainingProgress
     from porocore.interfaces.surrogate import TrainingSet as TrainingSet
-    from porocore.macro.laws.point_law import Law as Law
-    from porocore.macro.laws.point_law import LawResponse as LawResponse
-    from porocore.macro.laws.point_law import LawTangent as LawTangent
+    from porocore.macro.laws.macro_law import Law as Law
+    from porocore.macro.laws.macro_law import LawResponse as LawResponse
+    from porocore.macro.laws.macro_law import LawTangent as LawTangent
     from porocore.macro.problem import MacroProblem as MacroProblem
     from porocore.plugins.hookspecs import Offer as Offer
     from porocore.plugins.hookspecs import hookimpl as hookimpl
@@ -74,7 +74,7 @@ if TYPE_CHECKING:
     from porocore.states import CellTangent as CellTangent
     from porocore.states import MacroState as MacroState
     from porocore.states import Status as Status
-    from porocore.study.api.cells import CellProblem as CellProblem
+    from porocore.study.api.solved import CellProblem as CellProblem
     from porocore.study.api.solved import LawsSolved as LawsSolved
     from porocore.study.api.solved import Samples as Samples
     from porocore.study.api.solved import Solutions as Solutions
@@ -92,16 +92,21 @@ if TYPE_CHECKING:
     from porocore.verification.stability import map_stability as map_stability
 
 _HOMES = {
-    "porocore.calibration.calibrate": ["calibrate"],
-    "porocore.calibration.results": ["Calibration"],
-    "porocore.study.api.cells": ["CellProblem"],
-    "porocore.study.api.solved": ["LawsSolved", "Samples", "Solutions", "Solved"],
-    "porocore.study.api.study": ["Study"],
-    "porocore.study.sweep.results": ["ParameterSweep"],
-    "porocore.cell.cell": ["Cell"],
-    "porocore.study.config.config": ["RunConfig"],
-    "porocore.study.config.loading": ["load_config"],
-    "porocore.errors": [
+    "porocore.calibration.calibrate": ("calibrate",),
+    "porocore.calibration.results": ("Calibration",),
+    "porocore.study.api.solved": (
+        "CellProblem",
+        "LawsSolved",
+        "Samples",
+        "Solutions",
+        "Solved",
+    ),
+    "porocore.study.api.study": ("Study",),
+    "porocore.study.sweep.results": ("ParameterSweep",),
+    "porocore.cell.cell": ("Cell",),
+    "porocore.study.config.config": ("RunConfig",),
+    "porocore.study.config.loading": ("load_config",),
+    "porocore.errors": (
         "ConfigurationError",
         "DataError",
         "MemberError",
@@ -110,19 +115,49 @@ _HOMES = {
         "RunFolderError",
         "SolveError",
         "UnexpectedError",
-    ],
-    "porocore.plugins.hookspecs": ["Offer", "hookimpl"],
-    "porocore.core.inputs.input_space": ["InputSpace"],
-    "porocore.core.units.results": ["ResultUnits"],
-    "porocore.interfaces.cell": ["CellField", "CellSolution", "CellSolver"],
-    "porocore.interfaces.macro": ["MacroSolver"],
-    "porocore.interfaces.sampler": ["Exploration", "Request", "Sampler", "StudyFacts", "StudySampler"],
-    "porocore.interfaces.rest_data": ["RestData"],
-    "porocore.interfaces.surrogate": ["Surrogate", "TrainingProgress", "TrainingSet"],
-    "porocore.interfaces.element_cells": ["ElementCells"],
-    "porocore.interfaces.law": ["LawMemory", "MacroLaw", "MacroResponse", "MacroTangent"],
-    "porocore.interfaces.law_changes": ["MemoryChanges", "PointChanges", "ResponseChanges"],
-    "porocore.interfaces.sensitivities": [
+    ),
+    "porocore.plugins.hookspecs": (
+        "Offer",
+        "hookimpl",
+    ),
+    "porocore.core.inputs": (
+        "InputSpace",
+        "SampledRange",
+    ),
+    "porocore.core.units": ("ResultUnits",),
+    "porocore.interfaces.cell": (
+        "CellField",
+        "CellSolution",
+        "CellSolver",
+        "ElementCells",
+    ),
+    "porocore.interfaces.macro": ("MacroSolver",),
+    "porocore.interfaces.sampler": (
+        "Exploration",
+        "Request",
+        "Sampler",
+        "StudyFacts",
+        "StudySampler",
+    ),
+    "porocore.interfaces.records": (
+        "RestData",
+        "failed_response",
+    ),
+    "porocore.interfaces.surrogate": (
+        "Surrogate",
+        "TrainingProgress",
+        "TrainingSet",
+    ),
+    "porocore.interfaces.law": (
+        "LawMemory",
+        "MacroLaw",
+        "MacroResponse",
+        "MacroTangent",
+        "MemoryChanges",
+        "PointChanges",
+        "ResponseChanges",
+    ),
+    "porocore.interfaces.sensitivities": (
         "BoundaryChange",
         "CellParameterChange",
         "HatFunction",
@@ -132,19 +167,34 @@ _HOMES = {
         "MacroSensitivities",
         "ModulusChange",
         "ViscosityChange",
-    ],
-    "porocore.cell.materials.neo_hookean": ["NeoHookean"],
-    "porocore.macro.laws.point_law": ["Law", "LawResponse", "LawTangent"],
-    "porocore.macro.problem": ["MacroProblem"],
-    "porocore.interfaces.records": ["failed_response"],
-    "porocore.core.inputs.sampled_range": ["SampledRange"],
-    "porocore.interfaces.solution": ["History", "MacroSolution", "Profile", "StepReport", "StepWork"],
-    "porocore.states": ["CellExtrema", "CellResponse", "CellSlopes", "CellTangent", "MacroState", "Status"],
-    "porocore.verification.local_fields.solve": ["write_local_fields"],
-    "porocore.verification.representative.study": ["study_representative_volume"],
-    "porocore.verification.reproduce": ["reproduce"],
-    "porocore.verification.sensitivity.study": ["study_sensitivity"],
-    "porocore.verification.stability": ["map_stability"],
+    ),
+    "porocore.cell.materials.hyperelastic": ("NeoHookean",),
+    "porocore.macro.laws.macro_law": (
+        "Law",
+        "LawResponse",
+        "LawTangent",
+    ),
+    "porocore.macro.problem": ("MacroProblem",),
+    "porocore.interfaces.solution": (
+        "History",
+        "MacroSolution",
+        "Profile",
+        "StepReport",
+        "StepWork",
+    ),
+    "porocore.states": (
+        "CellExtrema",
+        "CellResponse",
+        "CellSlopes",
+        "CellTangent",
+        "MacroState",
+        "Status",
+    ),
+    "porocore.verification.local_fields.solve": ("write_local_fields",),
+    "porocore.verification.representative.study": ("study_representative_volume",),
+    "porocore.verification.reproduce": ("reproduce",),
+    "porocore.verification.sensitivity.study": ("study_sensitivity",),
+    "porocore.verification.stability": ("map_stability",),
 }
 _MODULE_OF = {name: module for module, names in _HOMES.items() for name in names}
 

@@ -14,10 +14,9 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from porocore.core.fields.batch import Batch
-from porocore.core.fields.declaration import declared_fields, documented, row, rows_of
-from porocore.core.fields.derivatives import CellSlopes as CellSlopes
-from porocore.core.fields.derivatives import CellTangent as CellTangent
+from porocore.core.fields import Batch, declared_fields, documented, row, rows_of
+from porocore.core.fields import CellSlopes as CellSlopes
+from porocore.core.fields import CellTangent as CellTangent
 
 Array: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int64]

@@ -354,7 +354,7 @@ def test_only_the_command_line_prints_or_exits_and_nothing_is_unpickled():
     for module, path in CORE_MODULES.items():
         speaks = module.startswith("porocore.cli") or module == "porocore.core.console"
         # A worker process that has lost its parent may end itself, and the copy of a process that tries a file.
-        ends = module in ("porocore.core.parallel.children", "porocore.core.hdf5.trial")
+        ends = module in ("porocore.core.parallel.children", "porocore.core.hdf5_trial")
         for node in ast.walk(tree_of(path)):
             if isinstance(node, ast.Call) and not speaks:
                 called = ast.unparse(node.func)

@@ -11,8 +11,8 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 from configuration_tables.words import codes, default_words, type_words
-from porocore.core.formulas.time_function import TimeFunction
-from porocore.core.units.dimensions import MULTIPLES, ByKey
+from porocore.core.formulas import TimeFunction
+from porocore.core.units import MULTIPLES, ByKey
 from porocore.study.config.config import RunConfig
 from porocore.study.config.schema import field_docstrings, unit_of
 

@@ -12,8 +12,8 @@ import yaml
 from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
-from porocore.core.formulas.time_function import TimeFunction
-from porocore.core.models.walk import bare, is_section, is_union
+from porocore.core.formulas import TimeFunction
+from porocore.core.models.strict import bare, is_section, is_union
 
 COUNTS, TOGETHER = {2: "two", 3: "three"}, {2: "pairs", 3: "triples"}
 NOUNS = {float: "number", int: "whole number", str: "text", TimeFunction: "value"}

@@ -13,31 +13,26 @@ from typing import Any
 
 import numpy as np
 
-from porocore.calibration.config.loading import read_plan
-from porocore.calibration.config.settings import PosteriorSettings
+from porocore.calibration.cells import cells_at_rest, families, further_data
 from porocore.calibration.derived import derived_cells
-from porocore.calibration.fit.quality import FitQuality, at_bounds
-from porocore.calibration.fit.rounds import FitRounds, experiments_identity
-from porocore.calibration.fit.search import CalibrationFit
-from porocore.calibration.folder import CalibrationFolder
-from porocore.calibration.forward.at_rest import cells_at_rest
-from porocore.calibration.forward.cells import families
-from porocore.calibration.forward.further import further_data
-from porocore.calibration.inference.infer import Inference, infer
-from porocore.calibration.inference.words import shift_words
-from porocore.calibration.observations.curve import ObservedCurve, curve_data
-from porocore.calibration.plan import CalibrationPlan, Experiment
-from porocore.calibration.posterior.posterior import Posterior, sample_posterior
+from porocore.calibration.fit import CalibrationFit, FitQuality, FitRounds, at_bounds, experiments_identity
+from porocore.calibration.infer import Inference, infer
+from porocore.calibration.loading import read_plan
+from porocore.calibration.observations import ObservedCurve, curve_data
+from porocore.calibration.plan import CalibrationFolder, CalibrationPlan, Experiment
+from porocore.calibration.posterior import Posterior, sample_posterior
 from porocore.calibration.problem import CurveModel, Misfit
 from porocore.calibration.results import Calibration, write_results
+from porocore.calibration.settings import PosteriorSettings
+from porocore.calibration.suggestions import shift_words
 from porocore.core.console import Console
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.store import ResultStore
 from porocore.core.parallel.calls import CallProcesses
-from porocore.core.parallel.threads import one_blas_thread
+from porocore.core.parallel.memory import one_blas_thread
 from porocore.errors import SolveError
 from porocore.states import Array
-from porocore.study.preflight.checks import check_backends
+from porocore.study.notes.checks import check_backends
 from porocore.study.store import chosen_store
 
 

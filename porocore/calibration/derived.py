@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from porocore.calibration.forward.at_rest import CellAtRest
-from porocore.calibration.inference.derived import derived_intervals
-from porocore.calibration.inference.infer import Inference
-from porocore.calibration.inference.intervals import IntervalEnd
-from porocore.core.units.quantities import pretty
-from porocore.core.units.results import ResultUnits
-from porocore.macro.laws.effective import SAME, EffectiveProperties
+from porocore.calibration.cells import CellAtRest
+from porocore.calibration.entries import derived_intervals
+from porocore.calibration.infer import Inference
+from porocore.calibration.profiles import IntervalEnd
+from porocore.core.units import ResultUnits, pretty
+from porocore.macro.laws.linear import SAME, EffectiveProperties
 from porocore.states import Array
 
 #: How the intervals are found, for reports and files.

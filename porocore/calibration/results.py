@@ -10,10 +10,7 @@ from typing import Any
 import numpy as np
 
 from porocore.calibration.derived import METHOD, DerivedCell
-from porocore.calibration.fit.quality import FitQuality
-from porocore.calibration.fit.record import EvaluationRecord
-from porocore.calibration.folder import CalibrationFolder
-from porocore.calibration.inference.entries import (
+from porocore.calibration.entries import (
     direction_entries,
     precision_entries,
     product_entries,
@@ -21,14 +18,15 @@ from porocore.calibration.inference.entries import (
     systematic_entry,
     unknown_entries,
 )
-from porocore.calibration.inference.infer import Inference
-from porocore.calibration.plan import CalibrationPlan
-from porocore.calibration.posterior.posterior import Posterior
+from porocore.calibration.fit import EvaluationRecord, FitQuality
+from porocore.calibration.infer import Inference
+from porocore.calibration.plan import CalibrationFolder, CalibrationPlan
+from porocore.calibration.posterior import Posterior
 from porocore.calibration.problem import Misfit
 from porocore.core.console import duration
 from porocore.core.files.plain_data import json_ready, write_csv, write_json
 from porocore.states import Array
-from porocore.study.run_folder.provenance import versions
+from porocore.study.run_folder import versions
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,8 +190,8 @@ def _error_text(inference: Inference) -> str:
 def _write_report(
     folder: CalibrationFolder, done: Calibration, misfit: Misfit, evaluations: int, truth: Array | None
 ) -> None:
-    from porocore.calibration.report.contents import CalibrationContents, CurveAxes
-    from porocore.calibration.report.page import write_report  # matplotlib is slow to import
+    from porocore.calibration.contents import CalibrationContents, CurveAxes
+    from porocore.calibration.page import write_report  # matplotlib is slow to import
 
     quality = done.quality
     facts = (

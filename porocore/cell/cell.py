@@ -19,21 +19,18 @@ from porocore.cell.contact.settings import ContactSettings
 from porocore.cell.family.family import Family
 from porocore.cell.family.mesh import family_mesh
 from porocore.cell.geometry.kinds import Geometry, OrthogonalChannels
-from porocore.cell.materials.choice import AnyMaterial
-from porocore.cell.materials.composite import Composite, Solid
-from porocore.cell.materials.energy import SWELLING
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.geometry.pore_geometry import require_few
+from porocore.cell.materials.hyperelastic import AnyMaterial, Composite, NeoHookean, Solid
+from porocore.cell.materials.material import SWELLING
 from porocore.cell.meshing.connectivity import pieces, why_disconnected
-from porocore.cell.meshing.estimate import require_few
-from porocore.cell.meshing.mesh import CellMesh, Domain, MeshSettings, Phase, make_mesh
-from porocore.cell.meshing.supercell import block, tiled
-from porocore.cell.meshing.tetrahedra import volume
+from porocore.cell.meshing.mesh import CellMesh, Domain, MeshSettings, block, make_mesh, tiled
+from porocore.cell.meshing.tetrahedra import Phase, volume
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.yaml_document import dotted
 from porocore.core.models.name import Name
 from porocore.core.models.strict import CalledByUsers
-from porocore.core.tensors.point_group import PointGroup
-from porocore.core.units.dimensions import Dimension, Unit
+from porocore.core.tensors import PointGroup
+from porocore.core.units import Dimension, Unit
 from porocore.errors import ConfigurationError
 from porocore.states import Array
 

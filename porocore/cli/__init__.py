@@ -9,7 +9,7 @@ import sys
 
 def program() -> None:
     """Run the command line as a program of its own, on one thread, which an interrupted one leaves at once."""
-    from porocore.core.parallel.threads import one_thread_from_now
+    from porocore.core.parallel.memory import one_thread_from_now
 
     one_thread_from_now()
     try:

@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porocore.cli.common import chosen_store, command, interruptible
+from porocore.cli.common import chosen_store, command, interruptible, page, plain_table
 from porocore.cli.options import JsonOption, NoStoreOption, ResumeOption, StoreOption
-from porocore.cli.tables import page, plain_table
 
 if TYPE_CHECKING:
-    from porocore.calibration.posterior.posterior import Posterior
+    from porocore.calibration.posterior import Posterior
     from porocore.calibration.results import Calibration
 
 
@@ -79,7 +78,7 @@ def calibrate(
 
 def print_unknowns(done: Calibration) -> None:
     """Print value, interval and identifiability of each unknown, and what the curves do not tell."""
-    from porocore.core.units.quantities import pretty
+    from porocore.core.units import pretty
 
     table = plain_table(("unknown", "value", "95 % interval", "unit", "identifiable"), (1,))
     for one in done.inference.unknowns:

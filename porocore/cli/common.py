@@ -1,4 +1,4 @@
-"""Helpers of several commands: reading a configuration, interruption, store, texts of pressure and command."""
+"""Helpers of several commands: reading a configuration, interruption, store, tables on standard output."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import re
 import shlex
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -21,10 +21,14 @@ from porocore.core.parallel import launched
 from porocore.errors import ConfigurationError, UnexpectedError
 
 if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
     from porocore.core.files.store import ResultStore
-    from porocore.core.units.scales import Scales
+    from porocore.core.units import Scales
     from porocore.study.config.config import RunConfig
-    from porocore.study.run_folder.folder import RunFolder
+    from porocore.study.run_folder import RunFolder
+
 
 #: Exit status after Ctrl-C, and after SIGTERM.
 INTERRUPTED, TERMINATED = 130, 143
@@ -40,7 +44,7 @@ class Interrupted(Exception):
 
 def in_units_of(settings: RunConfig) -> AbstractContextManager[None]:
     """Return a context whose messages have the units of a configuration."""
-    from porocore.core.units.results import speaking
+    from porocore.core.units import speaking
 
     return speaking(settings.result_units)
 
@@ -97,9 +101,8 @@ def read_config(
     With ``cell_only`` the file need not say more than a cell.
     """
     from porocore.study.backends import with_closure
-    from porocore.study.config.examples import benchmark_path
-    from porocore.study.config.loading import load_config
-    from porocore.study.run_folder.folder import CONFIG, RECORD
+    from porocore.study.config.loading import benchmark_path, load_config
+    from porocore.study.run_folder import CONFIG, RECORD
 
     path = benchmark_path() if path is None else path
     if (path / RECORD).is_file():
@@ -131,7 +134,7 @@ def command_group(what: str, **settings: Any) -> typer.Typer:
 
 def claim(path: Path, settings: RunConfig, out: Path | None, resume: bool) -> RunFolder:
     """Return the run folder of the configuration at ``path``, ``out`` or one by its name, made or opened."""
-    from porocore.study.run_folder.folder import RunFolder
+    from porocore.study.run_folder import RunFolder
 
     return RunFolder.claim(Path("runs") / path.stem if out is None else out, settings, resume=resume)
 
@@ -198,8 +201,7 @@ def parse_pressure(option: str, text: str, scales: Scales | None) -> float:
     ConfigurationError
         It is no pressure, or has a unit where the configuration has no scales; the message names ``option``.
     """
-    from porocore.core.units.quantities import UnitError
-    from porocore.core.units.texts import value_of
+    from porocore.core.units import UnitError, value_of
 
     try:
         value = value_of(text, "pressure", scales)
@@ -244,3 +246,34 @@ def parse_inputs(option: str, what: str, text: str, scales: Scales | None = None
             )
         found[name] = number
     return found
+
+
+#: Columns of a page where standard output is no terminal.
+WIDTH = 130
+MINUS = str.maketrans("-", "−")
+
+
+def page(width: int = WIDTH) -> Console:
+    """Return the console of the results, as wide as the terminal, or ``width`` without one."""
+    from rich.console import Console
+
+    return Console(width=None if sys.stdout.isatty() else width, highlight=False)
+
+
+def plain_table(headings: Sequence[str], numbers: Collection[int] = (), title: str | None = None) -> Table:
+    """Return a table without lines; the columns in ``numbers`` are aligned to the right."""
+    from rich.table import Table
+    from rich.text import Text
+
+    # A text is no markup, in which a unit in brackets is lost.
+    table = Table(title_justify="left", title_style="", box=None, pad_edge=False, header_style="bold")
+    table.title = None if title is None else Text(title)
+    for i, heading in enumerate(headings):
+        right = i in numbers
+        table.add_column(Text(heading), justify="right" if right else "left", no_wrap=right)
+    return table
+
+
+def decimals(value: float, digits: int) -> str:
+    """Return a number with so many decimals; a dash for NaN and infinity."""
+    return "–" if not math.isfinite(value) else f"{value + 0.0:.{digits}f}".translate(MINUS)

@@ -16,6 +16,8 @@ from porocore.cli.common import (
     in_units_of,
     interruptible,
     located,
+    page,
+    plain_table,
     read_config,
 )
 from porocore.cli.options import (
@@ -28,7 +30,6 @@ from porocore.cli.options import (
     WorkersOption,
 )
 from porocore.cli.states import CellOption, named_cell
-from porocore.cli.tables import page, plain_table
 from porocore.core.console import Console
 from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
@@ -111,8 +112,7 @@ def rev(
         workers=workers, out=out, resume=True, json=as_json, store=store, no_store=no_store,
     )  # fmt: skip
     with interruptible(again), located(path), in_units_of(settings):
-        from porocore.verification.representative.tables import summary
-        from porocore.verification.representative.words import verdict
+        from porocore.verification.representative.tables import summary, verdict
 
         check_workers(workers)
         plan = _plan(sizes, count, seed, overlapping, within_crop, element, tolerance, not porosity_only)
@@ -182,7 +182,7 @@ def _plan(
 def _print(found: RepresentativeVolume) -> None:
     """Print the means of each size with the standard deviation of single sub-volumes."""
     from porocore.report.format import number
-    from porocore.verification.representative.settling import QUANTITIES
+    from porocore.verification.representative.results import QUANTITIES
     from porocore.verification.representative.tables import edge_columns, factor, titled
 
     def text(mean: float, deviation: float) -> str:

@@ -14,7 +14,7 @@ from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from porocore.cell.cell import Cell
-    from porocore.core.units.scales import Scales
+    from porocore.core.units import Scales
     from porocore.study.config.config import RunConfig
 
 #: How the help of a group tells it.
@@ -95,7 +95,7 @@ def one_cell(settings: RunConfig, name: str | None, parameters: Sequence[str] | 
     ConfigurationError
         See :func:`named_cell` and :func:`read_parameters`.
     """
-    from porocore.study.config.cells import keys_of
+    from porocore.study.config.config import keys_of
 
     one = named_cell(settings, name)
     with keys_of(settings, name):
@@ -110,7 +110,7 @@ def read_parameters(cell: Cell, given: Sequence[str] | None) -> Cell:
     ConfigurationError
         The text cannot be read, a range has no value, or a name is unknown.
     """
-    from porocore.cell.family.ranges import member_with
+    from porocore.cell.family.family import member_with
 
     if not given:
         cell.require_member(
@@ -148,9 +148,7 @@ def read_state(
     ConfigurationError
         An option cannot be read, a component is given twice, or no cell can be in the state.
     """
-    from porocore.core.inputs.given_states import named_state
-    from porocore.core.inputs.input_space import NAMES
-    from porocore.core.inputs.possible_states import require_possible
+    from porocore.core.inputs import NAMES, named_state, require_possible
 
     given = {"--at": at, "--grad-u": grad_u, "--p": p}
     options = [option for option, value in given.items() if value is not None and value != []]

@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porocore.cli.common import chosen_store, claim, command, in_units_of, interruptible, located, read_config
+from porocore.cli.common import (
+    chosen_store,
+    claim,
+    command,
+    in_units_of,
+    interruptible,
+    located,
+    page,
+    plain_table,
+    read_config,
+)
 from porocore.cli.options import (
     ClosureOption,
     ConfigArgument,
@@ -23,15 +33,14 @@ from porocore.cli.options import (
     StoreOption,
     SurrogateOption,
 )
-from porocore.cli.tables import page, plain_table
 from porocore.core.console import Console
 from porocore.core.echo import comma_advice, echo
 from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from porocore.core.units.scales import Scales
+    from porocore.core.units import Scales
     from porocore.study.config.config import RunConfig
-    from porocore.study.stages.laws import LawKind
+    from porocore.study.stages.solving import LawKind
     from porocore.study.sweep.plan import SweepPlan
     from porocore.study.sweep.results import ParameterSweep
 
@@ -73,8 +82,8 @@ def sweep(
     family. Other ranges of the cell need values in macro.fields. --resume continues, also with more values between
     the same ends.
     """
-    from porocore.study.preflight.checks import check_backends
-    from porocore.study.stages.laws import USUAL_LAWS
+    from porocore.study.notes.checks import check_backends
+    from porocore.study.stages.solving import USUAL_LAWS
     from porocore.study.sweep.run import require_sweep_laws, run_sweep
 
     path, settings = read_config(config, fem, surrogate, closure, macro)
@@ -104,9 +113,8 @@ def parse_over(texts: Sequence[str], settings: RunConfig) -> SweepPlan:
     ConfigurationError
         A text cannot be read, a name is unknown, or the values are no plan.
     """
-    from porocore.cell.family.parameters import require_known
-    from porocore.study.sweep.family import quantities_of
-    from porocore.study.sweep.plan import SweepPlan
+    from porocore.cell.family.family import require_known
+    from porocore.study.sweep.plan import SweepPlan, quantities_of
 
     if not texts:
         raise ConfigurationError(f"--over: expected {_SUCH_AS}, got nothing")
@@ -153,8 +161,7 @@ def _values(name: str, text: str, quantity: str, scales: Scales | None) -> list[
 
 def _value(name: str, text: str, quantity: str, scales: Scales | None) -> float:
     """Return the dimensionless number of a text, which may have a unit where its quantity has."""
-    from porocore.core.units.quantities import UnitError
-    from porocore.core.units.texts import value_of
+    from porocore.core.units import UnitError, value_of
 
     try:
         value = value_of(text, quantity, scales) if quantity else float(text)

@@ -2,7 +2,7 @@
 
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.macro import MacroSolver
-from porocore.interfaces.rest_data import RestData
+from porocore.interfaces.records import RestData
 from porocore.interfaces.sampler import (
     Exploration,
     Explore,

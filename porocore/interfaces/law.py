@@ -1,24 +1,142 @@
-"""Interfaces of laws: of the cell (CellLaw) and of the macroscale (MacroLaw), its response and tangent.
+"""Laws: of the cell (CellLaw), of the macroscale (MacroLaw), that ask another (LawWrapper); their changes.
 
 Linear poroelasticity (:mod:`porocore.macro.laws.linear`) and a closed cell law (:mod:`porocore.macro.laws`) are both of
 this kind, so one macro code path serves all and each checks the others.
+
+Every array holds derivatives by k unknowns along its last axis, behind the batch axis of n points and the indices of
+the value.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from porocore.core.fields.batch import Batch
+from porocore.core.fields import Batch
 from porocore.core.files.plain_data import stable_hash
 from porocore.errors import ConfigurationError
-from porocore.interfaces.law_changes import MemoryChanges, PointChanges, ResponseChanges
 from porocore.states import Array, CellResponse, CellSlopes, MacroState
+
+
+@dataclass(frozen=True, eq=False)
+class PointChanges(Batch):
+    """Changes of n points under k unknowns.
+
+    Attributes
+    ----------
+    modulus : (n, k)
+        Relative change of the modulus of the whole solid, with W = E w(H, p/E).
+    viscosity : (n, k)
+        Relative change of the viscosity of the fluid.
+    parameters : (n, m, k)
+        Change of the parameters of the cell; None for a law without.
+    """
+
+    modulus: Array
+    viscosity: Array
+    parameters: Array | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class MemoryChanges(Batch):
+    """Derivatives of a :class:`~porocore.interfaces.law.LawMemory`, as far as the law's storage depends on it.
+
+    Attributes
+    ----------
+    grad_u : (n, 3, 3, k)
+        Of H, for a law whose φ is no function of the state, but summed over the steps.
+    mean_grad : (n, 3, 3, k)
+        Of <∇u¹>_s, for such a law.
+    fluid_volume : (n, k)
+        Of φ, for any other.
+    """
+
+    grad_u: Array
+    mean_grad: Array | None = None
+    fluid_volume: Array | None = None
+
+    @classmethod
+    def zeros(cls, n: int, k: int) -> MemoryChanges:
+        """Return the changes of n points that nothing changes."""
+        tensors = np.zeros((n, 3, 3, k))
+        return cls(tensors, tensors, np.zeros((n, k)))
+
+
+@dataclass(frozen=True, eq=False)
+class ResponseChanges(Batch):
+    """Derivatives of a :class:`~porocore.interfaces.law.MacroResponse` at fixed (H, p, ∇p), changes of the memory too.
+
+    Attributes
+    ----------
+    stress : (n, 3, 3, k)
+        Of P_E.
+    storage : (n, k)
+        Of the fluid taken up, less what the fluid at the memory's time changes.
+    flux : (n, 3, k)
+        Of q.
+    fluid_volume : (n, k)
+        Of φ, for a law of which it is a function of the state; its derivatives by (H, p) are those of the storage.
+    mean_grad : (n, 3, 3, k)
+        Of <∇u¹>_s, for a law that sums φ over the steps.
+    mean_grad_grad_u : (n, 3, 3, 3, 3)
+        Derivative of <∇u¹>_s by H, for such a law.
+    mean_grad_p : (n, 3, 3)
+        Derivative of <∇u¹>_s by p, for such a law.
+    """
+
+    stress: Array
+    storage: Array
+    flux: Array
+    fluid_volume: Array | None = None
+    mean_grad: Array | None = None
+    mean_grad_grad_u: Array | None = None
+    mean_grad_p: Array | None = None
+
+    def moved(
+        self, tangent: MacroTangent, grad_u: Array, p: Array, grad_p: Array
+    ) -> tuple[ResponseChanges, MemoryChanges]:
+        """Return the total derivatives of response and memory, where the state moves too.
+
+        Parameters
+        ----------
+        tangent
+            Of the response.
+        grad_u, p, grad_p : (n, 3, 3, k), (n, k), (n, 3, k)
+            Derivatives of H, p and ∇p.
+        """
+        n, k = p.shape
+        H = grad_u.reshape(n, 9, k)
+
+        def along(by_H: Array, by_p: Array, *shape: int) -> Array:
+            slopes: Array = np.matmul(by_H.reshape(n, -1, 9), H)
+            add_scaled(slopes, by_p.reshape(n, -1), p)
+            return slopes.reshape(n, *shape, k)
+
+        stored = along(tangent.storage_grad_u, tangent.storage_p)
+        mean_grad = self.mean_grad
+        if mean_grad is not None:
+            assert self.mean_grad_grad_u is not None
+            assert self.mean_grad_p is not None
+            mean_grad = mean_grad + along(self.mean_grad_grad_u, self.mean_grad_p, 3, 3)
+        fluid = None if self.fluid_volume is None else self.fluid_volume + stored
+        flux = self.flux + along(tangent.flux_grad_u, tangent.flux_p, 3)
+        total = ResponseChanges(
+            self.stress + along(tangent.stress_grad_u, tangent.stress_p, 3, 3),
+            self.storage + stored,
+            flux + np.matmul(tangent.flux_grad_p, grad_p),
+        )
+        return total, MemoryChanges(grad_u, mean_grad, fluid)
+
+
+def add_scaled(total: Array, values: Array, factors: Array) -> None:
+    """Add values (n, r) times factors (n, k), many of them zero, to ``total`` (n, r, k) in place."""
+    for j in np.flatnonzero(factors.any(axis=0)):
+        total[..., j] += values * factors[:, j, None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,3 +378,111 @@ def fingerprint(*parts: str | float | Array) -> str:
         data = part.encode() if isinstance(part, str) else np.asarray(part, dtype=float).tobytes()
         hashed += [f"{type(part).__name__}{len(data)}:", data]
     return stable_hash(*hashed, length=16)
+
+
+class LawWrapper(MacroLaw):
+    """Law that asks another law, which may see the points in another way.
+
+    The methods ``…_in`` say how the inner law sees the points, and the methods ``…_out`` how its answers are taken
+    back; here they change nothing. Everything that a macroscopic law is asked passes through them, so that a subclass
+    overrides only what differs.
+
+    Parameters
+    ----------
+    law
+        The inner law.
+    """
+
+    def __init__(self, law: MacroLaw) -> None:
+        self.law = law
+        self.name, self.identity, self.noise = law.name, law.identity, law.noise
+        self.parameters, self.constant_tangent = law.parameters, law.constant_tangent
+
+    def states_in(self, states: MacroState) -> MacroState:
+        """Return states as the inner law sees them."""
+        return states
+
+    def gradient_in(self, grad_p: Array, states: MacroState) -> Array:
+        """Return ∇_X p (n, 3) at points with ``states`` as the inner law sees it."""
+        return grad_p
+
+    def memory_in(self, memory: LawMemory, states: MacroState) -> LawMemory:
+        """Return the memory of points with ``states`` as the inner law sees it."""
+        return memory
+
+    def changes_in(self, changes: PointChanges) -> PointChanges:
+        """Return changes of points as the inner law sees them."""
+        return changes
+
+    def memory_changes_in(self, before: MemoryChanges, states: MacroState) -> MemoryChanges:
+        """Return derivatives of the memory of points with ``states`` as the inner law sees them."""
+        return before
+
+    def memory_out(self, memory: LawMemory, states: MacroState) -> LawMemory:
+        """Return a memory of the inner law as that of points with ``states``."""
+        return memory
+
+    def response_out(self, response: MacroResponse, states: MacroState) -> MacroResponse:
+        """Return a response of the inner law as that of points with ``states``."""
+        return replace(response, memory=self.memory_out(response.memory, states))
+
+    def changes_out(self, changes: ResponseChanges, states: MacroState) -> ResponseChanges:
+        """Return derivatives of a response of the inner law as those of points with ``states``."""
+        return changes
+
+    def parameters_of(self, region: int) -> tuple[str, ...]:
+        """Return those of the inner law; see :class:`~porocore.interfaces.law.MacroLaw`."""
+        return self.law.parameters_of(region)
+
+    def initial(self, n: int) -> LawMemory:
+        """Return the memory of the inner law at rest."""
+        return self.law.initial(n)
+
+    def initial_at(self, points: MacroState) -> LawMemory:
+        """Return the memory of the inner law at rest, at its own points."""
+        return self.memory_out(self.law.initial_at(self.states_in(points)), points.at_rest())
+
+    def respond(
+        self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
+    ) -> MacroResponse:
+        """Return the response of the inner law; see :class:`~porocore.interfaces.law.MacroLaw`."""
+        return self.respond_to_each(states, [grad_p], memory, tangent=tangent)[0]
+
+    def respond_to_each(
+        self, states: MacroState, gradients: Sequence[Array], memory: LawMemory, *, tangent: bool = True
+    ) -> list[MacroResponse]:
+        """Return the responses of the inner law; see :class:`~porocore.interfaces.law.MacroLaw`."""
+        seen = [self.gradient_in(grad_p, states) for grad_p in gradients]
+        found = self.law.respond_to_each(
+            self.states_in(states), seen, self.memory_in(memory, states), tangent=tangent
+        )
+        return [self.response_out(response, states) for response in found]
+
+    def respond_to_changes(
+        self,
+        states: MacroState,
+        grad_p: Array,
+        memory: LawMemory,
+        changes: PointChanges,
+        before: MemoryChanges,
+    ) -> tuple[MacroResponse, ResponseChanges]:
+        """Return response and derivatives of the inner law; see :class:`~porocore.interfaces.law.MacroLaw`."""
+        response, found = self.law.respond_to_changes(
+            self.states_in(states),
+            self.gradient_in(grad_p, states),
+            self.memory_in(memory, states),
+            self.changes_in(changes),
+            self.memory_changes_in(before, states),
+        )
+        return self.response_out(response, states), self.changes_out(found, states)
+
+    def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
+        """Ask the inner law; see :class:`~porocore.interfaces.law.MacroLaw`."""
+        reached = response.memory
+        seen = replace(response, memory=self.memory_in(reached, reached.states))
+        changed = self.law.before_accept(seen, self.memory_in(memory, memory.states))
+        return None if changed is None else self.memory_out(changed, memory.states)
+
+    def reasons(self, states: MacroState) -> list[str]:
+        """Return the reasons that the inner law knows; see :class:`~porocore.interfaces.law.MacroLaw`."""
+        return self.law.reasons(self.states_in(states))

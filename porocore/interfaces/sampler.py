@@ -7,9 +7,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.tensors.point_group import TRIVIAL, PointGroup
-from porocore.interfaces.rest_data import RestData
+from porocore.core.inputs import InputSpace
+from porocore.core.tensors import TRIVIAL, PointGroup
+from porocore.interfaces.records import RestData
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import Array, CellResponse, MacroState
 

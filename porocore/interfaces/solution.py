@@ -9,12 +9,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from porocore.core.hdf5 import Contents, atomic_hdf5, opened
-from porocore.core.hdf5.contents import numbered
-from porocore.core.hdf5.writing import link_to, name_of_link
-from porocore.core.units.results import ResultUnits
+from porocore.core.hdf5 import Contents, atomic_hdf5, link_to, name_of_link, numbered, opened
+from porocore.core.units import ResultUnits
 from porocore.errors import DataError
-from porocore.interfaces.element_cells import ElementCells
+from porocore.interfaces.cell import ElementCells
 from porocore.states import Array, MacroState
 
 #: Fields of a solution that map names to values against time, with the shape of one value.

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.tensors.point_group import TRIVIAL, PointGroup
+from porocore.core.inputs import InputSpace
+from porocore.core.tensors import TRIVIAL, PointGroup
 from porocore.interfaces.law import CellLaw
-from porocore.interfaces.rest_data import RestData
+from porocore.interfaces.records import RestData
 from porocore.states import CellResponse, MacroState
 
 #: What to do about too few states to train on, whatever the sampler.

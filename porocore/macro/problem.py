@@ -8,19 +8,16 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import Field, model_validator
 
-from porocore.core.formulas.time_function import TimeFunction, Value, require_later
+from porocore.core.formulas import TimeFunction, Value, require_later
 from porocore.core.models.bounds import MOST_STEPS, MOST_TIMES
 from porocore.core.models.name import Name
 from porocore.core.models.strict import StrictModel
-from porocore.core.units.dimensions import Dimension
-from porocore.core.units.results import spoken
+from porocore.core.units import Dimension, spoken
 from porocore.interfaces.macro import Part
 from porocore.macro.body.kinds import AnyBody, Box, make_body
-from porocore.macro.body.mesh import BodyMesh
-from porocore.macro.body.surfaces import Patch, with_patches
+from porocore.macro.body.mesh import BodyMesh, Patch, with_patches
 from porocore.macro.composition.axes import Fields
-from porocore.macro.composition.composed_body import composition, field_corners
-from porocore.macro.composition.regions import AnyRegion
+from porocore.macro.composition.regions import AnyRegion, composition, field_corners
 
 Positive = Annotated[float, Field(gt=0)]
 Time = Annotated[Positive, Dimension("time")]
@@ -36,7 +33,7 @@ class Boundary(StrictModel):
     """Boundary conditions of one surface; without any it is free of traction and impermeable.
 
     A number is multiplied by the load and by the ramp of the time plan, a function of time
-    (:class:`~porocore.core.formulas.time_function.TimeFunction`) by the load alone.
+    (:class:`~porocore.core.formulas.TimeFunction`) by the load alone.
     """
 
     displacement: Annotated[tuple[Value | None, Value | None, Value | None], Dimension("displacement")] = (

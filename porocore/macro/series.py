@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 from porocore.core.files.plain_data import write_csv
-from porocore.core.units.results import ResultUnits
+from porocore.core.units import ResultUnits
 from porocore.interfaces.solution import History, MacroSolution, file_name
 from porocore.states import Array
 
@@ -38,7 +38,7 @@ class Series:
     name
         Such as ``settlement``, ``tip: u_2``, ``plate: force 2`` or ``top: inflow``.
     quantity
-        Of :data:`porocore.core.units.scales.QUANTITIES`; '' is a plain number.
+        Of :data:`porocore.core.units.QUANTITIES`; '' is a plain number.
     long_name
         In words.
     values : (steps,)

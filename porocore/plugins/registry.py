@@ -94,7 +94,7 @@ class Registry:
         implementation: type[Any] = loaded.value
         if misfit := _misfit(implementation, _interface(kind)):
             raise PluginError(f"{who} {misfit} ({offered.source.file}); report this to its authors")
-        from porocore.plugins.border.origin import note_origin  # numpy, as above
+        from porocore.plugins.border import note_origin  # numpy, as above
 
         note_origin(implementation, who)
         return implementation

@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from porocore.core.units.results import ResultUnits
+from porocore.core.units import ResultUnits
 from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.macro.series import all_series
+from porocore.report.context import LoadingMode, force_name, reactions
 from porocore.report.format import measured, number
-from porocore.report.loading_mode import LoadingMode, force_name, reactions
 from porocore.report.metrics import goes_back
-from porocore.report.words.components import symmetric
-from porocore.report.words.settlement import has_suction, heaves, nothing_settles
+from porocore.report.words.cell import symmetric
+from porocore.report.words.results import has_suction, heaves, nothing_settles
 from porocore.states import Array
 
 #: Name, quantity and dimensionless value of a row.

@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 
 from porocore.core import console
-from porocore.core.units.dimensions import MULTIPLES
-from porocore.core.units.results import spoken
+from porocore.core.units import MULTIPLES, spoken
 
 NONE = "–"
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")

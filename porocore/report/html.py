@@ -9,17 +9,22 @@ from typing import Any
 
 from porocore.core.files.atomic import atomic_path
 from porocore.core.parallel.calls import CallProcesses
-from porocore.core.units.results import ResultUnits, speaking
+from porocore.core.units import ResultUnits, speaking
 from porocore.report import figures
-from porocore.report.context import ReportContext, SurrogateSummary
+from porocore.report.context import (
+    COMPARED,
+    ReportContext,
+    SurrogateSummary,
+    end_words,
+    law_differences,
+    no_relaxation,
+    reactions,
+)
 from porocore.report.dimensional import dimensional_rows
-from porocore.report.figures.fields import body_fields
-from porocore.report.figures.parameters import over_parameters
-from porocore.report.figures.profiles import chosen_times, is_column, profile_at
-from porocore.report.figures.series import Panel, end_of_rise, panels
+from porocore.report.figures.body import body_fields
+from porocore.report.figures.cell import over_parameters
+from porocore.report.figures.curves import Panel, chosen_times, end_of_rise, is_column, panels, profile_at
 from porocore.report.format import plain
-from porocore.report.law_differences import COMPARED, law_differences
-from porocore.report.loading_mode import end_words, no_relaxation, reactions
 from porocore.report.metrics import LoadCase, case_metrics
 from porocore.report.page import Picture, Pictures, environment
 from porocore.report.text import (
@@ -31,7 +36,6 @@ from porocore.report.text import (
     status_rows,
     whole_words,
 )
-from porocore.report.words.body_cells import region_rows
 from porocore.report.words.cell import cell_rows, conductivity_sentence, linear_rows, mesh_rows
 from porocore.report.words.held_out import (
     few_in_body,
@@ -40,9 +44,15 @@ from porocore.report.words.held_out import (
     worst_percent,
     worst_percent_in_body,
 )
-from porocore.report.words.parameters import parameter_rows
-from porocore.report.words.settlement import case_sentences, settling_or_heaving
-from porocore.report.words.statuses import solved_sentence, solved_shares, visited_sentence, visited_shares
+from porocore.report.words.parameters import parameter_rows, region_rows
+from porocore.report.words.results import (
+    case_sentences,
+    settling_or_heaving,
+    solved_sentence,
+    solved_shares,
+    visited_sentence,
+    visited_shares,
+)
 
 #: Pictures that stand in the page alone.
 EMBEDDED = Pictures()

@@ -1,10 +1,11 @@
-"""Parts of every HTML page: templates and filters, embedded SVG and PNG pictures, names of their files."""
+"""Parts of every HTML page: templates, filters, embedded pictures, references to cite."""
 
 from __future__ import annotations
 
 import base64
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from importlib import metadata
 from pathlib import Path
 
 import jinja2
@@ -14,11 +15,21 @@ from matplotlib.figure import Figure
 from porocore.core.files.atomic import atomic_path, file_stem
 from porocore.core.files.plain_data import stable_hash
 from porocore.core.parallel.calls import CallProcesses, Tell
-from porocore.report.citation import citations
 from porocore.report.figures.style import png_bytes, svg_bytes
 from porocore.report.format import difference, duration, in_unit, measured, number, percent, plain, unit
-from porocore.report.words.settlement import largest_rows
-from porocore.report.words.warnings import is_flagged
+from porocore.report.words.results import is_flagged, largest_rows
+
+#: As CITATION.cff has it.
+PAPER = (
+    "H. Dehghani and A. Zilian: Finite strain poro-hyperelasticity: An asymptotic multi-scale ALE-FSI approach "
+    "supported by ANNs. Computational Mechanics 71, 695–719 (2023), doi:10.1007/s00466-022-02262-y"
+)
+
+
+def citations() -> tuple[str, str]:
+    """Return software and paper, each as an entry of a list of references."""
+    return f"The porocore developers: porocore, version {metadata.version('porocore')}", PAPER
+
 
 #: Forms of a figure by the ending of their files.
 FORMS = {"svg": svg_bytes, "png": png_bytes}

@@ -5,13 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from porocore.core.units.results import ResultUnits
-from porocore.report.context import Published, ReportContext, SamplingSummary, SurrogateSummary
+from porocore.core.units import ResultUnits
+from porocore.report.context import (
+    Published,
+    ReportContext,
+    SamplingSummary,
+    SurrogateSummary,
+    end_words,
+    force_name,
+    no_relaxation,
+    reactions,
+)
 from porocore.report.format import difference, measured, number, percent, plain
-from porocore.report.loading_mode import end_words, force_name, no_relaxation, reactions
 from porocore.report.metrics import LeftOut, LoadCase, case_metrics
 from porocore.report.words.cell import ComparisonRow
-from porocore.report.words.warnings import case_warnings, flagged_shares, is_flagged
+from porocore.report.words.results import case_warnings, flagged_shares, is_flagged
 from porocore.states import Status
 
 #: From such a flagged share of the body on the results are told only after it.
@@ -86,7 +94,7 @@ def force_sentences(case: LoadCase, moved: Sequence[str], units: ResultUnits) ->
 
 
 def _force_sentence(where: str, force: dict[str, Any], units: ResultUnits) -> str:
-    """Return a summary of :func:`porocore.report.loading_mode.relaxation` in words."""
+    """Return a summary of :func:`porocore.report.context.relaxation` in words."""
     peak, final = (_value(force[key], "force", units) for key in ("peak", "final"))
     settled = end_words(force) if force["equilibrium"] is not None else f"at the end, {end_words(force)}"
     begin = f"The {force_name(force)} on {where} is {peak} at its peak, at t = "

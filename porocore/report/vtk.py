@@ -8,9 +8,9 @@ from typing import Any
 from xml.sax.saxutils import quoteattr
 
 from porocore.core.files.atomic import atomic_path
-from porocore.core.units.results import ResultUnits
+from porocore.core.units import ResultUnits
 from porocore.errors import RunFolderError
-from porocore.interfaces.element_cells import ElementCells
+from porocore.interfaces.cell import ElementCells
 from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.states import Array, IntArray
 

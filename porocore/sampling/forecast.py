@@ -9,7 +9,7 @@ from operator import itemgetter
 
 import numpy as np
 
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.interfaces.sampler import Outlook
 from porocore.states import Array
 

@@ -11,13 +11,13 @@ from porocore.macro.laws import CLOSURES
 from porocore.plugins.kinds import Kind
 from porocore.plugins.registry import registry
 from porocore.study.config.config import RunConfig
-from porocore.study.preflight.abilities import (
+from porocore.study.notes.abilities import (
     require_conductivity,
     require_learner,
     require_parameters_sampled,
     require_parts,
+    require_states,
 )
-from porocore.study.preflight.limits import require_states
 
 
 def make_backend(kind: Kind, config: RunConfig) -> Any:

@@ -10,21 +10,20 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from porocore.core.echo import echo
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.parallel.threads import exactly_one_blas_thread
+from porocore.core.inputs import InputSpace
+from porocore.core.parallel.memory import exactly_one_blas_thread
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import UndeformedCells
 from porocore.interfaces.surrogate import OnProgress, Surrogate, TrainingSet
 from porocore.states import CELL_FIELDS, Array, CellResponse, CellSlopes, MacroState
-from porocore.surrogates.conductivity.fit import fit_conductivity
-from porocore.surrogates.error_estimate.drivers import ERROR_END, reasons
+from porocore.surrogates.conductivity import fit_conductivity
+from porocore.surrogates.error_estimate.estimate import ERROR_END, reasons
 from porocore.surrogates.family.conductivity import FamilyConductivity, fit_family_conductivity
-from porocore.surrogates.family.model import FamilyModel
-from porocore.surrogates.family.slopes import family_slopes
+from porocore.surrogates.family.model import FamilyModel, family_slopes
 from porocore.surrogates.file import file
-from porocore.surrogates.mean_gradient.model import AnchoredModel
+from porocore.surrogates.mean_gradient import AnchoredModel
 from porocore.surrogates.network.network import Evaluator, Network
-from porocore.surrogates.potential.model import PotentialModel
+from porocore.surrogates.potential import PotentialModel
 
 #: Bytes; glibc adapts up to 32 MiB.
 _KEPT_MEMORY = 24 << 20

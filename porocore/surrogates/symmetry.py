@@ -11,9 +11,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from porocore.core.tensors.point_group import PointGroup
+from porocore.core.tensors import PointGroup
 from porocore.states import Array, IntArray
-from porocore.surrogates.stretch.components import COMPONENT, PLACES
+from porocore.surrogates.stretch import COMPONENT, PLACES
 
 
 @dataclass(frozen=True, eq=False)

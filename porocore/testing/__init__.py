@@ -22,28 +22,28 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from porocore.plugins.kit_version import KIT_VERSION as KIT_VERSION
+    from porocore.plugins.table import KIT_VERSION as KIT_VERSION
     from porocore.testing.cell_laws.base import CellSolverSuite as CellSolverSuite
-    from porocore.testing.cell_laws.contact import CellContactSuite as CellContactSuite
-    from porocore.testing.cell_laws.meshed import MeshedCellSuite as MeshedCellSuite
-    from porocore.testing.macro_laws.base import MacroSolverSuite as MacroSolverSuite
-    from porocore.testing.macro_laws.law import MacroLawSuite as MacroLawSuite
-    from porocore.testing.sampler_laws.base import SamplerSuite as SamplerSuite
+    from porocore.testing.cell_laws.base import MeshedCellSuite as MeshedCellSuite
+    from porocore.testing.cell_laws.exact import CellContactSuite as CellContactSuite
+    from porocore.testing.macro_laws.states import MacroLawSuite as MacroLawSuite
+    from porocore.testing.macro_laws.states import MacroSolverSuite as MacroSolverSuite
+    from porocore.testing.sampler_laws import SamplerSuite as SamplerSuite
     from porocore.testing.suite import Suite as Suite
     from porocore.testing.surrogate_laws.base import SurrogateSuite as SurrogateSuite
     from porocore.testing.surrogate_laws.potential import PotentialSuite as PotentialSuite
 
 _HOMES = {
     "CellSolverSuite": "porocore.testing.cell_laws.base",
-    "CellContactSuite": "porocore.testing.cell_laws.contact",
-    "MeshedCellSuite": "porocore.testing.cell_laws.meshed",
-    "MacroLawSuite": "porocore.testing.macro_laws.law",
-    "MacroSolverSuite": "porocore.testing.macro_laws.base",
+    "CellContactSuite": "porocore.testing.cell_laws.exact",
+    "MeshedCellSuite": "porocore.testing.cell_laws.base",
+    "MacroLawSuite": "porocore.testing.macro_laws.states",
+    "MacroSolverSuite": "porocore.testing.macro_laws.states",
     "PotentialSuite": "porocore.testing.surrogate_laws.potential",
-    "SamplerSuite": "porocore.testing.sampler_laws.base",
+    "SamplerSuite": "porocore.testing.sampler_laws",
     "Suite": "porocore.testing.suite",
     "SurrogateSuite": "porocore.testing.surrogate_laws.base",
-    "KIT_VERSION": "porocore.plugins.kit_version",
+    "KIT_VERSION": "porocore.plugins.table",
 }
 __all__ = sorted(_HOMES)
 

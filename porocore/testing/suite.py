@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import pytest
 
 from porocore.core.echo import did_you_mean
-from porocore.plugins.kit_version import KIT_VERSION, complaint
+from porocore.plugins.table import KIT_VERSION, complaint
 from porocore.testing.expect import Undefined, as_violation, holds
 
 

@@ -13,14 +13,13 @@ from porocore.cell.stability.map import MapPlan, follow_lines, write_tables
 from porocore.core.files.atomic import atomic_path, new_folder
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.store import ResultStore
-from porocore.core.inputs.input_space import value_text
-from porocore.core.inputs.possible_states import require_possible
-from porocore.core.units.results import speaking
+from porocore.core.inputs import require_possible, value_text
+from porocore.core.units import speaking
 from porocore.errors import ConfigurationError, RunFolderError
 from porocore.interfaces.cell import CellSolver
 from porocore.sampling.execution.solved_store import StoringSolver
 from porocore.study.config.config import RunConfig
-from porocore.study.preflight.checks import find_backends
+from porocore.study.notes.checks import find_backends
 from porocore.study.stages.stage_files import prepare_cell
 from porocore.study.store import chosen_store, solved_states, told
 

@@ -6,7 +6,7 @@ import meshio
 import numpy as np
 from bad_row import CONFIG, Row
 
-from porocore.study.config.examples import benchmark_path
+from porocore.study.config.loading import benchmark_path
 
 TEXT = benchmark_path().read_text(encoding="utf-8")
 BOX = "kind: box\n    size: [0.1, 7.5, 0.1]\n    elements: [1, 106, 1]"

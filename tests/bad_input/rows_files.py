@@ -13,7 +13,7 @@ from bad_files import SAMPLES, SOLUTION, SURROGATE, Edit, fifo, folder, from_run
 from bad_row import Content, Row
 
 from porocore.surrogates.file import file as surrogate_file
-from porocore.surrogates.file.archive import read_archive, write_archive
+from porocore.surrogates.file.file import read_archive, write_archive
 
 
 def replaced(name: str, value: object, **how: object) -> Edit:

@@ -21,14 +21,14 @@ from report_page import Page
 
 import porocore
 from porocore.calibration.calibrate import _identity, _with_made_up_data
-from porocore.calibration.forward.cells import families
-from porocore.calibration.forward.experiment import ExperimentModel
+from porocore.calibration.cells import families
+from porocore.calibration.experiment import ExperimentModel
 from porocore.calibration.problem import Unknown
 from porocore.cli.calibrate import print_unknowns
 from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
 from porocore.errors import RunFolderError, SolveError
-from porocore.macro.laws.effective import EffectiveProperties
+from porocore.macro.laws.linear import EffectiveProperties
 
 pytest.importorskip("porocore_fem_skfem")
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from porocore import ConfigurationError, Study
 from porocore.cli.entry import app
 from porocore.core.files.plain_data import merged
-from porocore.study.config.examples import benchmark_path
+from porocore.study.config.loading import benchmark_path
 
 CREEP = "time;settlement\n0;0\n1;1.000.000,5\n1;3.000.000,5\n2;4.000.000\n"
 OBSERVATIONS = {

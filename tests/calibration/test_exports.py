@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from porocore.calibration.config.settings import ObservationSettings
-from porocore.calibration.observations.curve import ObservedCurve
-from porocore.calibration.observations.numbers import Entry
-from porocore.calibration.observations.reading import read_curve
-from porocore.core.units.scales import Scales
+from porocore.calibration.observations import ObservedCurve
+from porocore.calibration.reading import read_curve
+from porocore.calibration.settings import ObservationSettings
+from porocore.calibration.tables import Entry
+from porocore.core.units import Scales
 from porocore.errors import ConfigurationError
 
 SCALES = Scales(modulus=1e6, length=3e-3, pore=50e-9, viscosity=1e-3)

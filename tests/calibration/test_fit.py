@@ -9,11 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from porocore.calibration.config.settings import FitSettings
-from porocore.calibration.fit.quality import FitQuality
-from porocore.calibration.fit.record import EvaluationRecord, RecordedModel
-from porocore.calibration.fit.search import ALIKE, ROUGH, CalibrationFit, _progress, fit
+from porocore.calibration.fit import (
+    ALIKE,
+    ROUGH,
+    CalibrationFit,
+    EvaluationRecord,
+    FitQuality,
+    RecordedModel,
+    _progress,
+    fit,
+)
 from porocore.calibration.problem import CurveData, CurveModel, CurvePrediction, Misfit, NormalPrior, Unknown
+from porocore.calibration.settings import FitSettings
 from porocore.core.console import Console
 from porocore.errors import RunFolderError, SolveError
 from porocore.states import Array
@@ -179,7 +186,7 @@ def test_a_search_does_not_creep_along_a_valley(monkeypatch: pytest.MonkeyPatch)
     assert found.converged
     assert 2 * found.best.cost < 0.02
     assert found.searches[0].evaluations < 20
-    monkeypatch.setattr("porocore.calibration.fit.search.GAIN", 0.0)
+    monkeypatch.setattr("porocore.calibration.fit.GAIN", 0.0)
     _, whole = fitted(Valley(), measured, starts=1, evaluations=500)
     assert whole.searches[0].evaluations > 2 * found.searches[0].evaluations
 

@@ -23,14 +23,13 @@ from curve_experiment import (
     starts,
 )
 
-import porocore.calibration.forward.experiment as forward
-from porocore.calibration.forward.experiment import ExperimentModel
-from porocore.calibration.forward.further import _noise, further_data
-from porocore.calibration.forward.steps import error_of_steps, planned_times, with_fixed_steps
+import porocore.calibration.experiment as forward
+from porocore.calibration.cells import _noise, further_data
+from porocore.calibration.experiment import ExperimentModel, error_of_steps, planned_times, with_fixed_steps
 from porocore.calibration.plan import CalibrationPlan
 from porocore.calibration.problem import CurvePrediction
 from porocore.core.parallel.calls import CallProcesses
-from porocore.core.parallel.threads import exactly_one_blas_thread
+from porocore.core.parallel.memory import exactly_one_blas_thread
 from porocore.errors import ConfigurationError
 from porocore.macro.composition.bound_law import BoundLaw
 from porocore.macro.problem import MacroProblem

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from porocore.calibration.config.settings import ObservationSettings
-from porocore.calibration.observations.curve import ObservedCurve, curve_data
-from porocore.calibration.observations.interpolation import HistoryInterpolation
-from porocore.calibration.observations.reading import read_curve
-from porocore.core.units.scales import Scales
+from porocore.calibration.observations import HistoryInterpolation, ObservedCurve, curve_data
+from porocore.calibration.reading import read_curve
+from porocore.calibration.settings import ObservationSettings
+from porocore.core.units import Scales
 from porocore.errors import ConfigurationError
 
 SCALES = Scales(modulus=0.5e6, length=1e-3, pore=2e-6, viscosity=1e-3)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import yaml
 
-from porocore.calibration.config.loading import read_plan
+from porocore.calibration.loading import read_plan
 from porocore.calibration.plan import CalibrationPlan
 from porocore.errors import ConfigurationError
 from porocore.study.config.loading import load_config

@@ -9,18 +9,17 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from porocore.calibration.config.loading import read_plan
-from porocore.calibration.config.settings import FitSettings
-from porocore.calibration.fit.search import fit
-from porocore.calibration.forward.experiment import ExperimentModel
-from porocore.calibration.forward.model import StudiesModel
-from porocore.calibration.inference.infer import Inference, infer
-from porocore.calibration.observations.curve import curve_data
+from porocore.calibration.experiment import ExperimentModel, StudiesModel
+from porocore.calibration.fit import fit
+from porocore.calibration.infer import Inference, infer
+from porocore.calibration.loading import read_plan
+from porocore.calibration.observations import curve_data
 from porocore.calibration.problem import Misfit
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.calibration.settings import FitSettings
+from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.core.console import Console
 from porocore.macro.laws import ClosedLaw, make_closure
-from porocore.testing.synthetic.porous_law import PorousFamilyLaw
+from porocore.testing.synthetic.porous_family import PorousFamilyLaw
 
 pytest.importorskip("skfem")
 pytestmark = pytest.mark.slow

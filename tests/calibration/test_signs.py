@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from porocore.calibration.observations.curve import ObservedCurve
-from porocore.calibration.observations.series import MeasuredSeries
-from porocore.calibration.observations.signs import sign_note
+from porocore.calibration.observations import MeasuredSeries, ObservedCurve
+from porocore.calibration.reading import sign_note
 from porocore.errors import ConfigurationError
 from porocore.macro.boundary.symmetry import whole_specimen
 from porocore.macro.problem import MacroProblem

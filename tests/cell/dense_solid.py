@@ -3,11 +3,18 @@
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
-from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorisedTangent, Iterate, LoadStepFailed
-from porocore.cell.equilibrium.integrals import DomainIntegrals, Sensitivities, second_derivatives
+from porocore.cell.equilibrium.discrete import (
+    DiscreteSolid,
+    DomainIntegrals,
+    FactorisedTangent,
+    Iterate,
+    LoadStepFailed,
+    Sensitivities,
+    second_derivatives,
+)
 from porocore.cell.equilibrium.solver import EquilibriumCellSolver
-from porocore.cell.symmetry.parity import UNIT_LOADS, held_displacements
-from porocore.core.tensors.cofactors import cofactor, cofactor_tangent, determinant
+from porocore.cell.symmetry import UNIT_LOADS, held_displacements
+from porocore.core.tensors import cofactor, cofactor_tangent, determinant
 from porocore.states import Status
 
 

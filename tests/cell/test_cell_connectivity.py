@@ -8,8 +8,7 @@ from porocore.cell.equilibrium.solver import PreparedCell
 from porocore.cell.geometry.kinds import OrthogonalChannels, SpherePores, TriplyPeriodic
 from porocore.cell.geometry.spheres import Throat
 from porocore.cell.meshing.connectivity import blocked, joined_by_nodes, pieces, why_disconnected
-from porocore.cell.meshing.mesh import MeshSettings, make_mesh
-from porocore.cell.meshing.supercell import block
+from porocore.cell.meshing.mesh import MeshSettings, block, make_mesh
 from porocore.cell.meshing.tetrahedra import volume
 from porocore.errors import ConfigurationError
 

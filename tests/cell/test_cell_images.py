@@ -6,12 +6,12 @@ from scipy.ndimage import gaussian_filter
 
 from porocore.cell.cell import Cell
 from porocore.cell.geometry.kinds import Voxels
-from porocore.cell.level_sets.level_set import CRUMB
+from porocore.cell.level_sets.cutting import CRUMB
 from porocore.cell.meshing.connectivity import crumbs, pieces
 from porocore.cell.meshing.mesh import MeshSettings, make_mesh
 from porocore.cell.meshing.mesh_quality import measure_mesh_quality, quality_lines, unmatched
 from porocore.errors import ConfigurationError
-from porocore.testing.cell_laws.open_cells import image_cell
+from porocore.testing.cell_laws.base import image_cell
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -44,7 +44,7 @@ def test_the_mesh_has_no_crumbs(tmp_path, monkeypatch):
     """At narrow necks single tetrahedra come off; a solid that they float beside was refused."""
     for seed in (2, 9, 11, 13):
         assert smallest_piece(tmp_path / f"{seed}.npy", seed) > CRUMB
-    monkeypatch.setattr("porocore.cell.level_sets.level_set.CRUMB", 0.0)
+    monkeypatch.setattr("porocore.cell.level_sets.cutting.CRUMB", 0.0)
     assert smallest_piece(tmp_path / "3.npy", 3) < CRUMB
 
 

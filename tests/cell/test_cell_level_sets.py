@@ -9,7 +9,7 @@ from pydantic import TypeAdapter, ValidationError
 from porocore.cell.cell import Cell
 from porocore.cell.geometry.kinds import Geometry, SpherePores, TriplyPeriodic
 from porocore.cell.geometry.spheres import Throat
-from porocore.cell.level_sets.lattice import body_centred
+from porocore.cell.level_sets.cutting import body_centred
 from porocore.cell.level_sets.tpms import below
 from porocore.cell.meshing.mesh import MeshSettings, make_mesh
 from porocore.cell.meshing.mesh_quality import dihedral_angles, unmatched

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.meshing.mesh import CellMesh, MeshSettings
-from porocore.cell.meshing.supercell import block
-from porocore.cell.symmetry.exchange import exchanged_axes
+from porocore.cell.meshing.mesh import CellMesh, MeshSettings, block
+from porocore.cell.symmetry import exchanged_axes
 
 LINEAR = Cell(mesh=MeshSettings(size=0.3, fluid_size=0.3, element="linear"))
 

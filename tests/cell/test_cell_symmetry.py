@@ -9,12 +9,10 @@ from pydantic import TypeAdapter
 from porocore.cell.cell import Cell
 from porocore.cell.geometry.kinds import Geometry
 from porocore.cell.level_sets.tpms import Nodal
-from porocore.cell.materials.choice import AnyMaterial
-from porocore.cell.materials.composite import Composite
+from porocore.cell.materials.hyperelastic import AnyMaterial, Composite
 from porocore.cell.meshing.tetrahedra import Tetrahedra
-from porocore.cell.symmetry.mesh_symmetry import region_maps
-from porocore.cell.symmetry.point_set import group_of_voxels
-from porocore.core.tensors.point_group import CUBE_OPERATIONS, CUBIC
+from porocore.cell.symmetry import group_of_voxels, region_maps
+from porocore.core.tensors import CUBE_OPERATIONS, CUBIC
 
 geometry = TypeAdapter(Geometry).validate_python
 material = TypeAdapter(AnyMaterial).validate_python

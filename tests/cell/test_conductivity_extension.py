@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.conductivity.extension import HarmonicExtension
-from porocore.cell.conductivity.wall_displacement import wall_interpolation
+from porocore.cell.conductivity.extension import HarmonicExtension, wall_interpolation
 from porocore.cell.geometry.kinds import OrthogonalChannels
 from porocore.cell.geometry.spheres import SpherePores
 from porocore.cell.level_sets.tpms import TriplyPeriodic

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.contact.mirrors import MirrorContact
-from porocore.cell.contact.model import DEEPEST, facet_edge, make_contact_model
-from porocore.cell.contact.pore_surface import pore_surface
+from porocore.cell.contact.pairs import MirrorContact, pore_surface
 from porocore.cell.contact.settings import ContactSettings
+from porocore.cell.contact.wall_contact import DEEPEST, facet_edge, make_contact_model
 from porocore.cell.geometry.sides import unit_sides
 from porocore.cell.meshing.mesh import CellMesh, MeshSettings
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.contact.pairs import Pairs, nearest_only
-from porocore.cell.contact.triangles import FACE, VERTEX, distance_derivatives, nearest
+from porocore.cell.contact.pairs import FACE, VERTEX, Pairs, distance_derivatives, nearest, nearest_only
 from porocore.cell.contact.wall_contact import WallContact
 
 

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.contact.model import facet_edge
-from porocore.cell.contact.pore_surface import pore_surface
+from porocore.cell.contact.pairs import pore_surface
+from porocore.cell.contact.wall_contact import facet_edge
 from porocore.cell.geometry.kinds import OrthogonalChannels
 from porocore.cell.meshing.mesh import MeshSettings
-from porocore.cell.meshing.quadrature import LARGEST_DEGREE, triangle_rule
-from porocore.cell.meshing.shape_functions import shape_functions
+from porocore.cell.meshing.tetrahedra import LARGEST_DEGREE, shape_functions, triangle_rule
 
 RADIUS = 0.25
 CORNERS = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])

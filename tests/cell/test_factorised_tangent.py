@@ -8,8 +8,7 @@ import pytest
 
 from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import MeshSettings
-from porocore.cell.stability.inertia import negative_pivots
-from porocore.cell.stability.modes import lowest_eigenvalues
+from porocore.cell.stability.modes import lowest_eigenvalues, negative_pivots
 from porocore.interfaces.records import flatten_response
 from porocore.states import MacroState, Status
 

@@ -6,14 +6,12 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.family.ranges import member_with
+from porocore.cell.family.family import member_with
 from porocore.core.files.yaml_document import YamlDocument
-from porocore.core.units.scales import Scales
-from porocore.core.units.texts import resolved
+from porocore.core.units import Scales, resolved
 from porocore.errors import ConfigurationError
 from porocore.study.config.config import RunConfig
-from porocore.study.config.examples import benchmark_path
-from porocore.study.config.loading import cell_from, validated
+from porocore.study.config.loading import benchmark_path, cell_from, validated
 
 RADIUS, RATIO = {"range": [0.15, 0.3]}, {"range": [0.2, 0.45]}
 FAMILY = {"geometry": {"radius": RADIUS}, "material": {"poisson_ratio": RATIO}}

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
+from porocore.cell.family.family import changed_numbers, number_at, with_number
 from porocore.cell.family.mesh import FamilyMesh
-from porocore.cell.family.numbers import changed_numbers, number_at, with_number
 from porocore.cell.meshing.mesh import MeshSettings, make_mesh
 from porocore.cell.meshing.tetrahedra import least_stretch, volume
 from porocore.errors import ConfigurationError, MemberError

@@ -7,11 +7,11 @@ import pytest
 
 from porocore.cell.cell import Cell
 from porocore.cell.geometry.kinds import Voxels
-from porocore.cell.level_sets.faces import blended, mismatch_note
+from porocore.cell.level_sets.voxels import blended, mismatch_note
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cell.meshing.mesh_quality import measure_mesh_quality, quality_lines
 from porocore.errors import ConfigurationError
-from porocore.testing.cell_laws.open_cells import noise
+from porocore.testing.cell_laws.base import noise
 
 SAMPLE = noise(4, 32, 2.0)[:20, :24, :20] == 0
 

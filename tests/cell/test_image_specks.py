@@ -5,7 +5,7 @@ import pytest
 
 from porocore.cell.cell import Cell
 from porocore.cell.geometry.kinds import Voxels
-from porocore.cell.level_sets.level_set import SPECKS
+from porocore.cell.level_sets.cutting import SPECKS
 from porocore.cell.meshing.connectivity import pieces
 from porocore.cell.meshing.tetrahedra import volume
 

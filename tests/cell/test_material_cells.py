@@ -10,19 +10,16 @@ from porocore import MacroState, Status
 from porocore.cell.cell import Cell
 from porocore.cell.equilibrium.responses import respond
 from porocore.cell.geometry.kinds import NoPores, OrthogonalChannels
-from porocore.cell.materials.choice import AnyMaterial
-from porocore.cell.materials.composite import Composite
-from porocore.cell.materials.mooney_rivlin import MooneyRivlin
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.hyperelastic import AnyMaterial, Composite, MooneyRivlin, NeoHookean
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cell.stability.line import _check_symmetric
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.macro.laws import ClosedLaw, LinearCellLaw, MeanGradientClosure, PotentialClosure
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
-from porocore.testing.cell_laws import identities
+from porocore.testing.cell_laws import exact as identities
 from porocore.verification.local_fields.points import PointFields
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 from porocore_fem_skfem.solid import SkfemSolid

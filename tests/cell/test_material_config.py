@@ -11,16 +11,12 @@ import pytest
 import yaml
 
 from porocore.cell.cell import Cell
-from porocore.cell.invariants.formula import Formula
-from porocore.cell.invariants.generated import derivatives
-from porocore.cell.materials.composite import Composite
-from porocore.cell.materials.holzapfel import HolzapfelGasserOgden
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.invariants.invariants import Formula, derivatives
+from porocore.cell.materials.hyperelastic import Composite, HolzapfelGasserOgden, NeoHookean
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.errors import ConfigurationError
 from porocore.macro.laws import MeanGradientClosure, PotentialClosure
-from porocore.study.config.examples import benchmark_path
-from porocore.study.config.loading import load_config
+from porocore.study.config.loading import benchmark_path, load_config
 
 OTHER = "{kind: mooney-rivlin, c10: 0.1, c01: 0.05, bulk_modulus: 1}"
 SOFT = "c*(I1*J**(-2/3) - 3) + k*(J - 1)**2/2"

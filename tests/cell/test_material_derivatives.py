@@ -6,10 +6,8 @@ from scipy.spatial.transform import Rotation
 from solids import LAM, MATERIALS, MU, deformations, make
 
 from porocore.cell.invariants.invariants import PowerSum, power_difference
-from porocore.cell.materials.kinematics import Kinematics
-from porocore.cell.materials.moduli import voigt_moduli
-from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.cell.materials.ramp import ramp, ramp_curvature, ramp_derivative
+from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.cell.materials.material import Kinematics, ramp, ramp_curvature, ramp_derivative, voigt_moduli
 
 #: By differences only: eigenvalues of complex tensors are another matter.
 SPECTRAL = ("ogden",)

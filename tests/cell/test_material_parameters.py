@@ -5,10 +5,10 @@ import pytest
 from solids import MATERIALS, deformations, make
 
 from porocore.cell.cell import Cell
-from porocore.cell.family.parameters import parameter_quantities
-from porocore.cell.materials.composite import PlacedMaterials
-from porocore.cell.materials.energy import Swollen
-from porocore.core.models.walk import is_number, walk, with_number
+from porocore.cell.family.family import parameter_quantities
+from porocore.cell.materials.hyperelastic import PlacedMaterials
+from porocore.cell.materials.material import Swollen
+from porocore.core.models.strict import is_number, walk, with_number
 
 FIBRES = {"kind": "holzapfel-gasser-ogden", "shear_modulus": 0.3, "bulk_modulus": 1, "k1": 0.5, "k2": 2}
 ALL = {

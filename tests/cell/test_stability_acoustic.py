@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from porocore.cell.stability.acoustic import acoustic_minimum, acoustic_tensor, half_sphere
+from porocore.cell.stability.modes import acoustic_minimum, acoustic_tensor, half_sphere
 
 I = np.eye(3)
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from porocore.cell.stability.inertia import WAVES
 from porocore.cell.stability.line import EVENTS, LineSettings, StabilityLine
 from porocore.cell.stability.map import MapPlan, load, save, write_tables
+from porocore.cell.stability.modes import WAVES
 from porocore.errors import ConfigurationError, DataError
 from porocore.report.figures.stability import stability_figure
 from porocore.states import Status

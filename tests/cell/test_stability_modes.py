@@ -7,16 +7,28 @@ from stability_blocks import block
 
 from porocore.cell.cell import Cell
 from porocore.cell.contact.settings import ContactSettings
-from porocore.cell.equilibrium.mass import lumped_mass
-from porocore.cell.equilibrium.path import follow
-from porocore.cell.equilibrium.responses import respond
+from porocore.cell.equilibrium.discrete import lumped_mass
+from porocore.cell.equilibrium.responses import follow, respond
 from porocore.cell.geometry.kinds import OrthogonalChannels
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.cell.meshing.mesh import MeshSettings
-from porocore.cell.stability.inertia import FAMILIES, WAVES, negative_pivots
-from porocore.cell.stability.modes import folded, lowest_eigenvalues, lowest_mode, lowest_of_class
-from porocore.cell.symmetry.exchange import exchanged_axes, images
-from porocore.cell.symmetry.parity import CLASSES, bloch_classes, held_displacements, odd_axes
+from porocore.cell.stability.modes import (
+    FAMILIES,
+    WAVES,
+    folded,
+    lowest_eigenvalues,
+    lowest_mode,
+    lowest_of_class,
+    negative_pivots,
+)
+from porocore.cell.symmetry import (
+    CLASSES,
+    bloch_classes,
+    exchanged_axes,
+    held_displacements,
+    images,
+    odd_axes,
+)
 from porocore.states import Status
 
 SkfemSolid = pytest.importorskip("porocore_fem_skfem.solid").SkfemSolid

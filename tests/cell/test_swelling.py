@@ -12,8 +12,7 @@ from porocore.errors import ConfigurationError
 from porocore.macro.laws import MeanGradientClosure, make_closure
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.macro.reference import CellReference
-from porocore.study.config.examples import benchmark_path
-from porocore.study.config.loading import load_config
+from porocore.study.config.loading import benchmark_path, load_config
 from porocore.study.stages.reference import solve_cell
 from porocore.verification.local_fields.points import PointFields
 from porocore_fem_skfem.cell_solver import SkfemCellSolver

@@ -9,10 +9,10 @@ from scipy.stats import qmc
 
 from porocore.cell.cell import Cell
 from porocore.cell.geometry.kinds import OrthogonalChannels, Voxels
-from porocore.cell.materials.holzapfel import HolzapfelGasserOgden
+from porocore.cell.materials.hyperelastic import HolzapfelGasserOgden
 from porocore.cell.meshing.mesh import MeshSettings
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.tensors.point_group import CUBIC
+from porocore.core.inputs import InputSpace
+from porocore.core.tensors import CUBIC
 from porocore.errors import SolveError
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.macro.laws import ClosedLaw, PotentialClosure
@@ -22,7 +22,7 @@ from porocore.sampling.execution import CellPool
 from porocore.states import MacroState
 from porocore.study.stages.stage_files import prepare_cell
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
-from porocore.testing.cell_laws.identities import cubic_symmetry
+from porocore.testing.cell_laws.exact import cubic_symmetry
 from porocore.testing.synthetic.response import confined_column
 from porocore_fem_skfem.macro import SkfemMacroSolver
 

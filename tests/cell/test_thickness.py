@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porocore.cell.level_sets.thickness import least_thickness
+from porocore.cell.level_sets.voxels import least_thickness
 
 VOXEL = np.full(3, 1 / 48)
 

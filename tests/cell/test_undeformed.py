@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.family.undeformed import (
+from porocore.cell.family.mesh import (
     UnstressedFamily,
     isotropic_solid,
     parameter_kinds,

@@ -11,7 +11,7 @@ from invoked import BENCHMARK, invoke, refusal
 from numpy.testing import assert_allclose
 
 from porocore import CellProblem
-from porocore.macro.laws.effective import PROPERTIES, EffectiveProperties
+from porocore.macro.laws.linear import PROPERTIES, EffectiveProperties
 
 MESH = {"size": 0.5, "fluid_size": 0.5}
 CHANNELS = {"geometry": {"kind": "orthogonal-channels", "radius": 0.25}, "mesh": MESH}

@@ -19,9 +19,8 @@ from porocore.plugins.discovery import Offered, Source
 from porocore.plugins.hookspecs import Offer
 from porocore.plugins.table import PluginRow
 from porocore.study import backends, stages
-from porocore.study.config.examples import benchmark_path
-from porocore.study.config.loading import load_config
-from porocore.study.run_folder.folder import RunFolder
+from porocore.study.config.loading import benchmark_path, load_config
+from porocore.study.run_folder import RunFolder
 
 
 @pytest.fixture

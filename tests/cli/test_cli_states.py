@@ -11,7 +11,7 @@ from porocore.cli.states import parse_grad_u, read_state
 from porocore.errors import ConfigurationError
 from porocore.states import Status
 from porocore.study import stages
-from porocore.study.config.examples import benchmark_path
+from porocore.study.config.loading import benchmark_path
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def asked(monkeypatch, capsys):
         return {"status": "converged"}
 
     def fields(config, folder, state, *, name=None, pictures=True, **how):
-        from porocore.core.inputs.input_space import NAMES
+        from porocore.core.inputs import NAMES
 
         seen.append([state.get(name, 0.0) for name in NAMES])
         response = SimpleNamespace(status=[Status.converged], extrema=None)

@@ -16,16 +16,12 @@ from fake_cell import IDENTITY, INPUTS, response
 from typer.testing import CliRunner
 
 from porocore.cli.commands.data import _input_range, data
-from porocore.core.units.results import OutputUnits, ResultUnits
-from porocore.core.units.scales import Scales
+from porocore.core.units import OutputUnits, ResultUnits, Scales
 from porocore.errors import ConfigurationError, DataError, PluginError, RunFolderError
 from porocore.interfaces.cell import CellField
 from porocore.interfaces.records import SolvedState, flatten_response
-from porocore.sampling.datasets.check import check_file
-from porocore.sampling.datasets.dataset import Dataset
-from porocore.sampling.datasets.export import table
-from porocore.sampling.datasets.layout import Block, Header, write_block
-from porocore.sampling.datasets.parts import parts_folder
+from porocore.sampling.datasets.check import check_file, table
+from porocore.sampling.datasets.dataset import Block, Dataset, Header, parts_folder, write_block
 from porocore.states import CellTangent, Status
 
 rng = np.random.default_rng(0)

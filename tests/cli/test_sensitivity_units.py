@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 
 from porocore.cli.commands.sensitivity import parse_loads, print_ends
-from porocore.core.units.results import OutputUnits, ResultUnits, speaking
-from porocore.core.units.scales import Scales
+from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
 from porocore.errors import ConfigurationError
 from porocore.states import CellExtrema, CellResponse, CellTangent, Status
 from porocore.verification.sensitivity.figures import FIGURES
-from porocore.verification.sensitivity.line import HalfLine
-from porocore.verification.sensitivity.plan import StudyPlan, Sweep
+from porocore.verification.sensitivity.plan import HalfLine, StudyPlan, Sweep
 from porocore.verification.sensitivity.results import Sensitivity, line_name, write_table
 from porocore.verification.sensitivity.study import SensitivityProgress
 

@@ -6,13 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.cell.stability.inertia import WAVES
 from porocore.cell.stability.line import EVENTS, LineSettings, StabilityLine
 from porocore.cell.stability.map import MapPlan, write_tables
+from porocore.cell.stability.modes import WAVES
 from porocore.cli.commands.stability import parse_plan, print_onsets, print_states
-from porocore.core.inputs.input_space import NAMES
-from porocore.core.units.results import OutputUnits, ResultUnits, speaking
-from porocore.core.units.scales import Scales
+from porocore.core.inputs import NAMES
+from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
 from porocore.errors import ConfigurationError
 from porocore.report.figures.stability import stability_figure
 from porocore.states import Status

@@ -8,10 +8,9 @@ import yaml
 from invoked import BENCHMARK, EXAMPLES, invoke, refusal
 
 from porocore.study.config.config import RunConfig
-from porocore.study.config.examples import MODELINE, examples
-from porocore.study.config.loading import load_config
+from porocore.study.config.loading import MODELINE, examples, load_config
 from porocore.study.config.schema import configuration_schema, field_docstrings
-from porocore.study.preflight.checks import place
+from porocore.study.notes.checks import place
 
 # ---- init ---------------------------------------------------------------------------------------
 

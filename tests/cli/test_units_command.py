@@ -3,7 +3,7 @@
 import pytest
 from invoked import BENCHMARK, invoke, refusal
 
-from porocore.core.units.scales import QUANTITIES
+from porocore.core.units import QUANTITIES
 from porocore.study.config.loading import load_config
 
 BRAIN = BENCHMARK.with_name("brain-indentation.yaml")

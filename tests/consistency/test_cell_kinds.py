@@ -9,16 +9,15 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.equilibrium.path import follow
-from porocore.cell.equilibrium.responses import respond
+from porocore.cell.equilibrium.responses import follow, respond
 from porocore.cell.geometry.kinds import MeshFile, OrthogonalChannels, SpherePores, TriplyPeriodic, Voxels
 from porocore.cell.geometry.spheres import Throat
-from porocore.cell.level_sets.level_set import LevelSetGeometry
+from porocore.cell.level_sets.cutting import LevelSetGeometry
 from porocore.cell.level_sets.tpms import Nodal
 from porocore.cell.meshing.mesh import CellMesh, MeshSettings
 from porocore.states import MacroState, Status
-from porocore.testing.cell_laws import identities
-from porocore.verification.crosscheck.cells import relative
+from porocore.testing.cell_laws import exact as identities
+from porocore.verification.crosscheck.bodies import relative
 from porocore.verification.crosscheck.comparison import CELL
 
 LINEAR = MeshSettings(size=0.2, fluid_size=0.25, element="linear")

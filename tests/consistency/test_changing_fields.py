@@ -27,8 +27,7 @@ from scipy.spatial.transform import Rotation
 
 from porocore.macro.composition.bound_law import BoundLaw
 from porocore.macro.composition.linearised_law import LinearisedLaw
-from porocore.macro.composition.member_law import NearestMemberLaw
-from porocore.macro.composition.region_law import RegionLaw
+from porocore.macro.composition.regions import NearestMemberLaw, RegionLaw
 from porocore.macro.laws import AdaptiveLaw
 from porocore.macro.problem import MacroProblem
 from porocore.plugins.registry import registry

@@ -9,14 +9,13 @@ import pytest
 
 from porocore.errors import ConfigurationError
 from porocore.interfaces.solution import History
-from porocore.macro.analytic.layered import LayeredConsolidation, SoilLayer
-from porocore.macro.analytic.terzaghi import Terzaghi
+from porocore.macro.analytic import LayeredConsolidation, SoilLayer, Terzaghi
 from porocore.macro.composition.linearised_law import LinearisedLaw
-from porocore.macro.composition.region_law import RegionLaw
+from porocore.macro.composition.regions import RegionLaw
 from porocore.macro.laws.linear import LinearPoroelasticity
 from porocore.macro.problem import MacroProblem
 from porocore.plugins.registry import registry
-from porocore.testing.synthetic.parametric_cell import BoundCell, parametric_law, porosity
+from porocore.testing.synthetic.cell import BoundCell, parametric_law, porosity
 from porocore.testing.synthetic.response import confined_column, linear_law
 
 SHORT = {"end": 6.0, "step": 1.5, "ramp_increments": 2, "ramp_step": 0.1, "profiles": (1.0,)}

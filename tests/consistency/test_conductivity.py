@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from porocore.cell.cell import Cell
 from porocore.cell.contact.settings import ContactSettings
 from porocore.cell.geometry.kinds import OrthogonalChannels
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import CellLaw

@@ -7,7 +7,7 @@ import pytest
 
 from porocore.errors import SolveError
 from porocore.interfaces.law import MacroLaw
-from porocore.testing.macro_laws.solving import NONLINEAR
+from porocore.testing.macro_laws.runs import NONLINEAR
 from porocore.testing.synthetic.response import confined_column
 
 TIME = {"ramp_increments": 4, "ramp_step": 1.0, "smallest_step": 0.5, "step": 1.0, "end": 5.0, "profiles": ()}

@@ -11,12 +11,11 @@ from scipy.stats import qmc
 from porocore.cell.cell import Cell
 from porocore.cell.geometry.channels import OrthogonalChannels
 from porocore.cell.meshing.mesh import MeshSettings
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.tensors.point_group import TRIVIAL
-from porocore.core.tensors.symmetric_functions import logarithm
+from porocore.core.inputs import InputSpace
+from porocore.core.tensors import TRIVIAL, logarithm
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import MacroState
-from porocore.surrogates.conductivity.fit import fit_conductivity
+from porocore.surrogates.conductivity import fit_conductivity
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 
 pytest.importorskip("porocore_fem_skfem")

@@ -12,7 +12,7 @@ from anisotropic_cell import AXES, FIELDS, anisotropic_law, block
 from anisotropic_cell import linear_law as anisotropic_linear_law
 from sensitivity_bodies import LAYERS, UNKNOWNS, column, law, layers, pressed
 
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.errors import ConfigurationError
 from porocore.interfaces.sensitivities import (
     HISTORY_SERIES,
@@ -27,10 +27,10 @@ from porocore.interfaces.sensitivities import (
 )
 from porocore.macro.composition.bound_law import BoundLaw
 from porocore.macro.composition.linearised_law import LinearisedLaw
-from porocore.macro.composition.region_law import RegionLaw
+from porocore.macro.composition.regions import RegionLaw
 from porocore.macro.laws import AdaptiveLaw, make_closure
 from porocore.plugins.registry import registry
-from porocore.testing.synthetic.porous_law import PorousFamilyLaw
+from porocore.testing.synthetic.porous_family import PorousFamilyLaw
 from porocore.testing.synthetic.response import linear_law
 
 #: Difference of gradients from sensitivities, as a share of the largest of a sum.

@@ -12,8 +12,8 @@ from anisotropic_cell import AXES, anisotropic_law, block
 from anisotropic_cell import linear_law as anisotropic_linear_law
 from sensitivity_bodies import LAYERS, TIME, UNKNOWNS, column, law, layers, pressed
 
-from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.core.inputs.input_space import InputSpace
+from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.core.inputs import InputSpace
 from porocore.errors import ConfigurationError
 from porocore.interfaces.sensitivities import (
     HISTORY_SERIES,
@@ -26,12 +26,10 @@ from porocore.interfaces.sensitivities import (
 )
 from porocore.macro.composition.bound_law import BoundLaw
 from porocore.macro.composition.linearised_law import LinearisedLaw
-from porocore.macro.composition.member_law import NearestMemberLaw
-from porocore.macro.composition.region_law import RegionLaw
+from porocore.macro.composition.regions import NearestMemberLaw, RegionLaw
 from porocore.macro.laws import AdaptiveLaw, ClosedLaw, make_closure
 from porocore.plugins.registry import registry
-from porocore.testing.synthetic.porous_family import porous_training_set
-from porocore.testing.synthetic.porous_law import PorousFamilyLaw
+from porocore.testing.synthetic.porous_family import PorousFamilyLaw, porous_training_set
 from porocore.testing.synthetic.response import linear_law, mean_gradient_law
 
 #: Difference from central differences, as a share of the largest derivative of a series.

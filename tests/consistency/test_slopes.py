@@ -12,12 +12,10 @@ from moved_cell import equilibrium, moved, quotient, velocity
 from porocore.cell.cell import Cell
 from porocore.cell.conductivity.pore import Pore, PoreMotion
 from porocore.cell.equilibrium.responses import respond, respond_with_slopes
-from porocore.cell.equilibrium.rest_slopes import hessian_slopes_at_rest
-from porocore.cell.equilibrium.solid_slopes import ExplicitDependence
-from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.cell.meshing.mesh import MeshSettings
-from porocore.cell.meshing.supercell import block, tiled
-from porocore.core.tensors.cofactors import cofactor, determinant
+from porocore.cell.equilibrium.slopes import ExplicitDependence, hessian_slopes_at_rest
+from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.cell.meshing.mesh import MeshSettings, block, tiled
+from porocore.core.tensors import cofactor, determinant
 
 NU = 0.35
 COARSE = {"size": 0.35, "fluid_size": 0.25}

@@ -7,8 +7,7 @@ from porocore import MacroState
 from porocore.cell.cell import Cell
 from porocore.cell.equilibrium.solver import EquilibriumCellSolver
 from porocore.cell.meshing.mesh import MeshSettings
-from porocore.cell.stability.inertia import negative_pivots
-from porocore.cell.stability.modes import lowest_of_class
+from porocore.cell.stability.modes import lowest_of_class, negative_pivots
 from porocore.states import Status
 
 CELL = Cell(mesh=MeshSettings(size=0.25, fluid_size=0.25, element="quadratic-curved"))

@@ -9,17 +9,17 @@ import pytest
 from cube_symmetry import symmetry_error
 from grouped_cell import GroupedCell
 
-from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.core.inputs.input_space import NAMES, InputSpace
-from porocore.core.tensors.point_group import CUBIC, PointGroup
+from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.core.inputs import NAMES, InputSpace
+from porocore.core.tensors import CUBIC, PointGroup
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.macro.laws import ClosedLaw, make_closure
 from porocore.macro.problem import MacroProblem
 from porocore.states import MacroState
-from porocore.surrogates.mean_gradient.model import AnchoredModel
+from porocore.surrogates.mean_gradient import AnchoredModel
 from porocore.surrogates.network.network import ACTIVATIONS, Network
 from porocore.surrogates.portable import NumpySurrogate
-from porocore.testing.compare import RESPONSES, with_derivatives
+from porocore.testing.expect import RESPONSES, with_derivatives
 from porocore.testing.synthetic.cell import respond, synthetic_training_set
 from porocore.testing.synthetic.porous_family import porous_training_set
 

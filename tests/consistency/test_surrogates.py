@@ -7,12 +7,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.laws import CLOSURES, ClosedLaw
 from porocore.states import MacroState
-from porocore.testing.compare import RESPONSES, with_derivatives
+from porocore.testing.expect import RESPONSES, with_derivatives
 from porocore.testing.synthetic.cell import INPUTS, synthetic_training_set
 from porocore.testing.synthetic.response import CONDUCTIVITY, SOLID_FRACTION
 from porocore.verification.crosscheck.comparison import SPREAD

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.core.inputs.input_space import InputSpace
-from porocore.macro.analytic.swelling import SwellingLayer
+from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.core.inputs import InputSpace
+from porocore.macro.analytic import SwellingLayer
 from porocore.macro.composition.linearised_law import LinearisedLaw
 from porocore.macro.laws import ClosedLaw, PotentialClosure
 from porocore.macro.laws.direct import DirectCellLaw
@@ -20,8 +20,7 @@ from porocore.sampling.execution import CellPool
 from porocore.states import MacroState
 from porocore.study.stages.stage_files import prepare_cell
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
-from porocore.testing.synthetic.porous_family import porosity, porous_training_set
-from porocore.testing.synthetic.porous_law import PorousFamilyLaw
+from porocore.testing.synthetic.porous_family import PorousFamilyLaw, porosity, porous_training_set
 from porocore.testing.synthetic.response import confined_column
 
 STRETCH = 1.06

@@ -22,7 +22,7 @@ import h5py  # noqa: E402
 import numpy as np  # noqa: E402
 
 from porocore import InputSpace, MacroState, Status, failed_response  # noqa: E402
-from porocore.core.fields.check import response_fault  # noqa: E402
+from porocore.core.field_check import response_fault  # noqa: E402
 from porocore.interfaces.records import SolvedState, build_response, flatten_response  # noqa: E402
 from porocore.sampling.datasets.dataset import Dataset  # noqa: E402
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from porocore.core.console import Console
-from porocore.core.inputs.input_space import InputSpace
-from porocore.macro.integration.forecast import StepForecast
+from porocore.core.inputs import InputSpace
+from porocore.macro.integration.newton import StepForecast
 from porocore.macro.problem import MacroProblem
 from porocore.sampling.forecast import StateForecast
 

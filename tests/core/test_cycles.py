@@ -5,7 +5,7 @@ from __future__ import annotations
 import weakref
 from itertools import count
 
-from porocore.core.parallel.cycles import PAUSE, CycleCollection
+from porocore.core.parallel.calls import PAUSE, CycleCollection
 
 
 class Circle:

@@ -3,7 +3,7 @@
 import pytest
 
 from porocore.core.echo import did_you_mean
-from porocore.core.files.first_bytes import foreign, told_by
+from porocore.core.files.slices import foreign, told_by
 
 
 @pytest.mark.parametrize(

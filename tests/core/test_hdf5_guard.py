@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 from invoked import invoke
 
-from porocore.core.hdf5 import atomic_hdf5, guard, opened
-from porocore.core.hdf5.trial import SECONDS
+from porocore.core import hdf5 as guard
+from porocore.core.hdf5 import atomic_hdf5, opened
+from porocore.core.hdf5_trial import SECONDS
 from porocore.errors import DataError
 
 TEXT = h5py.string_dtype()

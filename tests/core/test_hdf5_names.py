@@ -9,9 +9,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from porocore.core.hdf5 import atomic_hdf5, opened
-from porocore.core.hdf5.structure import LONGEST_NAME
-from porocore.core.hdf5.writing import link_to, name_of_link
+from porocore.core.hdf5 import LONGEST_NAME, atomic_hdf5, link_to, name_of_link, opened
 from porocore.core.models.name import LONGEST
 
 #: Any text that can be UTF-8.

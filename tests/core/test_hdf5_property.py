@@ -19,7 +19,7 @@ from hdf5_samples import KINDS, flat, same, unsealed
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
-from porocore.core.hdf5.seal import seal_of
+from porocore.core.hdf5 import seal_of
 from porocore.errors import PorocoreError
 
 Damage = Callable[[bytes], bytes]

@@ -6,13 +6,13 @@ import sys
 
 import pytest
 
-from porocore.core.files import lock as lock_module
-from porocore.core.files.lock import Locked, take_lock
+from porocore.core.files import claim as lock_module
+from porocore.core.files.claim import Locked, take_lock
 
 HOLD = """
 import sys
 from pathlib import Path
-from porocore.core.files.lock import take_lock
+from porocore.core.files.claim import take_lock
 take_lock(Path(sys.argv[1]))
 print("held", flush=True)
 sys.stdin.read()

@@ -5,14 +5,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 import pytest
 
-from porocore.core.tensors.point_group import (
-    CUBE_OPERATIONS,
-    CUBIC,
-    MIRRORS,
-    TRIVIAL,
-    PointGroup,
-    as_rotation,
-)
+from porocore.core.tensors import CUBE_OPERATIONS, CUBIC, MIRRORS, TRIVIAL, PointGroup, as_rotation
 
 CYCLE = [[0, 1, 0], [0, 0, 1], [1, 0, 0]]
 SWAP = [[0, 1, 0], [1, 0, 0], [0, 0, 1]]

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from fake_cell import response
 
-from porocore.core.fields.check import response_fault
-from porocore.core.fields.declaration import declared_fields, documented, provided_fields, row, rows_of
+from porocore.core.field_check import response_fault
+from porocore.core.fields import declared_fields, documented, provided_fields, row, rows_of
 from porocore.errors import PluginError
 from porocore.interfaces.records import (
     SolvedState,

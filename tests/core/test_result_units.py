@@ -3,10 +3,7 @@
 import numpy as np
 import pytest
 
-from porocore.core.units.quantities import pretty
-from porocore.core.units.results import OutputUnits, ResultUnits
-from porocore.core.units.scales import Scales
-from porocore.core.units.texts import value_of
+from porocore.core.units import OutputUnits, ResultUnits, Scales, pretty, value_of
 from porocore.macro.series import all_series, write_series
 
 

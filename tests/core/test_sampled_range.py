@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.inputs.sampled_range import SampledRange
+from porocore.core.inputs import InputSpace, SampledRange
 from porocore.states import MacroState
 
 INPUTS = InputSpace(("H22", "p"), (-0.2, 0.0), (0.1, 0.3))

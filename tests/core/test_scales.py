@@ -4,7 +4,7 @@ import pytest
 from typer.testing import CliRunner
 
 from porocore.cli.entry import app
-from porocore.core.units.scales import QUANTITIES, SCENARIOS, Scales
+from porocore.core.units import QUANTITIES, SCENARIOS, Scales
 from porocore.errors import ConfigurationError
 
 #: Dehghani & Zilian (2022), end of the numerical example.

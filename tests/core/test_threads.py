@@ -9,7 +9,7 @@ import sys
 import pytest
 from threadpoolctl import threadpool_info
 
-from porocore.core.parallel.threads import (
+from porocore.core.parallel.memory import (
     THREAD_VARIABLES,
     one_blas_thread,
     one_thread_from_now,

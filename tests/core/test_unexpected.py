@@ -18,7 +18,7 @@ from porocore.core import unexpected
 from porocore.errors import DataError, PorocoreError, UnexpectedError
 from porocore.sampling.execution.pool import CellPool
 from porocore.states import MacroState
-from porocore.study.config.examples import benchmark_path
+from porocore.study.config.loading import benchmark_path
 from porocore.study.stages import pipeline
 
 

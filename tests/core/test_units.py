@@ -9,13 +9,11 @@ import yaml
 from nested_settings import config_from
 
 from porocore.core.files.yaml_document import YamlDocument
-from porocore.core.units.quantities import UnitError, has_unit, in_si
-from porocore.core.units.results import speaking
-from porocore.core.units.scales import Scales
+from porocore.core.units import Scales, UnitError, has_unit, in_si, speaking
 from porocore.errors import ConfigurationError
 from porocore.study.config.config import differences
 from porocore.study.config.loading import load_config
-from porocore.study.preflight import checks
+from porocore.study.notes import checks
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "brain-indentation.yaml"
 

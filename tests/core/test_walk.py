@@ -4,10 +4,10 @@ import pytest
 import yaml
 from nested_settings import config_from
 
-from porocore.core.formulas.time_function import TimeFunction
-from porocore.core.models.walk import walk
+from porocore.core.formulas import TimeFunction
+from porocore.core.models.strict import walk
 from porocore.study.config.config import RunConfig
-from porocore.study.config.examples import benchmark_path
+from porocore.study.config.loading import benchmark_path
 
 
 @pytest.fixture

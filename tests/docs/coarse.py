@@ -12,28 +12,29 @@ import numpy as np
 import pytest
 from matplotlib.image import imsave
 
-import porocore.calibration.config.loading
-import porocore.calibration.forward.further
-import porocore.study.api.settings
+import porocore.calibration.cells
+import porocore.calibration.loading
+import porocore.study.api.solved
 import porocore.study.config.config
 import porocore.study.config.loading
-import porocore.study.sweep.family
+import porocore.study.sweep.plan
 import porocore.verification.crosscheck
 from porocore.cell.stability.line import LineSettings
 from porocore.cell.stability.map import MapPlan
 from porocore.core.files.yaml_document import YamlDocument
 from porocore.surrogates.network.options import MlpOptions, PotentialOptions
 from porocore.verification.ladder import cases as ladder
-from porocore.verification.local_fields import geometry, pictures
+from porocore.verification.local_fields import pictures
+from porocore.verification.local_fields import pictures as geometry
 from porocore.verification.representative.plan import SubvolumePlan
 from porocore.verification.sensitivity.plan import StudyPlan, Sweep
 
 #: Modules that hold the function by which every configuration is made.
 HOLDERS = (
     porocore.study.config.loading,
-    porocore.study.api.settings,
-    porocore.study.sweep.family,
-    porocore.calibration.config.loading,
+    porocore.study.api.solved,
+    porocore.study.sweep.plan,
+    porocore.calibration.loading,
 )
 #: Iterations of a training.
 TRAINING = {MlpOptions: "epochs", PotentialOptions: "iterations"}
@@ -153,7 +154,7 @@ def make_coarse(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(ladder, "select_cases", lambda names: select_cases(names or CASES))
     patch.setattr(ladder, "run_cases", lambda *words, long, **named: run_cases(*words, long=False, **named))
     # At a larger load a coarse body soon leaves the few states that its surrogate knows, in ever shorter steps.
-    further = porocore.calibration.forward.further
+    further = porocore.calibration.cells
     patch.setattr(further, "LOADS", (min(further.LOADS),))
     # What is on them is tested with the reports and the local fields, and takes most of the time of a small study.
     patch.setattr(matplotlib.figure.Figure, "draw", lambda figure, renderer: None)

@@ -16,7 +16,7 @@ from pages import page, rows
 from pydantic import BaseModel, Field
 from pydantic.fields import FieldInfo
 
-from porocore.core.units.dimensions import Dimension, Unit
+from porocore.core.units import Dimension, Unit
 from porocore.plugins.registry import registry
 from porocore.study.config.schema import configuration_schema
 from porocore.surrogates.network.options import MlpOptions, PotentialOptions
@@ -241,7 +241,7 @@ def test_the_options_of_the_networks(options):
             {"model"},
         ),
         (
-            "porocore/sampling/samplers/density.py DensitySweep",
+            "porocore/sampling/samplers/active.py DensitySweep",
             "sampler",
             "density-sweep",
             {"step", "tolerance"},

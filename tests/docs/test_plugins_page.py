@@ -28,7 +28,7 @@ def test_what_a_closure_needs_is_told(name):
         ("porocore.cell.cell.Cell", ("make_mesh", "solid")),
         ("porocore.cell.materials.material.StrainEnergy", ("energy_density", "stress", "tangent")),
         ("porocore.cell.materials.material.Material", ("on",)),
-        ("porocore.cell.materials.composite.Composite", ("on",)),
+        ("porocore.cell.materials.hyperelastic.Composite", ("on",)),
         ("porocore.macro.integration.stepping.Stepper", ("next", "accept", "reject")),
         ("porocore.macro.problem.MacroProblem", ("corners",)),
     ],

@@ -7,27 +7,43 @@ from pathlib import Path
 
 import porocore
 from porocore.interfaces.solution import History, file_name
-from porocore.macro.laws.closure_error import ClosureError
+from porocore.macro.laws.closure import ClosureError
 from porocore.macro.series import PROBE
 from porocore.report.context import AdaptiveSurrogateCost, DirectCost
-from porocore.report.words.statuses import SHARES
+from porocore.report.words.results import SHARES
 from porocore.study.sweep.results import OF_ALL, OF_CELL, OF_FORCES, OF_SETTLEMENT
 
 PACKAGE = Path(porocore.__file__).parent
 PAGE = (PACKAGE.parent / "docs" / "results.md").read_text(encoding="utf-8")
 #: Functions that write keys or columns, by file.
 WRITERS = {
-    "study/stages/figures_of_merit.py": ("figures_of_merit", "_cell", "_sampling", "_surrogate", "_errors"),
-    "study/stages/reporting.py": ("report",),
-    "report/metrics.py": ("solution_metrics", "case_metrics"),
-    "report/loading_mode.py": ("reactions", "relaxation"),
-    "report/law_differences.py": ("history_difference", "law_differences"),
+    "study/stages/reporting.py": (
+        "figures_of_merit",
+        "_cell",
+        "_sampling",
+        "_surrogate",
+        "_errors",
+        "report",
+    ),
+    "report/metrics.py": (
+        "solution_metrics",
+        "case_metrics",
+    ),
+    "report/context.py": (
+        "reactions",
+        "relaxation",
+        "history_difference",
+        "law_differences",
+    ),
     "report/dimensional.py": ("dimensional_metrics",),
-    "report/words/statuses.py": ("_at", "_wall"),
-    "study/tuning/tables.py": ("write_tables",),
+    "report/words/results.py": (
+        "_at",
+        "_wall",
+    ),
+    "study/tuning.py": ("write_tables",),
     "verification/sensitivity/results.py": ("write_table",),
     "cell/stability/map.py": ("write_tables",),
-    "sampling/datasets/export.py": ("table",),
+    "sampling/datasets/check.py": ("table",),
 }
 
 

@@ -18,10 +18,9 @@ from pages import ROOT, all_blocks
 from porocore.plugins.registry import registry
 from porocore.study.backends import surrogate_model
 from porocore.study.config.config import RunConfig
-from porocore.study.config.examples import MODELINE
-from porocore.study.config.loading import load_config
-from porocore.study.outline.outline import outline
-from porocore.study.preflight.checks import place as place_body
+from porocore.study.config.loading import MODELINE, load_config
+from porocore.study.notes.checks import place as place_body
+from porocore.study.notes.outline import outline
 
 BLOCKS = list(all_blocks("yaml", "yml"))
 

@@ -18,7 +18,7 @@ from pages import ROOT, page
 
 from porocore.cli import main
 from porocore.core.files.atomic import atomic_path
-from porocore.core.files.gmsh_session import import_gmsh
+from porocore.core.files.gmsh_model import import_gmsh
 from porocore.errors import PorocoreError
 from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.integration.stepping import Stepper
@@ -28,11 +28,11 @@ from porocore.plugins.hookspecs import Offer
 from porocore.plugins.kinds import KINDS
 from porocore.plugins.registry import Registry
 from porocore.report.text import MEANINGS
-from porocore.report.words.warnings import case_warnings
+from porocore.report.words.results import case_warnings
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Status
 from porocore.study.config.loading import load_config
-from porocore.study.run_folder.folder import RunFolder
+from porocore.study.run_folder import RunFolder
 
 #: Stands for what differs from case to case.
 GAP = "…"

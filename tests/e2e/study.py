@@ -25,8 +25,7 @@ import yaml
 from warm import WarmCommand
 
 from porocore.errors import DataError
-from porocore.sampling.datasets.dataset import Dataset
-from porocore.sampling.datasets.parts import parts_folder
+from porocore.sampling.datasets.dataset import Dataset, parts_folder
 
 POROCORE = Path(sys.executable).with_name("porocore")
 #: The same number of threads everywhere, so that results can be compared bit by bit.
@@ -85,7 +84,7 @@ PLAIN = (str(POROCORE),)
 EAGER_TRAINING = (
     sys.executable,
     "-c",
-    "import porocore.surrogates.network.adam as adam; adam.CHECKPOINT_INTERVAL = 0.05\n"
+    "import porocore.surrogates.network.training as adam; adam.CHECKPOINT_INTERVAL = 0.05\n"
     "from porocore.cli import main; main()",
 )
 EAGER_SOLVING = (

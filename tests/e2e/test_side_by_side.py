@@ -23,15 +23,15 @@ from porocore.core.console import Console
 from porocore.core.parallel import calls
 from porocore.errors import PorocoreError
 from porocore.study.config.loading import load_config
-from porocore.study.preflight import guess
-from porocore.study.run_folder.folder import RunFolder
+from porocore.study.notes import guess
+from porocore.study.run_folder import RunFolder
 from porocore.study.stages.solving import solve
 
 #: Every solve is worth a process.
 SIDE_BY_SIDE = (
     sys.executable,
     "-c",
-    "from porocore.study.preflight import guess; guess.WORTHWHILE = 0\nfrom porocore.cli import main; main()",
+    "from porocore.study.notes import guess; guess.WORTHWHILE = 0\nfrom porocore.cli import main; main()",
 )
 CASES = [(load, law) for load in LOADS for law in ("mean-gradient", "linear")]
 

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from test_family_sample import called
 
 from porocore.interfaces.solution import MacroSolution
-from porocore.study.api.cells import CellProblem
+from porocore.study.api.solved import CellProblem
 
 STRETCH, HEIGHT, AREA = 1.06, 2.0, 0.01
 MESH = {"size": 0.5, "fluid_size": 0.5, "element": "linear"}

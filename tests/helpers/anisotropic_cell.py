@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.interfaces.law import CellLaw, UndeformedCells
 from porocore.macro.laws import ClosedLaw, make_closure
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity

@@ -8,7 +8,7 @@ import numpy as np
 
 from porocore.calibration.problem import CurveData, CurveModel, CurvePrediction, Misfit, Unknown
 from porocore.errors import SolveError
-from porocore.macro.analytic.terzaghi import Terzaghi
+from porocore.macro.analytic import Terzaghi
 
 
 @dataclass(eq=False)

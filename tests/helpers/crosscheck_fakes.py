@@ -79,7 +79,7 @@ def surrogates():
     import numpy as np
 
     from porocore import CellResponse, CellTangent, Surrogate
-    from porocore.core.inputs.sampled_range import SampledRange
+    from porocore.core.inputs import SampledRange
 
     class Cubic(Surrogate):
         """⟨∇u¹⟩ as a polynomial of third degree in the two sampled inputs, by least squares."""

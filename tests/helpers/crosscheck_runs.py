@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from porocore.cli import main
-from porocore.study.config.examples import crosscheck_path
+from porocore.study.config.loading import crosscheck_path
 
 
 def distribution(folder, name, module):

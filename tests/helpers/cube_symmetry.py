@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from porocore.states import Array, CellResponse, MacroState
-from porocore.surrogates.stretch.components import COMPONENT, PLACES
+from porocore.surrogates.stretch import COMPONENT, PLACES
 
 
 def cube_group(active: tuple[int, ...]) -> Array:

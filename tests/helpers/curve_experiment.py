@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from porocore.calibration.config.loading import read_plan
-from porocore.calibration.forward.experiment import ExperimentModel
+from porocore.calibration.experiment import ExperimentModel
+from porocore.calibration.loading import read_plan
 from porocore.calibration.plan import CalibrationPlan
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.macro.laws import ClosedLaw, make_closure
-from porocore.testing.synthetic.porous_law import PorousFamilyLaw
+from porocore.testing.synthetic.porous_family import PorousFamilyLaw
 
 #: Difference of slopes from central differences, as a share of the largest slope of a curve.
 ACCURACY = 1e-6

@@ -16,14 +16,14 @@ from typing import Any
 
 import numpy as np
 
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.sampler import Request, Sampler
 from porocore.sampling.campaign import run_campaign
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
-from porocore.sampling.samplers.density import DensitySweep
-from porocore.sampling.samplers.random_states import random_requests
+from porocore.sampling.samplers.active import DensitySweep
+from porocore.sampling.samplers.designs import random_requests
 from porocore.states import CellExtrema, CellResponse, CellTangent, MacroState, Status
 
 INPUTS = InputSpace(("p", "H22"), (-0.1, -0.4), (0.2, 0.1))

@@ -6,7 +6,7 @@ from itertools import product
 
 import numpy as np
 
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 
 FOUR = InputSpace.from_ranges({name: (-0.15, 0.1) for name in ("H11", "H22", "H33")} | {"p": (0.0, 0.2)})
 SHEARED = ("H11", "H22", "H33", "H12", "H13", "H23")

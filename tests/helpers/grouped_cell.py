@@ -10,17 +10,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.inputs.sampled_range import SampledRange
-from porocore.core.tensors.point_group import PointGroup
+from porocore.core.inputs import InputSpace, SampledRange
+from porocore.core.tensors import PointGroup
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import CellResponse, IntArray, MacroState
-from porocore.surrogates.conductivity.model import ConductivityModel
-from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to
-from porocore.surrogates.polynomial.terms import invariant
-from porocore.surrogates.potential.data import RestExpansion
-from porocore.surrogates.potential.model import PotentialModel
-from porocore.surrogates.potential.training_box import TrainingBox
+from porocore.surrogates.conductivity import ConductivityModel
+from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to, invariant
+from porocore.surrogates.potential import PotentialModel, RestExpansion, TrainingBox
 from porocore.surrogates.symmetry import Action, Equivariance, on_places, on_triangle, on_variables
 
 #: All nine components of H and p.

@@ -12,22 +12,20 @@ import numpy as np
 from fake_cell import response
 from made_up_column import make_column
 
-from porocore.core.hdf5.seal import seal_of
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.inputs.sampled_range import SampledRange
+from porocore.core.hdf5 import seal_of
+from porocore.core.inputs import InputSpace, SampledRange
 from porocore.core.parallel import Communicator
 from porocore.interfaces.cell import CellField
 from porocore.interfaces.law import LawMemory
 from porocore.interfaces.records import SolvedState
 from porocore.interfaces.solution import MacroSolution
-from porocore.macro.integration.adaptive import ErrorControl
-from porocore.macro.integration.checkpoint import CheckpointFile
-from porocore.macro.integration.predictor import Predictor
-from porocore.macro.integration.recorder import HistoryRecorder
-from porocore.sampling.datasets.layout import Block, Header, read_block, read_fields, write_block
+from porocore.macro.integration.checkpoint import CheckpointFile, HistoryRecorder
+from porocore.macro.integration.newton import Predictor
+from porocore.macro.integration.stepping import ErrorControl
+from porocore.sampling.datasets.dataset import Block, Header, read_block, read_fields, write_block
 from porocore.states import MacroState, Status
 from porocore.surrogates.file import file as surrogate_file
-from porocore.surrogates.mean_gradient.model import AnchoredModel
+from porocore.surrogates.mean_gradient import AnchoredModel
 from porocore.surrogates.network.network import Network
 
 INPUTS = InputSpace(("p", "H22"), (-0.1, -0.4), (0.2, 0.1))

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from porocore.cell.equilibrium.path import follow
+from porocore.cell.equilibrium.responses import follow
 
 STEPS, WEIGHTS = (-2, -1, 1, 2), (1 / 12, -2 / 3, 2 / 3, -1 / 12)
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.interfaces.sensitivities import (
     BoundaryChange,
     CellParameterChange,
@@ -17,7 +17,7 @@ from porocore.interfaces.sensitivities import (
 )
 from porocore.macro.laws import ClosedLaw, make_closure
 from porocore.macro.problem import MacroProblem
-from porocore.testing.synthetic.porous_law import PorousFamilyLaw
+from porocore.testing.synthetic.porous_family import PorousFamilyLaw
 
 TIME = {"end": 3.0, "step": 1.0, "ramp_increments": 2, "ramp_step": 0.2, "profiles": ()}
 SIDES = {face: {"displacement": (0, None, 0)} for face in ("x-", "x+", "z-", "z+")}

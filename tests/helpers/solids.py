@@ -4,7 +4,7 @@ import numpy as np
 from pydantic import TypeAdapter
 from scipy.spatial.transform import Rotation
 
-from porocore.cell.materials.choice import AnyMaterial
+from porocore.cell.materials.hyperelastic import AnyMaterial
 
 make = TypeAdapter(AnyMaterial).validate_python
 NU = 0.35

@@ -6,15 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.inputs.sampled_range import SampledRange
-from porocore.core.tensors.point_group import CUBIC
+from porocore.core.inputs import InputSpace, SampledRange
+from porocore.core.tensors import CUBIC
 from porocore.surrogates.file.file import SurrogateMetadata
-from porocore.surrogates.mean_gradient.model import AnchoredModel
+from porocore.surrogates.mean_gradient import AnchoredModel
 from porocore.surrogates.network.network import Network
 from porocore.surrogates.polynomial.fit import polynomial_model
-from porocore.surrogates.polynomial.terms import invariant, plain
-from porocore.surrogates.potential.model import NetworkPart
+from porocore.surrogates.polynomial.monomials import invariant, plain
+from porocore.surrogates.potential import NetworkPart
 from porocore.testing.synthetic.cell import synthetic_training_set
 from porocore.testing.synthetic.potential_cell import potential_training_set
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from porocore.macro.integration.adaptive import ErrorControl, Reached
 from porocore.macro.integration.newton import newton_step
+from porocore.macro.integration.stepping import ErrorControl, Reached
 from porocore.testing.synthetic.response import confined_column, linear_law
 
 Solver = pytest.importorskip("porocore_fem_skfem.macro").SkfemMacroSolver

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.core.inputs.input_space import InputSpace
+from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.core.inputs import InputSpace
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.law import CellLaw
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.macro.laws import AdaptiveLaw, ClosedLaw, MeanGradientClosure, PotentialClosure
-from porocore.macro.laws.adaptive_surrogate import AdaptiveSurrogate
+from porocore.macro.laws.direct import AdaptiveSurrogate
 from porocore.macro.problem import TimePlan
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool

@@ -10,15 +10,13 @@ import pytest
 import tifffile
 from pydantic import ValidationError
 
-from porocore.core.units.results import OutputUnits, ResultUnits, speaking
-from porocore.core.units.scales import Scales
+from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
 from porocore.errors import ConfigurationError
+from porocore.macro.body.mesh import box
 from porocore.macro.body.mesh_file import read_body
-from porocore.macro.body.structured import box
 from porocore.macro.composition.body_fields import BodyFields, CellRanges, require_composition
-from porocore.macro.composition.composed_body import sections
-from porocore.macro.composition.measured import covered_lines
-from porocore.macro.composition.regions import region_numbers
+from porocore.macro.composition.fields import covered_lines
+from porocore.macro.composition.regions import region_numbers, sections
 from porocore.macro.problem import MacroSetup
 from porocore.testing.synthetic.response import confined_column
 

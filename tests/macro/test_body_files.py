@@ -5,11 +5,10 @@ import pytest
 
 from porocore.errors import ConfigurationError
 from porocore.macro.body.kinds import Box
-from porocore.macro.body.mesh import boundary_facets
+from porocore.macro.body.mesh import Facets, boundary_facets
 from porocore.macro.body.mesh_file import read_body
-from porocore.macro.body.surfaces import Facets
 from porocore.macro.problem import MacroProblem
-from porocore.testing.macro_laws.meshes import write_tetrahedra
+from porocore.testing.macro_laws.bodies import write_tetrahedra
 
 
 @pytest.mark.parametrize("suffix", [".msh", ".vtu"])

@@ -4,17 +4,14 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from porocore.core.formulas.time_function import TimeFunction
+from porocore.core.formulas import TimeFunction
 from porocore.errors import ConfigurationError
-from porocore.macro.body.element import HEXAHEDRON, TETRAHEDRON
 from porocore.macro.body.kinds import Box, make_body
-from porocore.macro.body.mesh import BodyMesh, boundary_facets
-from porocore.macro.body.structured import sector
-from porocore.macro.body.surfaces import Facets
+from porocore.macro.body.mesh import HEXAHEDRON, TETRAHEDRON, BodyMesh, Facets, boundary_facets, sector
 from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.boundary.followers import forces, tangent
-from porocore.macro.boundary.frames import Constraint, in_frames
 from porocore.macro.boundary.probes import interpolation
+from porocore.macro.boundary.reactions import Constraint, in_frames
 from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.testing.synthetic.response import confined_column
 

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from porocore.macro.body.kinds import Box
-from porocore.macro.body.points import point_states
+from porocore.macro.body.kinds import Box, point_states
 from porocore.macro.problem import MacroProblem
 from porocore.plugins import registry
-from porocore.testing.macro_laws.meshes import write_tetrahedra
+from porocore.testing.macro_laws.bodies import write_tetrahedra
 
 
 @pytest.mark.parametrize("body", ["box", "wedge", "file"])

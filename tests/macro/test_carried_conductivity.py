@@ -7,10 +7,10 @@ import pytest
 from scipy.linalg import polar
 from scipy.spatial.transform import Rotation
 
-from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.core.tensors.polar import polar_rotation, spin
+from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.core.tensors import polar_rotation, spin
 from porocore.macro.laws import CLOSURES, make_closure
-from porocore.macro.laws.pull_back import PulledBack, is_isotropic
+from porocore.macro.laws.closure import PulledBack, is_isotropic
 from porocore.states import CellResponse, CellTangent, MacroState
 
 EYE = np.eye(3)

@@ -8,21 +8,18 @@ import sys
 import pytest
 
 from porocore.cli.entry import main
-from porocore.core.units.scales import Scales
+from porocore.core.units import Scales
 from porocore.errors import ConfigurationError, DataError, RunFolderError
 from porocore.interfaces.macro import MacroSolver
-from porocore.macro.laws.direct import DirectWork
-from porocore.macro.laws.direct_record import cost_recorded, direct_records
+from porocore.macro.laws.direct import DirectWork, cost_recorded, direct_records
 from porocore.plugins import registry
 from porocore.plugins.discovery import Offered, Source
 from porocore.plugins.hookspecs import Offer
 from porocore.states import Status
 from porocore.study.backends import with_closure
 from porocore.study.config.config import RunConfig
-from porocore.study.config.examples import benchmark_path
-from porocore.study.config.loading import load_config
-from porocore.study.run_folder.files import direct_law
-from porocore.study.run_folder.folder import RunFolder
+from porocore.study.config.loading import benchmark_path, load_config
+from porocore.study.run_folder import RunFolder, direct_law
 
 
 @pytest.fixture

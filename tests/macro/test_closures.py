@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from closure_slopes import INPUTS, assert_slopes
 
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import CellLaw, LawMemory
 from porocore.macro.laws import CLOSURES, ClosedLaw, LinearCellLaw, MeanGradientClosure, macro_law

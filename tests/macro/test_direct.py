@@ -8,12 +8,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.core.files.store import ResultStore
 from porocore.errors import PorocoreError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.law import CellLaw
-from porocore.macro.composition.turned_law import TurnedLaw
+from porocore.macro.composition.axes import TurnedLaw
 from porocore.macro.laws import ClosedLaw, MeanGradientClosure, PotentialClosure
 from porocore.macro.laws.direct import GRID, DirectCellLaw
 from porocore.sampling.execution import CellPool

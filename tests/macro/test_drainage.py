@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from porocore.macro.analytic.relaxation import excess_force, relaxed
-from porocore.macro.body.surfaces import Patch
+from porocore.macro.analytic import excess_force, relaxed
+from porocore.macro.body.mesh import Patch
 from porocore.macro.boundary.drainage import drained_axes, held_sideways, moved, relaxation_time, undrained
 from porocore.macro.problem import Boundary, body_mesh
 from porocore.testing.synthetic.response import confined_column

@@ -9,10 +9,8 @@ from numpy.testing import assert_allclose
 from scipy.optimize import root
 
 from porocore import CellProblem
-from porocore.core.units.results import OutputUnits, ResultUnits
-from porocore.core.units.scales import Scales
-from porocore.macro.laws.effective import PROPERTIES, EffectiveProperties
-from porocore.macro.laws.linear import LinearCoefficients
+from porocore.core.units import OutputUnits, ResultUnits, Scales
+from porocore.macro.laws.linear import PROPERTIES, EffectiveProperties, LinearCoefficients
 
 POISSON = 0.3
 #: Bulk and shear modulus of a solid of E = 1.

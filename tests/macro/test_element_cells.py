@@ -9,21 +9,20 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from porocore.errors import DataError
-from porocore.interfaces.element_cells import ElementCells
+from porocore.interfaces.cell import ElementCells
 from porocore.interfaces.solution import MacroSolution
-from porocore.macro.analytic.layered import LayeredConsolidation, SoilLayer
-from porocore.macro.body.section import most_telling, sections
+from porocore.macro.analytic import LayeredConsolidation, SoilLayer
+from porocore.macro.body.kinds import most_telling, sections
 from porocore.macro.boundary.drainage import drainage_time
-from porocore.macro.composition.kept_cells import nearest_rotations
+from porocore.macro.composition.body_fields import nearest_rotations
 from porocore.macro.composition.linearised_law import RestCoefficients, coefficients_of_elements
-from porocore.macro.composition.member_law import NearestMemberLaw
-from porocore.macro.composition.region_law import RegionLaw
+from porocore.macro.composition.regions import NearestMemberLaw, RegionLaw
 from porocore.macro.laws.linear import LinearPoroelasticity
-from porocore.macro.oscillation import diffusion_time
 from porocore.macro.problem import body_mesh
+from porocore.macro.reference import diffusion_time
 from porocore.plugins.registry import registry
 from porocore.states import MacroState
-from porocore.testing.synthetic.parametric_cell import CONDUCTIVITY, BoundCell, parametric_law
+from porocore.testing.synthetic.cell import CONDUCTIVITY, BoundCell, parametric_law
 from porocore.testing.synthetic.response import confined_column, linear_law
 
 SHORT = {"end": 2.0, "step": 1.0, "ramp_increments": 1, "ramp_step": 0.5, "profiles": (0.5,)}

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porocore.macro.integration.forecast import StepForecast
+from porocore.macro.integration.newton import StepForecast
 from porocore.macro.integration.stepping import Stepper
 from porocore.macro.problem import MacroProblem
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.interfaces.law import CellLaw, MacroLaw
-from porocore.interfaces.law_wrapper import LawWrapper
-from porocore.macro.analytic.xie_leo import XieLeo
+from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.interfaces.law import CellLaw, LawWrapper, MacroLaw
+from porocore.macro.analytic import XieLeo
 from porocore.macro.composition.bound_law import BoundLaw
 from porocore.macro.laws import ClosedLaw, PotentialClosure
 from porocore.testing import MacroLawSuite
 from porocore.testing.synthetic import potential_cell
-from porocore.testing.synthetic.parametric_cell import parametric_law
+from porocore.testing.synthetic.cell import parametric_law
 from porocore.testing.synthetic.response import CONDUCTIVITY, SOLID_FRACTION, linear_law, mean_gradient_law
-from porocore.verification.ladder.clay_law import ClayLaw
+from porocore.verification.ladder.xie_leo import ClayLaw
 
 
 class TestLinear(MacroLawSuite):

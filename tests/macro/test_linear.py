@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.errors import ConfigurationError
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.states import CellResponse, CellTangent, MacroState

@@ -9,13 +9,20 @@ import pytest
 
 from porocore.interfaces.law import MacroTangent
 from porocore.interfaces.solution import StepWork
+from porocore.macro import linear_systems as memory
 from porocore.macro.boundary.conditions import boundary_data
-from porocore.macro.linear_systems import memory
-from porocore.macro.linear_systems.coarse import linear_level, linear_prolongation, rigid_modes
-from porocore.macro.linear_systems.figures import step_in_words, work_in_words
-from porocore.macro.linear_systems.reuse import ReusePolicy, forcing, sufficient
-from porocore.macro.linear_systems.schur import pressure_mass
-from porocore.macro.linear_systems.work import LinearWork
+from porocore.macro.linear_systems import (
+    LinearWork,
+    ReusePolicy,
+    forcing,
+    linear_level,
+    linear_prolongation,
+    pressure_mass,
+    rigid_modes,
+    step_in_words,
+    sufficient,
+    work_in_words,
+)
 from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.testing.synthetic.response import confined_column
 

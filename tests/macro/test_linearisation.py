@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from porocore.macro.integration.linearisation import Linearisations
-from porocore.macro.integration.newton import ROUND_OFF, _round_off, largest_free
-from porocore.macro.integration.predictor import Predictor
+from porocore.macro.integration.newton import ROUND_OFF, Linearisations, Predictor, _round_off, largest_free
 from porocore.states import MacroState
 from porocore.testing.synthetic.response import AlteredLaw, confined_column, linear_law, mean_gradient_law
 

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from porocore.core.files.foreign_mesh import read_mesh
-from porocore.core.files.gmsh_session import gmsh_session
+from porocore.core.files.gmsh_model import gmsh_session
 from porocore.errors import ConfigurationError, PorocoreError
 from porocore.macro.body.kinds import Box, make_body
-from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.body.mesh import BodyMesh, Facets, Patch, with_patches
 from porocore.macro.body.mesh_file import read_body
-from porocore.macro.body.surfaces import Facets, Patch, with_patches
 from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.boundary.reactions import Support, shares
 from porocore.macro.problem import MacroProblem

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from porocore.macro.body.kinds import Box
-from porocore.macro.oscillation import diffusion_time, overshoot, unresolved
 from porocore.macro.problem import MacroProblem
-from porocore.testing.macro_laws.meshes import write_tetrahedra
+from porocore.macro.reference import diffusion_time, overshoot, unresolved
+from porocore.testing.macro_laws.bodies import write_tetrahedra
 from porocore.testing.synthetic.response import confined_column, linear_law
 
 Solver = pytest.importorskip("porocore_fem_skfem.macro").SkfemMacroSolver

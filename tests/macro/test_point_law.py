@@ -10,16 +10,15 @@ import pytest
 from made_up_conductivity import conductivity
 
 import porocore
-from porocore.cell.family.parameters import CellParameter
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.family.family import CellParameter
+from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import CellLaw, MacroLaw
 from porocore.macro.composition.linearised_law import LinearisedLaw
 from porocore.macro.laws import ClosedLaw, MeanGradientClosure, PotentialClosure
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.states import CellResponse, MacroState
-from porocore.testing.synthetic.cell import SOLID_FRACTION, respond
-from porocore.testing.synthetic.parametric_cell import BoundCell, parametric_law, porosity
+from porocore.testing.synthetic.cell import SOLID_FRACTION, BoundCell, parametric_law, porosity, respond
 from porocore.testing.synthetic.response import cubic_reference
 
 MATERIAL = NeoHookean()

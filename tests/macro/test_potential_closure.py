@@ -9,11 +9,11 @@ import pytest
 from closure_slopes import INPUTS, assert_slopes
 from loading_cycle import elliptic_cycle, work_over_cycle
 
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import CellLaw
 from porocore.macro.laws import CLOSURES, ClosedLaw, MeanGradientClosure, PotentialClosure
-from porocore.macro.laws.closure_error import closure_error
+from porocore.macro.laws.closure import closure_error
 from porocore.states import MacroState
 from porocore.surrogates.polynomial.fit import polynomial_model
 from porocore.testing.synthetic.cell import SOLID_FRACTION, STORAGE, respond, synthetic_training_set

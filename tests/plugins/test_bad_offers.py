@@ -60,7 +60,7 @@ def shop(tmp_path_factory):
     def here():
         return [*real(path=[p for p in sys.path if p.startswith(base)]), metadata.distribution("porocore")]
 
-    patch.setattr("porocore.plugins.entry_points.metadata.distributions", here)
+    patch.setattr("porocore.plugins.discovery.metadata.distributions", here)
     registry.registry.cache_clear()
     yield shop
     patch.undo()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from made_up_column import make_column
 
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.errors import PluginError
 from porocore.interfaces.cell import CellField, CellSolution
 from porocore.interfaces.sampler import Request

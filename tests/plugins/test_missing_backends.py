@@ -5,12 +5,11 @@ import pytest
 from porocore.errors import PluginError
 from porocore.plugins.kinds import KINDS
 from porocore.plugins.registry import Registry
-from porocore.study.config.examples import benchmark_path
-from porocore.study.config.loading import load_config
-from porocore.study.preflight import checks as preflight
+from porocore.study.config.loading import benchmark_path, load_config
+from porocore.study.notes import checks as preflight
 from porocore.testing.installed import check as plugin_check
 from porocore.verification import backends
-from porocore.verification.crosscheck import backend_selection
+from porocore.verification.crosscheck import comparison as backend_selection
 from porocore.verification.ladder import cases as ladder
 
 SKFEM = "'skfem' is not installed; install it: pip install porocore-fem-skfem"

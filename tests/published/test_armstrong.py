@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from porocore.macro.analytic.armstrong import UnconfinedCompression
+from porocore.macro.analytic import UnconfinedCompression
 
 PLUG = UnconfinedCompression(radius=2.0, strain=-0.05, lame=0.3, shear=0.4, conductivity=0.7, ramp=0.3)
 R = np.linspace(0.1, 1.9, 19)

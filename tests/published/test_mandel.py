@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from porocore.macro.analytic.mandel import Mandel
+from porocore.macro.analytic import Mandel
 
 BLOCK = Mandel(
     half_width=100.0, force=0.6, lame=1.65, shear=2.475, biot=0.8, storage=0.06, conductivity=0.0987

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.macro.analytic.terzaghi import Terzaghi
+from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.macro.analytic import Terzaghi
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.testing.synthetic.response import confined_column, cubic_reference
 from porocore_fem_skfem.macro import SkfemMacroSolver

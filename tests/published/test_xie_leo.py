@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from porocore.macro.analytic.xie_leo import XieLeo
+from porocore.macro.analytic import XieLeo
 from porocore.states import MacroState
-from porocore.verification.ladder.clay_law import ClayLaw
-from porocore.verification.ladder.xie_leo import PUBLISHED
+from porocore.verification.ladder.xie_leo import PUBLISHED, ClayLaw
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "xie_leo.py"
 LAYER = XieLeo()

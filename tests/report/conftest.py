@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from report_page import ODD, Page
 
-from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.core.inputs.input_space import InputSpace
-from porocore.macro.laws.closure_error import ClosureError
+from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.core.inputs import InputSpace
+from porocore.macro.laws.closure import ClosureError
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.report.context import (
     CellSummary,
@@ -22,7 +22,7 @@ from porocore.report.html import render
 from porocore.report.metrics import LoadCase
 from porocore.report.words.held_out import OutputCheck
 from porocore.states import CellResponse, CellTangent, Status
-from porocore.study.findings.publication import DEHGHANI_ZILIAN
+from porocore.study.notes.publication import DEHGHANI_ZILIAN
 
 
 def reference() -> CellResponse:

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from browser import too_wide
 
-from porocore.core.units.results import OutputUnits, ResultUnits
-from porocore.core.units.scales import SCENARIOS, Scales
-from porocore.report.context import AdaptiveSurrogateCost, DirectCost
+from porocore.core.units import SCENARIOS, OutputUnits, ResultUnits, Scales
+from porocore.report.context import AdaptiveSurrogateCost, DirectCost, LoadingMode
 from porocore.report.html import render
-from porocore.report.loading_mode import LoadingMode
 
 UNITS = ResultUnits(
     Scales(modulus=2e3, length=1e-2, pore=5e-6), OutputUnits(length="mm", stress="mmHg", time="min")

@@ -17,9 +17,9 @@ from report_page import ODD, Page
 from porocore.core.files.atomic import file_stem
 from porocore.core.parallel.calls import CallProcesses
 from porocore.errors import RunFolderError
+from porocore.report.context import LoadingMode
 from porocore.report.figures.style import named, new_figure, svg_bytes
 from porocore.report.html import render, write_report
-from porocore.report.loading_mode import LoadingMode
 from porocore.report.metrics import LoadCase
 from porocore.report.page import Pictures
 

@@ -5,11 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.macro.body.element import ELEMENTS
 from porocore.macro.body.kinds import Box
-from porocore.macro.body.mesh import boundary_facets
-from porocore.report.figures.body import _ticks, body_figure
-from porocore.report.figures.facets import front, pieces
+from porocore.macro.body.mesh import ELEMENTS, boundary_facets
+from porocore.report.figures.body import _ticks, body_figure, front, pieces
 
 
 @pytest.mark.parametrize("nodes", [27, 10])

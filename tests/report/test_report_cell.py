@@ -5,13 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.core.units.results import OutputUnits, ResultUnits, speaking
-from porocore.core.units.scales import Scales
+from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.report.context import CellSummary
-from porocore.report.words.cell import cell_rows, linear_rows, mesh_rows
-from porocore.report.words.components import symmetric
+from porocore.report.words.cell import cell_rows, linear_rows, mesh_rows, symmetric
 from porocore.states import CellResponse, CellTangent
 
 UNITS = ResultUnits(

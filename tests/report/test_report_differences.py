@@ -8,9 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.report.context import DirectCost
+from porocore.report.context import DirectCost, history_difference, law_differences
 from porocore.report.figures import history_figure
-from porocore.report.law_differences import history_difference, law_differences
 from porocore.report.metrics import LoadCase, case_metrics
 
 

@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.units.results import OutputUnits, ResultUnits
-from porocore.core.units.scales import Scales
+from porocore.core.inputs import InputSpace
+from porocore.core.units import OutputUnits, ResultUnits, Scales
 from porocore.report.context import TrainingCurve
 from porocore.report.figures import (
     PROFILE_FIELDS,
@@ -24,8 +23,7 @@ from porocore.report.figures import (
     svg_bytes,
     training_figure,
 )
-from porocore.report.figures.profiles import ColumnAxis
-from porocore.report.figures.series import early_peak, end_of_rise, panels
+from porocore.report.figures.curves import ColumnAxis, early_peak, end_of_rise, panels
 from porocore.report.figures.style import new_figure
 from porocore.report.words.held_out import OutputCheck
 from porocore.states import Status

@@ -9,12 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.core.formulas.time_function import TimeFunction
-from porocore.core.units.results import OutputUnits, ResultUnits
-from porocore.core.units.scales import Scales
+from porocore.core.formulas import TimeFunction
+from porocore.core.units import OutputUnits, ResultUnits, Scales
 from porocore.macro.problem import Boundary, MacroSetup
+from porocore.report.context import LoadingMode, reactions, relaxation
 from porocore.report.dimensional import dimensional_rows
-from porocore.report.loading_mode import LoadingMode, reactions, relaxation
 from porocore.report.metrics import LoadCase, case_metrics
 from porocore.report.text import force_sentences, force_warnings
 

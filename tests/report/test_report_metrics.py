@@ -9,8 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.core.units.results import OutputUnits, ResultUnits, speaking
-from porocore.core.units.scales import Scales
+from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
 from porocore.report.format import difference, duration, number, percent, plain
 from porocore.report.metrics import (
     LoadCase,
@@ -28,7 +27,7 @@ from porocore.report.words.held_out import (
     worst_percent,
     worst_percent_in_body,
 )
-from porocore.report.words.warnings import case_warnings, flagged_shares
+from porocore.report.words.results import case_warnings, flagged_shares
 
 
 def exact_time(share: float, rate: float, end: float = 100.0) -> float:

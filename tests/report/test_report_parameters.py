@@ -10,13 +10,12 @@ from report_page import Page
 from scipy.spatial.transform import Rotation
 
 from porocore.cell.cell import Cell
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.units.results import OutputUnits, ResultUnits, speaking
-from porocore.core.units.scales import Scales
-from porocore.interfaces.element_cells import ElementCells
-from porocore.macro.body.section import sections
+from porocore.core.inputs import InputSpace
+from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
+from porocore.interfaces.cell import ElementCells
+from porocore.macro.body.kinds import sections
 from porocore.report.context import SamplingSummary
-from porocore.report.figures.fields import (
+from porocore.report.figures.body import (
     axes_along_column,
     axes_in_section,
     body_fields,
@@ -24,15 +23,15 @@ from porocore.report.figures.fields import (
     field_in_section,
     regions_in_section,
 )
-from porocore.report.figures.parameters import error_figure, rest_figure, spread_figure
-from porocore.report.figures.profiles import ColumnAxis
+from porocore.report.figures.cell import error_figure, rest_figure, spread_figure
+from porocore.report.figures.curves import ColumnAxis
 from porocore.report.figures.sampling import samples_of
 from porocore.report.html import render
 from porocore.report.metrics import LoadCase
-from porocore.report.words.body_cells import BodyCells, region_rows, volumes_of
 from porocore.report.words.cell import conductivity_sentence
 from porocore.report.words.held_out import OutputCheck
 from porocore.report.words.parameters import (
+    BodyCells,
     FamilySummary,
     ParameterRange,
     RestField,
@@ -40,10 +39,12 @@ from porocore.report.words.parameters import (
     family_figures,
     group_errors,
     parameter_rows,
+    region_rows,
+    volumes_of,
 )
-from porocore.report.words.statuses import visited_shares
+from porocore.report.words.results import visited_shares
 from porocore.states import Status
-from porocore.study.findings.parameters import parameter_ranges
+from porocore.study.notes.parameters import parameter_ranges
 
 RADIUS = ParameterRange("radius", "cell.geometry.radius", 0.1, 0.3)
 MODULUS = ParameterRange("c10", "cell.material.c10", 0.5, 2.0, "stress")

@@ -11,15 +11,15 @@ import pytest
 import yaml
 from report_page import Page
 
-from porocore.report.citation import citations
 from porocore.report.context import (
     DirectCost,
+    LoadingMode,
     Stage,
 )
 from porocore.report.format import number
 from porocore.report.html import render
-from porocore.report.loading_mode import LoadingMode
 from porocore.report.metrics import LoadCase
+from porocore.report.page import citations
 from porocore.report.text import all_warnings
 from porocore.report.words.cell import cell_rows, conductivity_sentence
 from porocore.states import Status

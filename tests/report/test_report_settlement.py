@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 from report_page import Page
 
-from porocore.core.units.results import ResultUnits
+from porocore.core.units import ResultUnits
+from porocore.report.context import LoadingMode, end_words, no_relaxation, relaxation
 from porocore.report.dimensional import dimensional_rows
 from porocore.report.figures import history_figure
 from porocore.report.html import render
-from porocore.report.loading_mode import LoadingMode, end_words, no_relaxation, relaxation
 from porocore.report.metrics import LoadCase, case_metrics, time_to_fraction, time_within
-from porocore.report.words.settlement import case_sentences, largest_rows
-from porocore.report.words.warnings import case_warnings
+from porocore.report.words.results import case_sentences, case_warnings, largest_rows
 
 #: When the load is taken away.
 OFF = 50.0

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.report.context import SamplingSummary
-from porocore.report.words.statuses import (
+from porocore.report.words.results import (
     SHARES,
     solved_sentence,
     solved_shares,

@@ -7,13 +7,11 @@ from dataclasses import replace
 import numpy as np
 from report_page import Page
 
-from porocore.core.units.results import OutputUnits, ResultUnits
-from porocore.core.units.scales import Scales
-from porocore.core.units.texts import value_of
+from porocore.core.units import OutputUnits, ResultUnits, Scales, value_of
+from porocore.report.context import reactions
 from porocore.report.dimensional import FIGURES, figures_with_units
 from porocore.report.format import number
 from porocore.report.html import render
-from porocore.report.loading_mode import reactions
 from porocore.report.metrics import case_metrics
 
 

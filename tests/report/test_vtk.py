@@ -9,11 +9,9 @@ import meshio
 import numpy as np
 import pytest
 
-from porocore.core.units.results import OutputUnits, ResultUnits
-from porocore.core.units.scales import Scales
-from porocore.core.units.texts import value_of
+from porocore.core.units import OutputUnits, ResultUnits, Scales, value_of
 from porocore.errors import RunFolderError
-from porocore.interfaces.element_cells import ElementCells
+from porocore.interfaces.cell import ElementCells
 from porocore.report.vtk import write_vtu_series
 
 

@@ -17,14 +17,12 @@ import numpy as np
 import pytest
 from fake_cell import response
 
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.errors import DataError, PluginError, RunFolderError
 from porocore.interfaces.cell import CellField
 from porocore.interfaces.records import SolvedState, build_response, flatten_response
 from porocore.sampling.datasets import dataset as dataset_module
-from porocore.sampling.datasets.dataset import Dataset
-from porocore.sampling.datasets.layout import Block, Header, write_block
-from porocore.sampling.datasets.parts import parts_folder
+from porocore.sampling.datasets.dataset import Block, Dataset, Header, parts_folder, write_block
 from porocore.states import CellResponse, MacroState, Status
 
 INPUTS = InputSpace(("p", "H22"), (-0.1, -0.4), (0.2, 0.1))

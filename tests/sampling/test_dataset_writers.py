@@ -14,11 +14,10 @@ from campaigns import SCRIPT, sample, solves
 from fake_cell import IDENTITY, INPUTS, mean_gradient, response
 
 import porocore.sampling.datasets.dataset as dataset_module
-import porocore.sampling.datasets.parts as parts_module
+import porocore.sampling.datasets.dataset as parts_module
 from porocore.errors import DataError, RunFolderError
 from porocore.interfaces.records import SolvedState
-from porocore.sampling.datasets.dataset import Dataset
-from porocore.sampling.datasets.parts import parts_folder
+from porocore.sampling.datasets.dataset import Dataset, parts_folder
 from porocore.states import Status
 
 

@@ -17,13 +17,13 @@ from campaigns import gone, sample, solves, state_text
 from fake_cell import IDENTITY, INPUTS, Fake, Tree, make, make_noted
 
 import porocore.sampling.execution.dask_workers as dask_workers
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.errors import ConfigurationError, PluginError, PorocoreError
 from porocore.sampling.campaign import run_campaign
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.states import MacroState, Status
-from porocore.study.config.sections import SamplingSettings
+from porocore.study.config.config import SamplingSettings
 
 SEVEN = InputSpace(
     ("H11", "H22", "H33", "H12", "H13", "H23", "p"),
@@ -99,7 +99,7 @@ def test_dask_workers_that_die_are_replaced(tmp_path: Path) -> None:
 
 def test_nobody_at_the_address(monkeypatch: pytest.MonkeyPatch) -> None:
     """Which is no matter as long as there is nothing to solve."""
-    monkeypatch.setattr(dask_workers, "TIMEOUT", 0.5)
+    monkeypatch.setattr(dask_workers, "SCHEDULER_TIMEOUT", 0.5)
     with CellPool(make, (Fake(),), scheduler="tcp://127.0.0.1:1") as pool:
         assert pool.pending == 0
         with pytest.raises(
@@ -144,8 +144,7 @@ def test_one_worker_with_a_time_limit_is_a_process(tmp_path: Path) -> None:
 
 
 def test_who_solves_belongs_to_no_identity() -> None:
-    from porocore.study.config.examples import benchmark_path
-    from porocore.study.config.loading import load_config
+    from porocore.study.config.loading import benchmark_path, load_config
 
     config = load_config(benchmark_path())
     for change in (("processes", None), ("dask", None), (None, "tcp://a:1")):
@@ -174,8 +173,8 @@ def test_the_options_of_the_command_line(tmp_path: Path, monkeypatch: pytest.Mon
 
     from porocore.cli.common import Interrupted
     from porocore.cli.entry import app
-    from porocore.study.config.examples import benchmark_path
-    from porocore.study.preflight import checks as preflight
+    from porocore.study.config.loading import benchmark_path
+    from porocore.study.notes import checks as preflight
     from porocore.study.stages import pipeline
 
     out = tmp_path / "run"

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from porocore.core.parallel.threads import THREAD_VARIABLES
+from porocore.core.parallel.memory import THREAD_VARIABLES
 
 SCRIPT = """
 import json, sys
@@ -21,7 +21,7 @@ from porocore.cell.meshing.mesh import MeshSettings
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.datasets.check import check_file
 from porocore.sampling.execution import CellPool
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.sampling.campaign import run_campaign
 from porocore.study.stages.stage_files import prepare_cell
 from fake_cell import Tree

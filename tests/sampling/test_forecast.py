@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.sampling.forecast import StateForecast
 
 BOX = InputSpace(("p", "H22"), (-0.1, -0.3), (0.1, 0.3))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.interfaces.sampler import Outlook
 from porocore.sampling.forecast import Guess, StateForecast
 

@@ -13,8 +13,7 @@ from porocore.sampling.samplers.active import Active
 from porocore.sampling.samplers.designs import sobol_points
 from porocore.sampling.samplers.macro_driven import MacroDriven
 from porocore.sampling.samplers.rounds import from_unit
-from porocore.surrogates.polynomial.committee import committee, judge
-from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate, committee, judge
 from porocore.testing.synthetic.porous_family import INPUTS, porous_training_set, respond, rest_data
 
 POTENTIAL, MEAN = ("mean_grad", "stress", "fluid_volume"), ("mean_grad",)

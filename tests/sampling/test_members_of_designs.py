@@ -8,15 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.errors import ConfigurationError, DataError
 from porocore.sampling.campaign import run_campaign
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.execution.members import UndeformedMemberSolver
-from porocore.sampling.samplers.designs import Design, LatinHypercube, SobolDesign
-from porocore.sampling.samplers.random_states import RandomStates
-from porocore.sampling.samplers.undeformed_members import UndeformedMembers
+from porocore.sampling.samplers.candidates import UndeformedMembers
+from porocore.sampling.samplers.designs import Design, LatinHypercube, RandomStates, SobolDesign
 from porocore.states import MacroState, Status
 from porocore.testing.synthetic.family import INPUTS, PARAMETERS, SyntheticFamily, SyntheticFamilySolver
 

@@ -13,24 +13,20 @@ import numpy as np
 import pytest
 
 from porocore.core.files.store import ResultStore
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.parallel.cycles import CycleCollection
+from porocore.core.inputs import InputSpace
+from porocore.core.parallel.calls import CycleCollection
 from porocore.errors import ConfigurationError, DataError
 from porocore.interfaces.records import flatten_response
 from porocore.sampling.campaign import run_campaign
-from porocore.sampling.datasets.check import check_file
+from porocore.sampling.datasets.check import check_file, merge, table
 from porocore.sampling.datasets.dataset import Dataset
-from porocore.sampling.datasets.export import table
-from porocore.sampling.datasets.merge import merge
 from porocore.sampling.execution import CellPool
 from porocore.sampling.execution.losses import PendingState, next_for
 from porocore.sampling.execution.members import MemberSolver
 from porocore.sampling.execution.solved_store import SolvedStore, StoringSolver
-from porocore.sampling.execution.worker_backend import SerialBackend
-from porocore.sampling.samplers.active import Active
-from porocore.sampling.samplers.density import DensitySweep
-from porocore.sampling.samplers.designs import SobolDesign
-from porocore.sampling.samplers.random_states import RandomStates
+from porocore.sampling.execution.tasks import SerialBackend
+from porocore.sampling.samplers.active import Active, DensitySweep
+from porocore.sampling.samplers.designs import RandomStates, SobolDesign
 from porocore.states import MacroState, Status
 from porocore.testing.synthetic.family import INPUTS, SyntheticFamily, SyntheticFamilySolver, respond
 

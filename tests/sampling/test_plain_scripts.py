@@ -21,7 +21,7 @@ if sys.argv[1:]:
 from pathlib import Path
 from campaigns import sample
 from fake_cell import Fake
-from porocore.study.tuning.workers import run_tasks
+from porocore.study.tuning import run_tasks
 
 dataset, summary = sample(Path("data.h5"), Fake(log="log"), workers=2, {where})
 roots = dict(run_tasks([(str(i), (math.sqrt, (i,))) for i in (4, 9)], (), 2))

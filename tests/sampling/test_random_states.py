@@ -10,10 +10,9 @@ import pytest
 from campaigns import sample
 from fake_cell import INPUTS
 
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.inputs.sampled_range import SampledRange
+from porocore.core.inputs import InputSpace, SampledRange
 from porocore.errors import ConfigurationError, DataError
-from porocore.sampling.samplers.random_states import MOST_MISSES, RandomStates, random_requests
+from porocore.sampling.samplers.designs import MOST_MISSES, RandomStates, random_requests
 from porocore.states import CellResponse, Status
 
 

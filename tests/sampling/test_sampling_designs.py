@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.errors import ConfigurationError
 from porocore.sampling.samplers.designs import Design, LatinHypercube, SobolDesign
 

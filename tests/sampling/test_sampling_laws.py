@@ -9,7 +9,7 @@ from porocore.errors import ConfigurationError
 from porocore.interfaces.sampler import Request
 from porocore.plugins.registry import registry
 from porocore.testing import SamplerSuite
-from porocore.testing.sampler_laws.synthetic_sampling import FAILED, INPUTS, inform, run, solve
+from porocore.testing.sampler_laws import FAILED, INPUTS, inform, run, solve
 
 SAMPLERS = ("sobol", "latin-hypercube", "active", "macro-driven")
 

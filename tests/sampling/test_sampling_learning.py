@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.interfaces.sampler import Exploration, Sampler, StudyFacts
 from porocore.interfaces.surrogate import TrainingSet, least_states
 from porocore.sampling.samplers.active import Active
@@ -18,8 +18,7 @@ from porocore.sampling.samplers.designs import LatinHypercube, SobolDesign, sobo
 from porocore.sampling.samplers.macro_driven import MacroDriven
 from porocore.sampling.samplers.rounds import from_unit
 from porocore.states import MacroState, Status
-from porocore.surrogates.polynomial.committee import committee, judge
-from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate, committee, judge
 from porocore.testing.synthetic import cell as synthetic_cell
 from porocore.testing.synthetic import potential_cell
 

@@ -19,10 +19,9 @@ from porocore.sampling.execution import CellPool
 from porocore.sampling.samplers.active import Active
 from porocore.sampling.samplers.macro_driven import MacroDriven
 from porocore.states import MacroState
-from porocore.study.run_folder import decisions
-from porocore.study.run_folder.decisions import DecisionRecord
-from porocore.surrogates.polynomial.committee import judge
-from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
+from porocore.study import run_folder as decisions
+from porocore.study.run_folder import DecisionRecord
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate, judge
 from porocore.testing.synthetic import cell as synthetic_cell
 
 INPUTS = synthetic_cell.INPUTS

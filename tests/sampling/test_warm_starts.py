@@ -10,12 +10,11 @@ from campaigns import sample
 from fake_cell import IDENTITY, INPUTS, Fake, FakeCellSolver, make, response
 
 from porocore.interfaces.cell import CellSolution
-from porocore.sampling.campaign import run_campaign
+from porocore.sampling.campaign import OF_SAMPLES, ONSET, WarmStarts, run_campaign
 from porocore.sampling.datasets.check import check_file
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
-from porocore.sampling.samplers.random_states import RandomStates
-from porocore.sampling.warm_starts import OF_SAMPLES, ONSET, WarmStarts
+from porocore.sampling.samplers.designs import RandomStates
 from porocore.states import MacroState, Status
 
 #: Every state of this cell is solvable.

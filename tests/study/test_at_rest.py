@@ -8,19 +8,15 @@ import yaml
 from invoked import BENCHMARK
 from scipy.special import jn_zeros
 
-from porocore.core.units.results import OutputUnits, ResultUnits
-from porocore.core.units.scales import Scales
-from porocore.macro.analytic.armstrong import UnconfinedCompression
-from porocore.macro.analytic.mandel import Mandel
-from porocore.macro.analytic.terzaghi import Terzaghi
+from porocore.core.units import OutputUnits, ResultUnits, Scales
+from porocore.macro.analytic import Mandel, Terzaghi, UnconfinedCompression
 from porocore.macro.boundary.drainage import drainage_time
-from porocore.macro.laws.effective import EffectiveProperties
-from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
+from porocore.macro.laws.linear import EffectiveProperties, LinearCoefficients, LinearPoroelasticity
 from porocore.macro.problem import MacroProblem, MacroSetup, TimePlan
 from porocore.plugins import registry
 from porocore.report.metrics import time_to_fraction
 from porocore.study.config.loading import load_config
-from porocore.study.outline.at_rest import (
+from porocore.study.notes.at_rest import (
     at_rest,
     cell_lines,
     coefficients_of_consolidation,

@@ -8,16 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.inputs.sampled_range import SampledRange
-from porocore.core.inputs.used_values import MOST, NEAR, farthest
+from porocore.core.inputs import MOST, NEAR, InputSpace, SampledRange, farthest
 from porocore.sampling.samplers.active import Active
-from porocore.sampling.samplers.designs import LatinHypercube, SobolDesign
-from porocore.sampling.samplers.random_states import RandomStates
+from porocore.sampling.samplers.designs import LatinHypercube, RandomStates, SobolDesign
 from porocore.states import MacroState
-from porocore.study.config.body_parameters import LATTICE, told_apart
-from porocore.study.config.config import RunConfig
-from porocore.study.preflight.family_work import family_lines, members_of
+from porocore.study.config.config import LATTICE, RunConfig, told_apart
+from porocore.study.notes.abilities import family_lines, members_of
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.testing.synthetic.porous_family import porous_training_set
 

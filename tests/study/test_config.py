@@ -8,13 +8,11 @@ import pytest
 import yaml
 
 from porocore.core.files.yaml_document import YamlDocument
-from porocore.core.inputs.input_space import NAMES
+from porocore.core.inputs import NAMES
 from porocore.errors import ConfigurationError
-from porocore.study.config import examples
-from porocore.study.config.config import RunConfig, differences
-from porocore.study.config.examples import as_stated_path, benchmark_path, crosscheck_path
-from porocore.study.config.loading import load_config
-from porocore.study.config.sections import InputName
+from porocore.study.config import loading as examples
+from porocore.study.config.config import InputName, RunConfig, differences
+from porocore.study.config.loading import as_stated_path, benchmark_path, crosscheck_path, load_config
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 BENCHMARK = EXAMPLES / "dehghani2022.yaml"

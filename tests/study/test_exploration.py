@@ -17,10 +17,8 @@ from porocore.macro.reference import CellReference
 from porocore.sampling.samplers.designs import SobolDesign
 from porocore.sampling.samplers.macro_driven import MacroDriven
 from porocore.states import MacroState
-from porocore.study.config.config import RunConfig
-from porocore.study.config.examples import benchmark_path
-from porocore.study.config.loading import load_config
-from porocore.study.config.sections import MacroSettings
+from porocore.study.config.config import MacroSettings, RunConfig
+from porocore.study.config.loading import benchmark_path, load_config
 from porocore.study.stages.exploration import BodyAround, MacroExplorer, coarse_problem, inform
 from porocore.testing.synthetic import cell as synthetic_cell
 from porocore.testing.synthetic.cell import INPUTS, synthetic_training_set

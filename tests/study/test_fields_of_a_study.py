@@ -11,7 +11,7 @@ from porocore import load_config
 from porocore.core.files.yaml_document import YamlDocument
 from porocore.errors import ConfigurationError
 from porocore.study.config.errors import located
-from porocore.study.preflight.checks import place
+from porocore.study.notes.checks import place
 
 SIDE = {"displacement": [0, None, 0]}
 STUDY = {

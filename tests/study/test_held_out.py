@@ -12,8 +12,8 @@ from campaigns import sample
 from fake_cell import INPUTS
 
 from porocore.cell.cell import Cell
-from porocore.core.inputs.sampled_range import SampledRange
-from porocore.sampling.samplers.random_states import RandomStates
+from porocore.core.inputs import SampledRange
+from porocore.sampling.samplers.designs import RandomStates
 from porocore.study.config.loading import load_config
 from porocore.study.stages.stage_files import drop_misplaced, held_out_states
 from porocore.study.stages.summary import _more_states

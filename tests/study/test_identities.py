@@ -13,11 +13,10 @@ from porocore.cell.meshing.mesh import CellMesh
 from porocore.core.files.plain_data import json_hash, stable_hash
 from porocore.interfaces.law import fingerprint
 from porocore.macro.integration.checkpoint import CheckpointFile
-from porocore.study.config.examples import benchmark_path
-from porocore.study.config.loading import load_config
-from porocore.study.config.sections import FemSettings
-from porocore.surrogates.file.archive import _checksum
-from porocore.surrogates.mean_gradient.data import ScaledData
+from porocore.study.config.config import FemSettings
+from porocore.study.config.loading import benchmark_path, load_config
+from porocore.surrogates.file.file import _checksum
+from porocore.surrogates.mean_gradient import ScaledData
 from porocore.testing.synthetic.response import confined_column, linear_law
 from porocore.verification.sensitivity.plan import StudyPlan
 from porocore.verification.sensitivity.study import study_identity

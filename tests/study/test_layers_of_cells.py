@@ -14,7 +14,7 @@ import pytest
 from porocore import Study
 from porocore.core.files.plain_data import merged
 from porocore.errors import ConfigurationError, RunFolderError
-from porocore.macro.analytic.layered import LayeredConsolidation, SoilLayer
+from porocore.macro.analytic import LayeredConsolidation, SoilLayer
 from porocore.study.stages.results import RunResults
 from porocore.study.stages.stage_files import linear_coefficients, load_reference, load_solution
 from porocore.study.stages.summary import report_context

@@ -5,12 +5,12 @@ import pytest
 import yaml
 from invoked import BENCHMARK
 
-from porocore.core.units.results import ResultUnits
+from porocore.core.units import ResultUnits
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.study.config.loading import load_config
-from porocore.study.findings.reach import visited
-from porocore.study.outline import linear_reach
-from porocore.study.outline.reach_notes import predicted_reach
+from porocore.study.notes import linear_reach
+from porocore.study.notes.linear_reach import predicted_reach
+from porocore.study.notes.reach import visited
 
 ONE = np.eye(3)
 #: λ = μ = 1 before the confined modulus of 3.

@@ -6,16 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from porocore.core.units.results import OutputUnits, ResultUnits
-from porocore.core.units.scales import Scales
+from porocore.core.units import OutputUnits, ResultUnits, Scales
 from porocore.errors import ConfigurationError
 from porocore.macro.problem import MacroSetup, body_mesh
-from porocore.study.config.sections import MacroSettings
-from porocore.study.magnitudes.left_out import formulas
-from porocore.study.magnitudes.prescribed import require_right_side_out
-from porocore.study.magnitudes.run_times import run_times
-from porocore.study.magnitudes.separation import separation
-from porocore.study.preflight.time_functions import late_functions
+from porocore.study.config.config import MacroSettings
+from porocore.study.notes.abilities import late_functions
+from porocore.study.notes.magnitudes import formulas, require_right_side_out, run_times, separation
 
 SCALES = Scales(modulus=1e3, length=1e-3, pore=1e-6, viscosity=1e-3)
 SECOND = 1 / SCALES.factor("time")

@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from porocore.core.inputs.input_space import InputSpace
-from porocore.study.findings.held_out import output_checks
+from porocore.core.inputs import InputSpace
+from porocore.study.notes.parameters import output_checks
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.testing.synthetic.potential_cell import potential_training_set
 

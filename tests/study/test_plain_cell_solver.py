@@ -8,8 +8,7 @@ from fake_cell import Fake, FakeCellSolver
 
 from porocore.cli.commands.cell import as_text
 from porocore.interfaces.cell import CellSolution
-from porocore.study.config.examples import benchmark_path
-from porocore.study.config.loading import load_config
+from porocore.study.config.loading import benchmark_path, load_config
 from porocore.study.stages import reference
 
 

@@ -9,21 +9,19 @@ from invoked import BENCHMARK, invoke
 from pydantic import ValidationError
 
 import porocore
-from porocore.core.inputs.input_space import NAMES, InputSpace
-from porocore.core.inputs.possible_states import least_volume
-from porocore.core.units.results import OutputUnits, ResultUnits
-from porocore.core.units.scales import Scales
+from porocore.core.inputs import NAMES, InputSpace, least_volume
+from porocore.core.units import OutputUnits, ResultUnits, Scales
 from porocore.errors import ConfigurationError
 from porocore.macro.problem import MacroSetup, TimePlan
 from porocore.plugins import registry
 from porocore.study import backends
 from porocore.study.config.loading import load_config
-from porocore.study.magnitudes.left_out import left_out
-from porocore.study.outline.outline import outline
-from porocore.study.outline.reach_notes import prescribed_reach
-from porocore.study.preflight.checks import check_backends, check_sampling, place
-from porocore.study.preflight.guess import decision_time, decisions, rounds
-from porocore.study.preflight.workload import as_time
+from porocore.study.notes.checks import check_backends, check_sampling, place
+from porocore.study.notes.guess import decision_time, decisions, rounds
+from porocore.study.notes.linear_reach import prescribed_reach
+from porocore.study.notes.magnitudes import left_out
+from porocore.study.notes.outline import outline
+from porocore.study.notes.workload import as_time
 
 
 def test_check_tells_what_a_run_would_do():

@@ -8,20 +8,21 @@ import pytest
 import yaml
 from invoked import BENCHMARK
 
-from porocore.core.inputs.input_space import InputSpace, components
-from porocore.core.units.results import ResultUnits
+from porocore.core.inputs import InputSpace, components
+from porocore.core.units import ResultUnits
 from porocore.errors import SolveError
+from porocore.macro.body.kinds import point_states
 from porocore.macro.body.mesh import BodyMesh
-from porocore.macro.body.points import point_states
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.report.metrics import LoadCase, case_metrics
 from porocore.report.text import flagged_sentence
-from porocore.report.words.warnings import case_warnings
+from porocore.report.words.results import case_warnings
 from porocore.states import CellResponse, MacroState
 from porocore.study.config.loading import load_config
-from porocore.study.findings.reach import Reach, beyond, flagged_place, left_out_shear, visited
-from porocore.study.outline import linear_reach, reach_notes
-from porocore.study.outline.reach_notes import predicted_reach
+from porocore.study.notes import linear_reach
+from porocore.study.notes import linear_reach as reach_notes
+from porocore.study.notes.linear_reach import predicted_reach
+from porocore.study.notes.reach import Reach, beyond, flagged_place, left_out_shear, visited
 
 SHEAR, POISSON = 1 / 6, 0.2
 ONE = np.eye(3)

@@ -8,7 +8,7 @@ import pytest
 from porocore.cell.cell import Cell
 from porocore.cell.geometry.kinds import OrthogonalChannels, Voxels
 from porocore.cell.meshing.mesh import MeshSettings
-from porocore.study.preflight.resolution import resolution
+from porocore.study.notes.abilities import resolution
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ from invoked import BENCHMARK, invoke
 
 from porocore.study import backends
 from porocore.study.config.loading import load_config
-from porocore.study.preflight.guess import RunTimes, decision_time, expected_steps
-from porocore.study.preflight.workload import Workload, as_time
+from porocore.study.notes.guess import RunTimes, decision_time, expected_steps
+from porocore.study.notes.workload import Workload, as_time
 
 
 def example(name, **macro):

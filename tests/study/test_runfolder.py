@@ -12,10 +12,9 @@ import pytest
 import yaml
 
 from porocore.errors import ConfigurationError, RunFolderError
-from porocore.study.config.examples import benchmark_path
-from porocore.study.config.loading import load_config
-from porocore.study.run_folder import folder as runfolder
-from porocore.study.run_folder.folder import RunFolder
+from porocore.study import run_folder as runfolder
+from porocore.study.config.loading import benchmark_path, load_config
+from porocore.study.run_folder import RunFolder
 
 
 @pytest.fixture(scope="module")

@@ -4,10 +4,10 @@ import pytest
 
 from porocore.cell.cell import Cell
 from porocore.errors import ConfigurationError
-from porocore.sampling.samplers.density import DensitySweep
+from porocore.sampling.samplers.active import DensitySweep
 from porocore.sampling.samplers.designs import SobolDesign
 from porocore.sampling.samplers.macro_driven import MacroDriven
-from porocore.study.preflight.abilities import require_parameters_sampled
+from porocore.study.notes.abilities import require_parameters_sampled
 
 
 def test_a_sampler_that_draws_no_parameters_is_refused():

@@ -15,8 +15,8 @@ from porocore.core.files.yaml_document import YamlDocument
 from porocore.errors import ConfigurationError, RunFolderError
 from porocore.study.config.config import RunConfig
 from porocore.study.config.errors import located
-from porocore.study.preflight.checks import check_backends, place
-from porocore.study.run_folder.folder import RunFolder
+from porocore.study.notes.checks import check_backends, place
+from porocore.study.run_folder import RunFolder
 
 SIDE = {"displacement": [0, None, 0]}
 STUDY: dict[str, Any] = {

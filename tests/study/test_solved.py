@@ -10,20 +10,17 @@ import pytest
 
 import porocore
 from porocore.core.files.plain_data import merged
-from porocore.core.units.results import OutputUnits, ResultUnits
-from porocore.core.units.scales import Scales
-from porocore.core.units.texts import value_of
+from porocore.core.units import OutputUnits, ResultUnits, Scales, value_of
 from porocore.errors import ConfigurationError, DataError, PluginError
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.series import all_series
+from porocore.report.context import LoadingMode
 from porocore.report.dimensional import dimensional_metrics, dimensional_rows
 from porocore.report.figures import body_figure, history_figure, series_figure
-from porocore.report.loading_mode import LoadingMode
 from porocore.report.metrics import case_metrics
 from porocore.study.api.solved import LawsSolved, Solutions, Solved
 from porocore.study.api.study import Study
-from porocore.study.stages.laws import require_laws
-from porocore.study.stages.solving import _kept
+from porocore.study.stages.solving import _kept, require_laws
 
 UNITS = ResultUnits(
     Scales(modulus=2000, length=0.01, pore=5e-6), OutputUnits(length="mm", stress="kPa", time="h", force="mN")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.plugins.registry import registry
 from porocore.states import MacroState

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from grouped_cell import GroupedCell
 
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.tensors.point_group import CUBIC, MIRRORS, TRIVIAL, PointGroup
+from porocore.core.inputs import InputSpace
+from porocore.core.tensors import CUBIC, MIRRORS, TRIVIAL, PointGroup
 from porocore.states import MacroState
-from porocore.study.preflight.symmetry_notes import broken_by_the_mesh, defect, uncovered, uncovered_shears
+from porocore.study.notes.abilities import broken_by_the_mesh, defect, uncovered, uncovered_shears
 
 OBLIQUE = PointGroup.generated([[[0, 1, 0], [1, 0, 0], [0, 0, 1]], np.diag([1, 1, -1])])
 

@@ -19,23 +19,21 @@ import pytest
 import yaml
 
 from porocore.cli import main
-from porocore.core.inputs.input_space import NAMES
+from porocore.core.inputs import NAMES
 from porocore.errors import ConfigurationError, DataError
 from porocore.interfaces.records import SolvedState
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.macro.reference import CellReference
 from porocore.plugins import registry
 from porocore.sampling.datasets.dataset import Dataset
-from porocore.sampling.samplers.density import DensitySweep
-from porocore.sampling.samplers.random_states import RandomStates
+from porocore.sampling.samplers.active import DensitySweep
+from porocore.sampling.samplers.designs import RandomStates
 from porocore.states import MacroState
+from porocore.study import tuning as tune
 from porocore.study.api.study import Study
-from porocore.study.config.examples import crosscheck_path
-from porocore.study.config.loading import load_config
-from porocore.study.run_folder.folder import RunFolder
-from porocore.study.tuning import tune
-from porocore.study.tuning.candidates import Candidate, candidates
-from porocore.study.tuning.training import Result, held_out_errors
+from porocore.study.config.loading import crosscheck_path, load_config
+from porocore.study.run_folder import RunFolder
+from porocore.study.tuning import Candidate, Result, candidates, held_out_errors
 from porocore.testing.synthetic.cell import INPUTS, respond, synthetic_training_set
 
 #: Read by the plugin of tune_fakes.

@@ -5,11 +5,11 @@ import pytest
 import tifffile
 import yaml
 
-from porocore.core.units.results import length_text
+from porocore.core.units import length_text
 from porocore.errors import ConfigurationError
 from porocore.study.config.loading import cell_from, load_config
 from porocore.study.config.schema import configuration_schema
-from porocore.study.outline.at_rest import edges
+from porocore.study.notes.at_rest import edges
 
 SCALES = {"modulus": "1 kPa", "length": "1 mm", "viscosity": "1 mPa*s"}
 STUDY = {

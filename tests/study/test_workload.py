@@ -9,8 +9,9 @@ from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.errors import ConfigurationError
 from porocore.study.config.loading import load_config
-from porocore.study.preflight import cost, limits, workload
-from porocore.testing.cell_laws.open_cells import image_cell
+from porocore.study.notes import abilities as limits
+from porocore.study.notes import cost, workload
+from porocore.testing.cell_laws.base import image_cell
 
 
 def study(tmp_path, size, fluid_size=0.2, **sampling):

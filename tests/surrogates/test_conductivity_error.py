@@ -10,11 +10,10 @@ from flag_studies import FOUR, SEVEN, assert_follows, held_out
 from made_up_conductivity import conductivity, with_conductivity
 from scipy.spatial.transform import Rotation
 
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.tensors.point_group import CUBIC, TRIVIAL
-from porocore.core.tensors.symmetric_functions import logarithm
+from porocore.core.inputs import InputSpace
+from porocore.core.tensors import CUBIC, TRIVIAL, logarithm
 from porocore.states import MacroState
-from porocore.surrogates.conductivity.fit import fit_conductivity
+from porocore.surrogates.conductivity import fit_conductivity
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.surrogates.portable import CLOSED, NumpySurrogate
 from porocore.testing.synthetic.potential_cell import potential_training_set

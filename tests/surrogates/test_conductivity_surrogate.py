@@ -7,13 +7,12 @@ import pytest
 from made_up_conductivity import EYE, K0, conductivity, with_conductivity
 from scipy.spatial.transform import Rotation
 
-from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.core.tensors.point_group import TRIVIAL
-from porocore.core.tensors.symmetric_functions import exponential, logarithm, symmetric_exponential
+from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.core.tensors import TRIVIAL, exponential, logarithm, symmetric_exponential
 from porocore.errors import ConfigurationError, DataError
 from porocore.macro.laws import CLOSURES, ClosedLaw, make_closure
 from porocore.states import MacroState
-from porocore.surrogates.conductivity.fit import fit_conductivity
+from porocore.surrogates.conductivity import fit_conductivity
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.surrogates.portable import NumpySurrogate
 from porocore.testing.synthetic.cell import SOLID_FRACTION, synthetic_training_set

@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 from flag_studies import FOUR, SEVEN, assert_follows, held_out
 
-from porocore.core.inputs.sampled_range import SampledRange
-from porocore.core.tensors.point_group import TRIVIAL
+from porocore.core.inputs import SampledRange
+from porocore.core.tensors import TRIVIAL
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.kinds import Box
 from porocore.states import MacroState
-from porocore.study.findings.reach import flagged_place
-from porocore.surrogates.error_estimate.models import with_mean_gradient_error
-from porocore.surrogates.mean_gradient.data import ScaledData
-from porocore.surrogates.mean_gradient.model import AnchoredModel
+from porocore.study.notes.reach import flagged_place
+from porocore.surrogates.error_estimate.fit import with_mean_gradient_error
+from porocore.surrogates.mean_gradient import AnchoredModel, ScaledData
 from porocore.surrogates.network.network import Network
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.surrogates.portable import NumpySurrogate

@@ -7,18 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.core.tensors.point_group import CUBIC
+from porocore.core.tensors import CUBIC
 from porocore.states import MacroState
-from porocore.surrogates.family.regression import JointData
-from porocore.surrogates.family.slopes import family_slopes
+from porocore.surrogates.family.fit import JointData
+from porocore.surrogates.family.model import family_slopes
 from porocore.surrogates.file.file import SurrogateMetadata, read, write
 from porocore.surrogates.network.family_problem import NOISE, FamilyProblem, Layout
 from porocore.surrogates.network.network import Network
 from porocore.surrogates.network.separable import SeparableNetwork
 from porocore.surrogates.polynomial.composition import TermSum
-from porocore.surrogates.polynomial.monomials import Polynomial
+from porocore.surrogates.polynomial.monomials import Polynomial, invariant, plain
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
-from porocore.surrogates.polynomial.terms import invariant, plain
 from porocore.testing.synthetic.porous_family import INPUTS, porous_training_set
 
 TERMS = {"plain": plain((0, 1, 6)), "cubic": invariant(CUBIC)}

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.tensors.symmetric_functions import exponential, symmetric_logarithm
+from porocore.core.inputs import InputSpace
+from porocore.core.tensors import exponential, symmetric_logarithm
 from porocore.errors import ConfigurationError, DataError
 from porocore.states import MacroState
 from porocore.surrogates.family.coordinates import bounds, log_zeta
-from porocore.surrogates.family.rest_fit import fit_rest
+from porocore.surrogates.family.rest import fit_rest
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.testing.synthetic.porous_family import (
     INPUTS,

@@ -11,23 +11,19 @@ import numpy as np
 import pytest
 from surrogate_models import MODELS, RECORD, network
 
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.inputs.sampled_range import SampledRange
+from porocore.core.inputs import InputSpace, SampledRange
 from porocore.errors import DataError
 from porocore.states import MacroState
-from porocore.surrogates.conductivity.model import ConductivityModel
+from porocore.surrogates.conductivity import ConductivityModel
 from porocore.surrogates.error_estimate.estimate import ErrorEstimate
-from porocore.surrogates.file.archive import read_archive, write_archive
-from porocore.surrogates.file.file import FORMAT, VERSION, read, write
-from porocore.surrogates.mean_gradient.model import AnchoredModel
+from porocore.surrogates.file.file import FORMAT, VERSION, read, read_archive, write, write_archive
+from porocore.surrogates.mean_gradient import AnchoredModel
 from porocore.surrogates.network.separable import SeparableNetwork
-from porocore.surrogates.polynomial.monomials import Polynomial
+from porocore.surrogates.polynomial.monomials import Polynomial, plain
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
-from porocore.surrogates.polynomial.terms import plain
 from porocore.surrogates.portable import NumpySurrogate
-from porocore.surrogates.potential.model import PotentialModel
-from porocore.surrogates.potential.training_box import TrainingBox
-from porocore.testing.compare import assert_identical
+from porocore.surrogates.potential import PotentialModel, TrainingBox
+from porocore.testing.expect import assert_identical
 from porocore.testing.synthetic.porous_family import porous_training_set
 from porocore.testing.synthetic.potential_cell import potential_training_set
 

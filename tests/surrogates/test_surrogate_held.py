@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.tensors.point_group import CUBIC
+from porocore.core.inputs import InputSpace
+from porocore.core.tensors import CUBIC
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import MacroState
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate

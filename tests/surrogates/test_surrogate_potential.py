@@ -6,16 +6,14 @@ import numpy as np
 import pytest
 from cube_symmetry import cube_group
 
-from porocore.core.tensors.point_group import CUBIC, TRIVIAL
+from porocore.core.tensors import CUBIC, TRIVIAL
 from porocore.errors import DataError
 from porocore.states import CellTangent, MacroState, Status
 from porocore.surrogates.network.network import Network
 from porocore.surrogates.polynomial.fit import fit_mean_grad, polynomial_model, sampled_range
-from porocore.surrogates.polynomial.terms import invariant, plain
-from porocore.surrogates.potential.data import PotentialData, variables
-from porocore.surrogates.potential.model import NetworkPart, PotentialModel
-from porocore.surrogates.potential.training_box import TrainingBox
-from porocore.surrogates.stretch.log_stretch import LogStretch
+from porocore.surrogates.polynomial.monomials import invariant, plain
+from porocore.surrogates.potential import NetworkPart, PotentialData, PotentialModel, TrainingBox, variables
+from porocore.surrogates.stretch import LogStretch
 from porocore.testing.synthetic.cell import synthetic_training_set
 from porocore.testing.synthetic.potential_cell import (
     IDENTITY,

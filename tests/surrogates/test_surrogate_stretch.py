@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 from scipy.linalg import logm, polar
 
-from porocore.core.tensors.symmetric_functions import symmetric_eigen
-from porocore.surrogates.stretch.components import PLACES
-from porocore.surrogates.stretch.divided_differences import pair_differences, triple_difference
-from porocore.surrogates.stretch.log_stretch import LogStretch
+from porocore.core.tensors import symmetric_eigen
+from porocore.surrogates.stretch import PLACES, LogStretch, pair_differences, triple_difference
 
 N = 24
 

@@ -7,12 +7,11 @@ import pytest
 from cube_symmetry import symmetry_error
 from grouped_cell import GroupedCell
 
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.tensors.point_group import CUBIC, TRIVIAL, PointGroup
+from porocore.core.inputs import InputSpace
+from porocore.core.tensors import CUBIC, TRIVIAL, PointGroup
 from porocore.states import MacroState
-from porocore.surrogates.polynomial.invariants import integrity_basis
+from porocore.surrogates.polynomial.monomials import integrity_basis, invariant
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
-from porocore.surrogates.polynomial.terms import invariant
 
 CYCLE = [[0, 1, 0], [0, 0, 1], [1, 0, 0]]
 SWAP = [[0, 1, 0], [1, 0, 0], [0, 0, 1]]

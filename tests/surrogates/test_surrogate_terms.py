@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from cube_symmetry import cube_group
 
-from porocore.core.inputs.point_coordinates import Coordinates
-from porocore.core.tensors.point_group import CUBIC
+from porocore.core.inputs import Coordinates
+from porocore.core.tensors import CUBIC
 from porocore.surrogates.polynomial import varying
 from porocore.surrogates.polynomial.composition import TermDerivatives, TermSum, composed
-from porocore.surrogates.polynomial.least_squares import RegressionData, fit
-from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to
-from porocore.surrogates.polynomial.terms import invariant, plain
+from porocore.surrogates.polynomial.fit import RegressionData, fit
+from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to, invariant, plain
 
 RANDOM = np.random.default_rng(0)
 

@@ -9,7 +9,7 @@ import sys
 import pytest
 from kit_runs import run_pytest
 
-from porocore.plugins.kit_version import complaint
+from porocore.plugins.table import complaint
 from porocore.testing import (
     KIT_VERSION,
     CellContactSuite,

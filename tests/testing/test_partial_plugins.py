@@ -15,12 +15,7 @@ from porocore.cell.cell import Cell
 from porocore.errors import ConfigurationError
 from porocore.macro.problem import MacroProblem
 from porocore.states import MacroState
-from porocore.study.preflight.abilities import (
-    lacking,
-    require_conductivity,
-    require_learner,
-    require_parts,
-)
+from porocore.study.notes.abilities import lacking, require_conductivity, require_learner, require_parts
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.testing.suite import laws_of
 from porocore.testing.synthetic.response import confined_column

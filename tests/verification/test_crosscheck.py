@@ -15,11 +15,11 @@ from crosscheck_runs import distribution, run, write_case
 from porocore.plugins import registry
 from porocore.plugins.discovery import Offered, Source
 from porocore.plugins.hookspecs import Offer
-from porocore.study.config.examples import crosscheck_path
-from porocore.study.config.loading import load_config
-from porocore.verification.crosscheck import compared_states, select_backends
-from porocore.verification.crosscheck.cells import AVERAGES, DERIVATIVES
-from porocore.verification.crosscheck.compared_states import STATES, solve_samples
+from porocore.study.config.loading import crosscheck_path, load_config
+from porocore.verification.crosscheck import comparison as compared_states
+from porocore.verification.crosscheck import select_backends
+from porocore.verification.crosscheck.bodies import AVERAGES, DERIVATIVES
+from porocore.verification.crosscheck.comparison import STATES, solve_samples
 
 pytest.importorskip("skfem")
 
@@ -329,7 +329,7 @@ def test_a_folder_that_cannot_be_made_is_refused_before_the_work(crosscheck, tmp
 
 
 def test_the_packaged_case_is_the_benchmarks_cell():
-    from porocore.study.config.examples import benchmark_path
+    from porocore.study.config.loading import benchmark_path
 
     small, benchmark = load_config(crosscheck_path()), load_config(benchmark_path())
     assert small.cell.geometry == benchmark.cell.geometry

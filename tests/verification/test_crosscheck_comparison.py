@@ -13,11 +13,15 @@ from porocore.testing.synthetic.cell import respond
 from porocore.verification.crosscheck.bodies import (
     HISTORIES,
     BodyRun,
+    CellRun,
     compare_bodies,
+    compare_cells,
+    compare_responses,
     history_difference,
     node_orders,
+    relative,
+    scales,
 )
-from porocore.verification.crosscheck.cells import CellRun, compare_cells, compare_responses, relative, scales
 from porocore.verification.crosscheck.comparison import BODY, CELL, Comparison
 
 STATE = MacroState.single(np.diag([0.0, -0.1, 0.0]), 0.05)

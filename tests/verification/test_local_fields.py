@@ -12,23 +12,24 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.meshing.mesh import MeshSettings
-from porocore.cell.meshing.mirror import unfold_displacement
-from porocore.cell.meshing.quadrature import tetrahedron_rule
-from porocore.cell.meshing.shape_functions import shape_functions
+from porocore.cell.meshing.mesh import MeshSettings, unfold_displacement
+from porocore.cell.meshing.tetrahedra import shape_functions, tetrahedron_rule
 from porocore.cli.entry import main
-from porocore.core.units.results import OutputUnits, ResultUnits, speaking
-from porocore.core.units.scales import Scales
+from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
 from porocore.errors import ConfigurationError, PorocoreError
 from porocore.interfaces.cell import CellField, CellSolution
 from porocore.interfaces.records import failed_response
 from porocore.states import Status
-from porocore.study.config.sections import FemSettings
+from porocore.study.config.config import FemSettings
 from porocore.verification.local_fields import pictures
-from porocore.verification.local_fields.nodal import NodalFields, recover_at_nodes
-from porocore.verification.local_fields.points import PointFields
-from porocore.verification.local_fields.solve import PAPER_STATES, solve_and_write, solve_fields, state_text
-from porocore.verification.local_fields.vtu import write_fields
+from porocore.verification.local_fields.points import NodalFields, PointFields, recover_at_nodes
+from porocore.verification.local_fields.solve import (
+    PAPER_STATES,
+    solve_and_write,
+    solve_fields,
+    state_text,
+    write_fields,
+)
 
 pytest.importorskip("porocore_fem_skfem")
 

@@ -12,13 +12,19 @@ from scipy.ndimage import gaussian_filter
 import porocore
 from porocore.errors import ConfigurationError, DataError, PorocoreError, RunFolderError
 from porocore.study.config.loading import load_config
-from porocore.verification.representative import outlook, side_by_side
+from porocore.verification.representative import outlook
+from porocore.verification.representative import study as side_by_side
 from porocore.verification.representative.plan import SubvolumePlan
-from porocore.verification.representative.record import FILE
-from porocore.verification.representative.scan import Scan
-from porocore.verification.representative.settling import JUDGED, QUANTITIES, SizeStatistics, judge, typical
-from porocore.verification.representative.subvolume import FAILED, LOOSE, LOST, SHAPES, SOLVED, Subvolume
-from porocore.verification.representative.words import verdict
+from porocore.verification.representative.results import (
+    FILE,
+    JUDGED,
+    QUANTITIES,
+    SizeStatistics,
+    judge,
+    typical,
+)
+from porocore.verification.representative.scan import FAILED, LOOSE, LOST, SHAPES, SOLVED, Scan, Subvolume
+from porocore.verification.representative.tables import verdict
 
 #: Voxels of a period.
 PERIOD = 8
@@ -206,7 +212,7 @@ class DyingWorkers:
 def test_a_process_that_ends_is_replaced_and_its_sub_volume_tried_once_more(tmp_path):
     from collections import deque
 
-    from porocore.verification.representative.subvolume import SubvolumeJob
+    from porocore.verification.representative.scan import SubvolumeJob
 
     backend = DyingWorkers()
     jobs = deque(SubvolumeJob(None, f"{n}", n, (0, 0, 0), n, 1.0, 1) for n in (6, 8))

@@ -11,8 +11,7 @@ from typer.testing import CliRunner
 from porocore.cli.entry import app
 from porocore.core.console import Console
 from porocore.errors import ConfigurationError, DataError, RunFolderError
-from porocore.study.config.examples import as_stated_path, benchmark_path
-from porocore.study.config.loading import load_config
+from porocore.study.config.loading import as_stated_path, benchmark_path, load_config
 from porocore.verification.reproduce.catalogue import FIGURES, SKETCHES, select_figures
 from porocore.verification.reproduce.claims import CheckedClaim, Finding, compare_number, judge_statement
 from porocore.verification.reproduce.make import CLAIMS, RECORD, claim_results, draw, write_pages

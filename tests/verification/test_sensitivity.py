@@ -7,16 +7,22 @@ import numpy as np
 import pytest
 
 from porocore.errors import ConfigurationError, DataError
-from porocore.macro.laws.pull_back import PulledBack
+from porocore.macro.laws.closure import PulledBack
 from porocore.report.figures.style import BLUE
 from porocore.sampling.execution import FinishedSolve
 from porocore.states import CellExtrema, CellResponse, CellTangent, MacroState, Status
 from porocore.verification.sensitivity.figures import FIGURES, known_figures, write_figures
-from porocore.verification.sensitivity.file import load, save
-from porocore.verification.sensitivity.line import HalfLine, HalfLineSolve, targets
-from porocore.verification.sensitivity.plan import LOADS, StudyPlan, Sweep, states_of
-from porocore.verification.sensitivity.quantities import quantities
-from porocore.verification.sensitivity.results import Sensitivity, line_name, write_table
+from porocore.verification.sensitivity.plan import (
+    LOADS,
+    HalfLine,
+    HalfLineSolve,
+    StudyPlan,
+    Sweep,
+    quantities,
+    states_of,
+    targets,
+)
+from porocore.verification.sensitivity.results import Sensitivity, line_name, load, save, write_table
 
 PLAN = StudyPlan(
     {

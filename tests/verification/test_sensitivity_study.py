@@ -10,7 +10,7 @@ from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cli.entry import main
 from porocore.errors import DataError
 from porocore.states import Status
-from porocore.study.config.sections import FemSettings
+from porocore.study.config.config import FemSettings
 from porocore.verification.sensitivity import figures
 from porocore.verification.sensitivity import study as module
 from porocore.verification.sensitivity.plan import StudyPlan, Sweep
@@ -112,7 +112,7 @@ def command(monkeypatch, capsys, *words):
 @pytest.fixture
 def config(tmp_path):
     path = tmp_path / "my.yaml"
-    from porocore.study.config.examples import benchmark_path
+    from porocore.study.config.loading import benchmark_path
 
     text = benchmark_path().read_text(encoding="utf-8")
     text = text.replace("    size: 0.2 ", "    size: 0.25 ").replace("quadratic-curved", "linear")

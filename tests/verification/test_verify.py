@@ -194,7 +194,7 @@ def test_bad_use_is_a_message_and_status_2(porocore_command, words, message):
 
 def test_numbers_of_the_papers_are_in_the_order_that_they_must_have():
     """More solid, less flow: a mistyped entry would stand out against its neighbours."""
-    from porocore.verification.ladder.permeability import CYLINDERS, SPHERES
+    from porocore.verification.ladder.cell_cases import CYLINDERS, SPHERES
 
     for table in (SPHERES, CYLINDERS):
         c, drag = np.array(list(table)), np.array(list(table.values()))

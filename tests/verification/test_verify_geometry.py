@@ -13,11 +13,11 @@ from porocore.cell.cell import Cell
 from porocore.cell.equilibrium.solver import PreparedCell
 from porocore.cell.geometry.kinds import CylinderArray, Geometry, NoPores, OrthogonalChannels, SphereArray
 from porocore.cell.meshing.mesh import MeshSettings, make_mesh
-from porocore.cell.meshing.quadrature import tetrahedron_rule
+from porocore.cell.meshing.tetrahedra import tetrahedron_rule
 from porocore.errors import ConfigurationError
 from porocore.macro.reference import CellReference
 from porocore.study.config.loading import load_config
-from porocore.study.findings.publication import published_values
+from porocore.study.notes.publication import published_values
 from porocore.study.stages.reference import solve_cell
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "dehghani2022.yaml"

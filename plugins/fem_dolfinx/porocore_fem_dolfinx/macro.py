@@ -12,7 +12,7 @@ from porocore.core.parallel import Communicator
 from porocore.errors import ConfigurationError
 from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.integration.solver import TimeSteppingMacroSolver
-from porocore.macro.linear_systems.choice import checked_solver
+from porocore.macro.linear_systems import checked_solver
 from porocore.macro.problem import MacroProblem, body_mesh
 from porocore_fem_dolfinx import compat  # noqa: F401 - h5py before everything that brings MPI and PETSc
 from porocore_fem_dolfinx.macro_assembly import DolfinxDiscretisation

@@ -7,8 +7,7 @@ from mpi4py import MPI
 from scipy.spatial import cKDTree
 
 from porocore.errors import ConfigurationError
-from porocore.macro.body.element import ReferenceElement
-from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.body.mesh import BodyMesh, ReferenceElement
 from porocore.states import IntArray
 from porocore_fem_dolfinx import compat, elements
 from porocore_fem_dolfinx.types import FunctionSpace, Mesh

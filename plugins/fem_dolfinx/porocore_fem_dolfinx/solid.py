@@ -1,38 +1,232 @@
-"""The discrete solid in UFL (DolfinxSolid): energy, residual, tangent, factors, integrals, sensitivities."""
+"""The discrete solid of a cell (DolfinxSolid), with forms in UFL or from pointwise responses."""
 
 from __future__ import annotations
 
 import weakref
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, partial
 
 import numpy as np
+import ufl
 from petsc4py import PETSc
 from scipy import sparse
 
 from porocore.cell.cell import Cell
-from porocore.cell.contact.model import make_contact_model
+from porocore.cell.contact.wall_contact import make_contact_model
 from porocore.cell.equilibrium.discrete import (
     DiscreteSolid,
+    DomainIntegrals,
     FactorError,
     FactorisedTangent,
     Iterate,
     LoadStepFailed,
+    Sensitivities,
+    second_derivatives,
 )
-from porocore.cell.equilibrium.integrals import DomainIntegrals, Sensitivities, second_derivatives
-from porocore.cell.equilibrium.path import PATIENCE, least_shifted
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.equilibrium.responses import PATIENCE, least_shifted
+from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.cell.materials.material import StrainEnergy
 from porocore.cell.meshing.mesh import CellMesh
-from porocore.cell.symmetry.parity import UNIT_LOADS
-from porocore.states import Array, Status
+from porocore.cell.symmetry import UNIT_LOADS
+from porocore.core.tensors import cofactor, cofactor_tangent, determinant
+from porocore.states import Array, IntArray, Status
 from porocore_fem_dolfinx import compat
-from porocore_fem_dolfinx.condensation import to_scipy
+from porocore_fem_dolfinx.cell_mesh import CellDomain, SolidSpace, to_scipy
 from porocore_fem_dolfinx.linalg import SymmetricSolver
 from porocore_fem_dolfinx.petsc_options import OptionValue
-from porocore_fem_dolfinx.solid_forms import SolidForms
-from porocore_fem_dolfinx.solid_forms_pointwise import PointwiseForms
-from porocore_fem_dolfinx.solid_forms_ufl import UflForms
-from porocore_fem_dolfinx.solid_space import SolidSpace
+from porocore_fem_dolfinx.types import Expr, FunctionSpace, Mesh
+
+
+class SolidForms(ABC):
+    """Forms compiled once for a mesh and the space of u¹; all refer to the iterate that :meth:`load` has put in."""
+
+    def __init__(self, domain: CellDomain, space: FunctionSpace) -> None:
+        self.domain, self.space = domain, space
+        self.function = compat.make_function(space)
+        self.dH = compat.constant(domain.domain, np.zeros((3, 3)))
+        self.grad_v = ufl.grad(ufl.TestFunction(space))
+        self._loaded: Callable[[], Iterate | None] = lambda: None
+        self._mean = compat.form(ufl.inner(self.dH, self.grad_v) * domain.dx)
+
+    def load(self, iterate: Iterate, u: Array) -> None:
+        """Put an iterate, with u¹ at the dofs, into what the forms refer to."""
+        if self._loaded() is not iterate:
+            self.function.x.array[:] = u
+            self._loaded = weakref.ref(iterate)  # an iterate knows these forms
+            self.set_load(iterate.H, iterate.p)
+
+    @abstractmethod
+    def set_load(self, H: Array, p: float) -> None:
+        """Put in the load of another iterate, whose u¹ has been put in."""
+
+    @abstractmethod
+    def values(self) -> Array:
+        """Return ∇u¹ (9), P + p cof F (9), Ψ and J at the quadrature points, (cells, q, 20)."""
+
+    @abstractmethod
+    def residual(self) -> Array:
+        """Return ∂Π/∂u (dofs,)."""
+
+    @abstractmethod
+    def tangent(self, matrix: PETSc.Mat | None) -> PETSc.Mat:
+        """Return ∂²Π/∂u², in ``matrix`` if that was made by this method before."""
+
+    @abstractmethod
+    def load_change(self, dH: Array, dp: float) -> Array:
+        """Return the change of the residual (dofs,) by the load alone."""
+
+    @abstractmethod
+    def stress_change(self, dH: Array, dp: float) -> Array:
+        """Return the change of P + p cof F (cells, q, 9) by the load alone."""
+
+    @cached_property
+    def means(self) -> list[Array]:
+        """Vectors g with g·u = ∫ ∂u_i/∂Y_j dV, one for each (i, j)."""
+        vectors = []
+        for unit in np.eye(9).reshape(9, 3, 3):
+            self.dH.value[...] = unit
+            vectors.append(compat.assemble_vector(self._mean))
+        return vectors
+
+
+def components(tensor: Expr) -> list[Expr]:
+    """Return the nine components of a UFL tensor, row by row."""
+    return [tensor[i, j] for i in range(3) for j in range(3)]
+
+
+class PointwiseResponse:
+    """Response of the material to ∇u¹ (cells, q, 3, 3) and a load; components last, cells in dolfinx's order.
+
+    ``order`` (cells,) is the core's element that each cell is.
+    """
+
+    def __init__(self, material: StrainEnergy, grad: Array, H: Array, p: float, order: IntArray) -> None:
+        self.material, self.grad, self.p, self.order = material, grad, p, order
+        self.F = np.eye(3) + H + grad
+        self.by_element = np.empty_like(self.F)
+        self.by_element[order] = self.F
+
+    @cached_property
+    def values(self) -> Array:
+        """Values of ∇u¹ (9), P + p cof F (9), Ψ and J, (cells, q, 20)."""
+        stress = self.material.stress(self.by_element)[self.order] + self.p * cofactor(self.F)
+        energy = self.material.energy_density(self.by_element)[self.order]
+        shape = self.F.shape[:2]
+        parts = (self.grad.reshape(*shape, 9), stress.reshape(*shape, 9), energy, determinant(self.F))
+        return np.concatenate([part if part.ndim == 3 else part[..., None] for part in parts], axis=2)
+
+    @cached_property
+    def moduli(self) -> Array:
+        """Moduli A + p ∂cof F/∂F, (cells, q, 9, 9)."""
+        moduli = self.material.tangent(self.by_element)[self.order]
+        if self.p:
+            moduli = moduli + self.p * cofactor_tangent(self.F)
+        return moduli.reshape(*self.F.shape[:2], 9, 9)
+
+    def change(self, dH: Array, dp: float) -> Array:
+        """Return the change of P + p cof F (cells, q, 9) by the load alone."""
+        change = self.moduli @ np.asarray(dH).reshape(9)
+        return change + dp * cofactor(self.F).reshape(change.shape) if dp else change
+
+
+class PointwiseForms(SolidForms):
+    """Forms without a material, compiled once for all of them."""
+
+    def __init__(self, domain: CellDomain, space: FunctionSpace, material: StrainEnergy) -> None:
+        super().__init__(domain, space)
+        self._material, dx, grad_v = material, domain.dx, self.grad_v
+        grad_u = ufl.grad(self.function)
+        self._grad = domain.expression(ufl.as_vector(components(grad_u)))
+        self._stress, self._stress_places = domain.at_points((3, 3))
+        self._moduli, self._moduli_places = domain.at_points((9, 9))
+        grad_du = ufl.as_vector(components(ufl.grad(ufl.TrialFunction(space))))
+        change = ufl.dot(self._moduli, grad_du)
+        self._residual = compat.form(ufl.inner(self._stress, grad_v) * dx)
+        self._tangent = compat.form(ufl.dot(change, ufl.as_vector(components(grad_v))) * dx)
+        self.response: PointwiseResponse
+
+    def set_load(self, H: Array, p: float) -> None:
+        grad = self.domain.evaluate(self._grad)
+        grad = grad.reshape(*grad.shape[:2], 3, 3)
+        self.response = PointwiseResponse(self._material, grad, H, p, self.domain.elements)
+
+    def values(self) -> Array:
+        return self.response.values
+
+    def residual(self) -> Array:
+        return self._forces(self.response.values[:, :, 9:18])
+
+    def tangent(self, matrix: PETSc.Mat | None) -> PETSc.Mat:
+        self._moduli.x.array.reshape(-1, 81)[self._moduli_places] = self.response.moduli.reshape(
+            *self._moduli_places.shape, 81
+        )
+        return compat.assemble_matrix(self._tangent, matrix)
+
+    def load_change(self, dH: Array, dp: float) -> Array:
+        return self._forces(self.response.change(dH, dp))
+
+    def stress_change(self, dH: Array, dp: float) -> Array:
+        return self.response.change(dH, dp)
+
+    def _forces(self, stress: Array) -> Array:
+        """Return ∫ S:∇v dV (dofs,) of S (cells, q, 9)."""
+        self._stress.x.array.reshape(-1, 9)[self._stress_places] = stress
+        return compat.assemble_vector(self._residual)
+
+
+class UflForms(SolidForms):
+    """Energy Π in UFL, which UFL differentiates."""
+
+    def __init__(self, domain: CellDomain, space: FunctionSpace, material: NeoHookean) -> None:
+        super().__init__(domain, space)
+        dx, grad_v = domain.dx, self.grad_v
+        self._H = compat.constant(domain.domain, np.zeros((3, 3)))
+        self._p = compat.constant(domain.domain, 0.0)
+        self._dp = compat.constant(domain.domain, 0.0)
+        grad_u = ufl.grad(self.function)
+        F = ufl.variable(ufl.Identity(3) + self._H + grad_u)
+        J = ufl.det(F)
+        energy = _energy_density(material, F, domain.domain)
+        stress = ufl.diff(energy + self._p * J, F)
+        cofactor = ufl.diff(J, F)
+        i, j, k, m = ufl.indices(4)
+        change = ufl.as_tensor(ufl.diff(stress, F)[i, j, k, m] * self.dH[k, m], (i, j)) + self._dp * cofactor
+        self._residual = compat.form(ufl.inner(stress, grad_v) * dx)
+        self._tangent = compat.form(
+            ufl.derivative(ufl.inner(stress, grad_v) * dx, self.function, ufl.TrialFunction(space))
+        )
+        self._change = compat.form(ufl.inner(change, grad_v) * dx)
+        self._state = domain.expression(ufl.as_vector([*components(grad_u), *components(stress), energy, J]))
+        self._stress_change = domain.expression(ufl.as_vector(components(change)))
+
+    def set_load(self, H: Array, p: float) -> None:
+        self._H.value[...] = H
+        self._p.value = p
+
+    def values(self) -> Array:
+        return self.domain.evaluate(self._state)
+
+    def residual(self) -> Array:
+        return compat.assemble_vector(self._residual)
+
+    def tangent(self, matrix: PETSc.Mat | None) -> PETSc.Mat:
+        return compat.assemble_matrix(self._tangent, matrix)
+
+    def load_change(self, dH: Array, dp: float) -> Array:
+        self.dH.value[...], self._dp.value = dH, dp
+        return compat.assemble_vector(self._change)
+
+    def stress_change(self, dH: Array, dp: float) -> Array:
+        self.dH.value[...], self._dp.value = dH, dp
+        return self.domain.evaluate(self._stress_change)
+
+
+def _energy_density(material: NeoHookean, F: Expr, domain: Mesh) -> Expr:
+    """Return Ψ(F); the material's constants can change without a new compilation."""
+    mu, lam = (compat.constant(domain, value) for value in (material.mu, material.lam))
+    log_J = ufl.ln(ufl.det(F))
+    return mu / 2 * (ufl.tr(F.T * F) - 3) - mu * log_J + lam / 2 * log_J**2
 
 
 class DolfinxIterate(Iterate):

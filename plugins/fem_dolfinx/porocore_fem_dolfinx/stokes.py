@@ -7,14 +7,13 @@ import ufl
 from petsc4py import PETSc
 from scipy import sparse
 
-from porocore.cell.conductivity.fluid import DiscreteFluid, FlowFields
+from porocore.cell.conductivity.pore import DiscreteFluid, FlowFields
 from porocore.cell.meshing.connectivity import joined_by_nodes
 from porocore.cell.meshing.mesh import CellMesh
-from porocore.cell.symmetry.parity import held_pressures, held_velocities
+from porocore.cell.symmetry import held_pressures, held_velocities
 from porocore.states import Array
 from porocore_fem_dolfinx import compat
-from porocore_fem_dolfinx.cell_mesh import CellDomain
-from porocore_fem_dolfinx.condensation import Condensation, to_petsc, to_scipy
+from porocore_fem_dolfinx.cell_mesh import CellDomain, Condensation, to_petsc, to_scipy
 from porocore_fem_dolfinx.linalg import SymmetricSolver
 
 #: The rule must integrate p ∇·v of straight elements exactly; one degree more serves the curved ones.

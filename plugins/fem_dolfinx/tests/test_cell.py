@@ -15,7 +15,9 @@ from porocore.cell.geometry.kinds import OrthogonalChannels
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.errors import ConfigurationError
 from porocore.states import MacroState, Status
-from porocore_fem_dolfinx import compat, condensation, linalg, solid_space
+from porocore_fem_dolfinx import cell_mesh as condensation
+from porocore_fem_dolfinx import cell_mesh as solid_space
+from porocore_fem_dolfinx import compat, linalg
 from porocore_fem_dolfinx.cell_solver import DolfinxCellSolver
 
 COARSE = MeshSettings(size=0.2, fluid_size=0.14)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from porocore_fem_dolfinx.condensation import Condensation, to_petsc, to_scipy
+from porocore_fem_dolfinx.cell_mesh import Condensation, to_petsc, to_scipy
 
 N = 9
 #: Dofs 0 and 8 are one, 3 is held.

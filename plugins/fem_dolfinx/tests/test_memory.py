@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.materials.mooney_rivlin import MooneyRivlin
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.hyperelastic import MooneyRivlin, NeoHookean
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.states import MacroState
 from porocore_fem_dolfinx.cell_solver import DolfinxCellSolver

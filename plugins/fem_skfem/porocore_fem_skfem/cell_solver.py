@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from porocore.cell.cell import Cell
-from porocore.cell.contact.model import make_contact_model
+from porocore.cell.contact.wall_contact import make_contact_model
 from porocore.cell.equilibrium.solver import EquilibriumCellSolver
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.core.echo import echo

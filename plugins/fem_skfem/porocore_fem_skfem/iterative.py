@@ -13,8 +13,8 @@ from dataclasses import replace
 import numpy as np
 
 from porocore.cell.equilibrium.discrete import FactorError, LoadStepFailed
-from porocore.cell.equilibrium.path import least_shifted
-from porocore.macro.linear_systems.memory import available_bytes, factor_bytes, fits
+from porocore.cell.equilibrium.responses import least_shifted
+from porocore.macro.linear_systems import available_bytes, factor_bytes, fits
 from porocore.states import Array, IntArray, Status
 from porocore_fem_skfem import pardiso
 from porocore_fem_skfem.constraints import SENSITIVITY_TOLERANCE, Constraints, KnownRotations, LinearResponse

@@ -20,8 +20,7 @@ from scipy.sparse.linalg import SuperLU, splu
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 from porocore_fem_skfem import pardiso
-from porocore_fem_skfem.checks import Indices
-from porocore_fem_skfem.factor import OutOfMemoryError, SingularError, SymmetricFactor
+from porocore_fem_skfem.factor import Indices, OutOfMemoryError, SingularError, SymmetricFactor
 
 #: Beyond this number of unknowns multigrid is taken. A state with its derivatives takes 3.1 s by multigrid and 3.2 s by
 #: factors at 46,000 unknowns, 15 s by both at 126,000; the first state takes 3 and 21 s more by factors.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.integration.solver import TimeSteppingMacroSolver
-from porocore.macro.linear_systems.choice import checked_solver
+from porocore.macro.linear_systems import checked_solver
 from porocore.macro.problem import MacroProblem, body_mesh
 from porocore_fem_skfem.macro_assembly import SkfemDiscretisation
 

@@ -1,29 +1,236 @@
-"""Discretisation of the u–p problem: residual and tangent from the law's response; chooses the small path."""
+"""Discrete u–p problem of a body (SkfemDiscretisation): integrals of elements, patterns, assembly.
+
+An integral over an element is a product of matrices: values at its points times shape functions at its points.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from scipy import sparse
 
 from porocore.interfaces.law import Integrand, MacroTangent
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary.conditions import BoundaryData
 from porocore.macro.integration.discretisation import Discretisation
-from porocore.macro.linear_systems.choice import Solver
-from porocore.macro.linear_systems.reuse import TIGHTEST
+from porocore.macro.linear_systems import TIGHTEST, Solver
 from porocore.macro.problem import MacroProblem
-from porocore.states import Array, MacroState
-from porocore_fem_skfem.macro_elements import ElementIntegrals
-from porocore_fem_skfem.macro_frames import Frames
-from porocore_fem_skfem.macro_iterative import Matrices
-from porocore_fem_skfem.macro_linear import MacroLinearSolver
-from porocore_fem_skfem.macro_pattern import BlockPattern, EquationPattern
+from porocore.states import Array, IntArray, MacroState
+from porocore_fem_skfem.macro_linear import MacroLinearSolver, Matrices
 from porocore_fem_skfem.macro_small import SMALL, SmallSystem, SmallTangent
-from porocore_fem_skfem.macro_space import make_shapes
+from porocore_fem_skfem.macro_space import Frames, Shapes, make_shapes
+
+
+class ElementIntegrals:
+    """Integrals over the elements of a body with these shape functions.
+
+    Local node a of u_i has column n_u i / 3 + a of an element's unknowns, then come the pressures.
+    """
+
+    def __init__(self, shapes: Shapes) -> None:
+        self.shapes = s = shapes
+        e, q, a, _ = s.grad_u.shape
+        self._n_u = 3 * a
+        #: (elements, a, q · 3), by which a stress with rows (q, j) is integrated against ∇N_a.
+        self._by_grad = np.ascontiguousarray(s.grad_u.transpose(0, 2, 1, 3)).reshape(e, a, 3 * q)
+        #: (elements, c, q · 4): N and its gradient at each point, by which storage and flux are integrated.
+        N = np.broadcast_to(s.p.T[None, :, :, None], (e, s.p.shape[1], q, 1))
+        by_p = np.concatenate([N, s.grad_p.transpose(0, 2, 1, 3)], axis=3)
+        self._by_p = np.ascontiguousarray(by_p).reshape(e, -1, 4 * q)
+        #: The same as far as elements differ: (1, ...) where all are alike but for their place.
+        self._grad, self._p_and_grad = (
+            values[:1] if s.alike else values for values in (self._by_grad, self._by_p)
+        )
+
+    def states(self, unknowns: Array) -> tuple[MacroState, Array]:
+        """Return H, p and ∇p (points, 3) at the points from the unknowns (elements, ...) of the elements."""
+        e, q = self.shapes.weights.shape
+        u, p = unknowns[:, : self._n_u].reshape(e, 3, -1), unknowns[:, None, self._n_u :]
+        grad_u = _product(u, self._grad).reshape(e, 3, q, 3).swapaxes(1, 2).reshape(-1, 3, 3)
+        p_and_grad = _product(p, self._p_and_grad).reshape(-1, 4)
+        return MacroState(grad_u, p_and_grad[:, 0].copy()), p_and_grad[:, 1:].copy()
+
+    def contributions(self, response: Integrand) -> tuple[Array, Array, Array]:
+        """Return ∫ P_E:∇N, ∫ Δstorage N and ∫ q·∇N of each element."""
+        w = self.shapes.weights
+        e, q = w.shape
+        stress = np.empty((e, 3, q, 3))
+        np.multiply(response.stress.reshape(e, q, 3, 3).swapaxes(1, 2), w[:, None, :, None], out=stress)
+        forces = _product(stress.reshape(e, 3, -1), self._grad.swapaxes(1, 2)).reshape(e, -1)
+        fluid = np.zeros((e, 2, q, 4))
+        np.multiply(response.storage.reshape(e, q), w, out=fluid[:, 0, :, 0])
+        np.multiply(response.flux.reshape(e, q, 3), w[:, :, None], out=fluid[:, 1, :, 1:])
+        volumes = _product(fluid.reshape(e, 2, -1), self._p_and_grad.swapaxes(1, 2))
+        return forces, volumes[:, 0], volumes[:, 1]
+
+    def tangent(self, tangent: MacroTangent, dt: float, part: slice) -> list[Array]:
+        """Return the entries of some elements, flat: forces by displacements and by pressures, then volumes.
+
+        These are (elements, ...) of (a, i, k, b), (a, i, c), (c, k, b) and (c, d).
+        """
+        s, total = self.shapes, len(self.shapes.weights)
+        w, g, gp = s.weights[part], s.grad_u[part], s.grad_p[part]
+        e, q, a, _ = g.shape
+        c = gp.shape[2]
+        by_grad, by_p = self._by_grad[part], self._by_p[part]
+
+        def at_points(values: Array, *shape: int) -> Array:
+            values = values.reshape(total, q, *shape)[part]
+            return values * w.reshape(e, q, *(1 for _ in shape))
+
+        # (e, q, j, i, k, l) times ∇N_b: rows (q, j), columns (i, k, b).
+        stiffness = at_points(tangent.stress_grad_u, 3, 3, 3, 3).swapaxes(2, 3).reshape(e, q, 27, 3)
+        slopes = np.matmul(stiffness, g.swapaxes(2, 3)).reshape(e, 3 * q, 9 * a)
+        forces = np.matmul(by_grad, slopes)
+        stress_p = at_points(tangent.stress_p, 3, 3).swapaxes(2, 3)[..., None] * s.p[:, None, None, :]
+        forces_p = np.matmul(by_grad, stress_p.reshape(e, 3 * q, 3 * c))
+        # Rows (q, 0) for the storage, (q, 1 … 3) for the flux.
+        by_u = np.concatenate(
+            [at_points(tangent.storage_grad_u, 1, 3, 3), -dt * at_points(tangent.flux_grad_u, 3, 3, 3)],
+            axis=2,
+        ).reshape(e, q, 12, 3)
+        by_u = np.matmul(by_u, g.swapaxes(2, 3)).reshape(e, 4 * q, 3 * a)
+        volumes = np.matmul(by_p, by_u)
+        by_value = np.concatenate(
+            [at_points(tangent.storage_p, 1), -dt * at_points(tangent.flux_p, 3)], axis=2
+        )
+        by_pressure = by_value[..., None] * s.p[:, None, :]
+        by_pressure[:, :, 1:] -= dt * np.matmul(at_points(tangent.flux_grad_p, 3, 3), gp.swapaxes(2, 3))
+        volumes_p = np.matmul(by_p, by_pressure.reshape(e, 4 * q, c))
+        return [values.reshape(e, -1) for values in (forces, forces_p, volumes, volumes_p)]
+
+
+def _product(values: Array, by: Array) -> Array:
+    """Return (elements, r, m) times (elements or 1, m, n); one product where all elements share the second."""
+    if len(by) > 1:
+        return np.asarray(np.matmul(values, by))
+    return np.asarray(values.reshape(-1, values.shape[2]) @ by[0]).reshape(*values.shape[:2], -1)
+
+
+class _Sum(NamedTuple):
+    """Sum of the pairs of some elements."""
+
+    slots: npt.NDArray[np.int32] | slice  #: blocks that they belong to
+    matrix: sparse.csr_matrix  #: (slots, pairs), ones
+
+
+class BlockPattern:
+    """Blocks of a sparse matrix that couple the nodes of an element with one another.
+
+    By pairs of nodes, and not by pairs of unknowns, it takes 1 kB an unknown of quadratic tetrahedra to make, not 24.
+
+    Parameters
+    ----------
+    rows, columns : (elements, a), (elements, b)
+        Nodes of each element.
+    shape
+        Numbers of nodes (n, m).
+    parts
+        Slices of elements that are summed together.
+    """
+
+    def __init__(
+        self, rows: IntArray, columns: IntArray, shape: tuple[int, int], parts: Sequence[slice]
+    ) -> None:
+        width = max(shape[1], 1)
+        pairs = (rows.astype(np.int64)[:, :, None] * width + columns[:, None, :]).reshape(len(rows), -1)
+        unique, slot = np.unique(pairs, return_inverse=True)
+        slot = slot.astype(np.int32).reshape(pairs.shape)
+        self.shape = shape
+        self.indices = (unique % width).astype(np.int32)
+        self.indptr = np.searchsorted(unique // width, np.arange(shape[0] + 1)).astype(np.int32)
+        ones = np.ones(pairs.shape[1] * max((part.stop - part.start for part in parts), default=0))
+        self._sums = [_sum(slot[part].ravel(), ones, len(unique), len(parts) == 1) for part in parts]
+
+    def zeros(self, *block: int) -> Array:
+        """Return blocks of zeros (blocks, ...)."""
+        return np.zeros((len(self.indices), *block))
+
+    def add(self, blocks: Array, part: int, values: Array) -> None:
+        """Add the values (elements, a, b, ...) of a part of the elements, by its number, to ``blocks``."""
+        slots, matrix = self._sums[part]
+        flat = blocks.reshape(len(blocks), -1)
+        flat[slots] += matrix @ values.reshape(matrix.shape[1], flat.shape[1])
+
+    def matrix(self, blocks: Array) -> sparse.bsr_matrix:
+        """Return the matrix of blocks (blocks, r, c), which it does not copy."""
+        r, c = blocks.shape[1:]
+        shape = (r * self.shape[0], c * self.shape[1])
+        return sparse.bsr_matrix((blocks, self.indices, self.indptr), shape=shape)
+
+    def transposed(self, blocks: Array, of: BlockPattern) -> Array:
+        """Return the blocks of this pattern that are the transpose of the ``blocks`` of another one, ``of``."""
+        rows = np.repeat(np.arange(self.shape[0]), np.diff(self.indptr))
+        return np.ascontiguousarray(blocks[of.find(self.indices, rows)].swapaxes(1, 2))
+
+    def find(self, rows: IntArray, columns: IntArray) -> IntArray:
+        """Return the numbers of the blocks at pairs of nodes, all of which must be there."""
+        width = max(self.shape[1], 1)
+        keys = (
+            np.repeat(np.arange(self.shape[0], dtype=np.int64), np.diff(self.indptr)) * width + self.indices
+        )
+        return np.asarray(np.searchsorted(keys, rows.astype(np.int64) * width + columns))
+
+
+def _sum(slot: npt.NDArray[np.int32], ones: Array, size: int, all_of_them: bool) -> _Sum:
+    """Return the sum of pairs into their slots; ``ones`` serves all sums as data."""
+    if all_of_them:
+        slots: npt.NDArray[np.int32] | slice = slice(None)
+        count, place = size, slot
+    else:
+        slots, place = np.unique(slot, return_inverse=True)
+        count = len(slots)
+    order = np.argsort(place, kind="stable").astype(np.int32)
+    starts = np.concatenate([[0], np.cumsum(np.bincount(place.ravel(), minlength=count))]).astype(np.int32)
+    return _Sum(slots, sparse.csr_matrix((ones[: len(slot)], order, starts), shape=(count, len(slot))))
+
+
+class EquationPattern:
+    """Rows and columns of the equations, taken out of the blocks as one sorted compressed matrix for a factor.
+
+    Parameters
+    ----------
+    uu, up, pu, pp
+        Patterns of the four parts.
+    equation : (unknowns,)
+        Equation of each unknown; -1: prescribed. Those of a plate share one, and their entries are summed.
+    """
+
+    def __init__(
+        self, uu: BlockPattern, up: BlockPattern, pu: BlockPattern, pp: BlockPattern, equation: IntArray
+    ) -> None:
+        parts, first = [], 1
+        for pattern, r, c in ((uu, 3, 3), (up, 3, 1), (pu, 1, 3), (pp, 1, 1)):
+            count = len(pattern.indices) * r * c
+            parts.append(pattern.matrix(np.arange(first, first + count, dtype=float).reshape(-1, r, c)))
+            first += count
+        numbers = sparse.bmat([parts[:2], parts[2:]], format="coo")
+        row, column = equation[numbers.row], equation[numbers.col]
+        kept = np.flatnonzero((row >= 0) & (column >= 0))
+        n = int(equation.max(initial=-1)) + 1
+        keys = row[kept].astype(np.int64) * n + column[kept]
+        order = np.argsort(keys, kind="stable")
+        keys = keys[order]
+        #: Place of each entry among those of all blocks, and where the entries of one place begin.
+        self._source = numbers.data[kept[order]].astype(np.int64) - 1
+        starts = np.flatnonzero(np.diff(keys, prepend=-1))
+        self._starts = None if len(starts) == len(keys) else starts
+        self._indices = (keys[starts] % max(n, 1)).astype(np.int32)
+        self._indptr = np.searchsorted(keys[starts] // max(n, 1), np.arange(n + 1)).astype(np.int32)
+        self._shape = (n, n)
+
+    def matrix(self, blocks: Sequence[Array]) -> sparse.csr_matrix:
+        """Return the matrix in CSR from the blocks of the four parts."""
+        data = np.concatenate([block.ravel() for block in blocks])[self._source]
+        if self._starts is not None:
+            data = np.add.reduceat(data, self._starts)
+        return sparse.csr_matrix((data, self._indices, self._indptr), shape=self._shape)
+
 
 #: Numbers in the intermediate products of as many elements as are treated at once.
 CACHED = 4_000_000

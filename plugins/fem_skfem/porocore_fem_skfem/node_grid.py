@@ -8,9 +8,9 @@ import numpy as np
 from scipy import sparse
 
 from porocore.cell.meshing.mesh import CellMesh
-from porocore.cell.meshing.shape_functions import EDGES
+from porocore.cell.meshing.tetrahedra import EDGES
 from porocore.states import Array, IntArray
-from porocore_fem_skfem.checks import Indices
+from porocore_fem_skfem.factor import Indices
 from porocore_fem_skfem.products import SparseMatrix, in_blocks
 
 

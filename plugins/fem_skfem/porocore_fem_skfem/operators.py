@@ -16,9 +16,9 @@ from scipy import sparse
 from skfem import Element, ElementTetP1, ElementTetP2
 
 from porocore.cell.meshing.mesh import CellMesh
-from porocore.cell.meshing.quadrature import tetrahedron_rule
+from porocore.cell.meshing.tetrahedra import tetrahedron_rule
 from porocore.states import Array, IntArray
-from porocore_fem_skfem.checks import Indices
+from porocore_fem_skfem.factor import Indices
 
 ELEMENTS = {4: ElementTetP1(), 10: ElementTetP2()}
 #: Pairs of nodes of the elements that are summed together.

@@ -17,8 +17,14 @@ import numpy.typing as npt
 
 from porocore.cell.equilibrium.discrete import FactorError
 from porocore.states import Array
-from porocore_fem_skfem.checks import Indices, check_symmetric
-from porocore_fem_skfem.factor import OutOfMemoryError, SingularError, SparseFactor, SymmetricFactor
+from porocore_fem_skfem.factor import (
+    Indices,
+    OutOfMemoryError,
+    SingularError,
+    SparseFactor,
+    SymmetricFactor,
+    check_symmetric,
+)
 
 _ANALYSE, _FACTOR, _SOLVE, _RELEASE = 11, 22, 33, -1
 _DEFINITE, _SYMMETRIC_INDEFINITE, _STRUCTURALLY_SYMMETRIC = 2, -2, 1

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from scipy import sparse
 
 from porocore_fem_skfem import pardiso
-from porocore_fem_skfem.checks import LARGEST
+from porocore_fem_skfem.factor import LARGEST
 
 Floats = npt.NDArray[np.floating[Any]]
 SparseMatrix: TypeAlias = sparse.csr_matrix | sparse.bsr_matrix

@@ -11,9 +11,9 @@ from typing import Protocol
 
 import numpy as np
 
-from porocore.cell.materials.energy import StrainEnergy
-from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.core.tensors.cofactors import add_cofactor_tangent
+from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.cell.materials.material import StrainEnergy
+from porocore.core.tensors import add_cofactor_tangent
 from porocore.states import Array
 from porocore_fem_skfem.operators import Operators, Parts, Scatter, empty_blocks
 

@@ -1,4 +1,4 @@
-"""The discrete solid (SkfemSolid): energy, residual, tangent, linear solves, integrals, sensitivities.
+"""The discrete solid of a cell (SkfemSolid), its iterates and factorised tangents.
 
 Arrays at quadrature points are component-first, (3, 3, points).
 """
@@ -11,23 +11,98 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
-from porocore.cell.contact.model import ContactModel
-from porocore.cell.equilibrium.discrete import DiscreteSolid
-from porocore.cell.equilibrium.integrals import DomainIntegrals, Sensitivities, second_derivatives
-from porocore.cell.equilibrium.rotations import load_basis
-from porocore.cell.materials.energy import StrainEnergy
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.contact.wall_contact import ContactModel
+from porocore.cell.equilibrium.discrete import (
+    DiscreteSolid,
+    DomainIntegrals,
+    FactorisedTangent,
+    Iterate,
+    Sensitivities,
+    load_basis,
+    second_derivatives,
+)
+from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.cell.materials.material import StrainEnergy
 from porocore.cell.meshing.mesh import CellMesh
-from porocore.cell.symmetry.parity import UNIT_LOADS, held_displacements
+from porocore.cell.symmetry import UNIT_LOADS, held_displacements
+from porocore.core.tensors import cofactor, determinant
 from porocore.states import Array, IntArray
-from porocore_fem_skfem.constraints import Constraints
-from porocore_fem_skfem.iterate import SkfemIterate, SkfemTangentFactor
+from porocore_fem_skfem.constraints import Constraints, Widenings
 from porocore_fem_skfem.iterative import IterativeConstraints
 from porocore_fem_skfem.linalg import choice_in_words, iterates
 from porocore_fem_skfem.node_grid import NodeGrid, node_grid
 from porocore_fem_skfem.operators import Operators, Scatter
 from porocore_fem_skfem.response import GeneralResponse, NeoHookeanResponse, SolidResponse
-from porocore_fem_skfem.widening import Widenings
+
+
+class SkfemIterate(Iterate):
+    """Iterate with its kinematics, shared by energy, residual and tangent.
+
+    Attributes
+    ----------
+    u : (3, nodes)
+        u¹, periodic nodes merged.
+    F, cof : (3, 3, points)
+        Deformation gradient and its cofactor.
+    J : (points,)
+        det F.
+    """
+
+    def __init__(self, problem: SkfemSolid, H: Array, p: float, u: Array) -> None:
+        self.problem, self.H, self.p, self.u = problem, H, p, u
+        self.contact = problem.contact
+        self.F = problem.gradient(u) + (np.eye(3) + H)[:, :, None]
+        view = np.moveaxis(self.F, -1, 0)
+        self.J, self.cof = determinant(view), np.moveaxis(cofactor(view), 0, -1)
+
+    @cached_property
+    def stress(self) -> Array:
+        """Stress P + p cof F (3, 3, points)."""
+        return self.problem.response.stress(self)
+
+    @cached_property
+    def tangent(self) -> Array:
+        """Upper triangle of ∂²Π/∂u² without contact, entries in the order of the scatter's pattern."""
+        return self.problem.response.stiffness(self)
+
+    @cached_property
+    def energy(self) -> float:
+        energy = float(self.problem.w @ (self.problem.response.energy_density(self) + self.p * self.J))
+        return energy if self.touching is None else energy + self.touching.forces.energy
+
+    @cached_property
+    def residual(self) -> Array:
+        forces = self.problem.assemble(self.stress)
+        if self.touching is not None:
+            n = len(self.problem.mesh.points)
+            forces += self.problem.merged(self.touching.forces.by_displacement(n))
+        return forces.ravel()[self.problem.constraints().free]
+
+    @property
+    def min_jacobian(self) -> float:
+        return float(self.J.min())
+
+    @property
+    def displacement(self) -> Array:
+        return self.u[:, self.problem.nodes].T
+
+
+class SkfemTangentFactor(FactorisedTangent):
+    """Factorised tangent of one parity class; factorised again if the class has factorised another since."""
+
+    iterate: SkfemIterate
+
+    def __init__(
+        self, iterate: SkfemIterate, parity: str, shift: float, constraints: Constraints, entries: Array
+    ) -> None:
+        self.iterate, self.parity, self.shift = iterate, parity, shift
+        self.constraints, self.entries = constraints, entries
+        self.negative = constraints.factorise(entries)
+
+    def solve(self, rhs: Array) -> Array:
+        self.constraints.factorise(self.entries)
+        return self.constraints.precondition(rhs)
+
 
 #: Nodes up to which the undeformed iterate is kept with its tangent, a sixteenth of a solve from rest; 20 MB at 26,000.
 MOST_AT_REST = 100_000

@@ -10,10 +10,11 @@ from porocore.errors import ConfigurationError, SolveError
 from porocore.macro.integration.discretisation import StepFailed
 from porocore.macro.problem import MacroProblem
 from porocore.testing.synthetic.response import linear_law, mean_gradient_law
-from porocore_fem_skfem import macro_iterative, macro_linear, macro_preconditioner
-from porocore_fem_skfem.checks import check_symmetric
-from porocore_fem_skfem.krylov import flexible_gmres
+from porocore_fem_skfem import macro_linear, macro_preconditioner
+from porocore_fem_skfem import macro_linear as macro_iterative
+from porocore_fem_skfem.factor import check_symmetric
 from porocore_fem_skfem.macro import SkfemMacroSolver
+from porocore_fem_skfem.macro_linear import flexible_gmres
 
 NONLINEAR = mean_gradient_law()
 WEDGE = {"kind": "wedge", "radius": 1, "height": 0.7, "elements": (3, 3, 2), "angle": 60}
@@ -229,7 +230,7 @@ def test_the_solver_is_chosen_by_size_and_by_the_user(monkeypatch):
 
 
 def test_gmres_restarts_and_ends_at_round_off(monkeypatch):
-    from porocore_fem_skfem import krylov
+    from porocore_fem_skfem import macro_linear as krylov
 
     rng = np.random.default_rng(1)
     A = np.eye(60) + 0.02 * rng.standard_normal((60, 60))

@@ -5,10 +5,11 @@ import pytest
 
 from porocore.cell.cell import Cell
 from porocore.cell.equilibrium import responses
-from porocore.cell.symmetry.exchange import axis_order
+from porocore.cell.symmetry import axis_order
 from porocore.interfaces.records import flatten_response
 from porocore.states import Status
-from porocore_fem_skfem import pardiso, widening
+from porocore_fem_skfem import constraints as widening
+from porocore_fem_skfem import pardiso
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 
 COARSE = {"size": 0.25, "element": "quadratic-curved"}

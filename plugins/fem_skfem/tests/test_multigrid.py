@@ -5,20 +5,18 @@ import pytest
 from scipy import sparse
 
 from porocore.cell.cell import Cell
-from porocore.cell.contact.model import make_contact_model
+from porocore.cell.contact.wall_contact import make_contact_model
 from porocore.cell.equilibrium.discrete import LoadStepFailed
-from porocore.cell.equilibrium.path import follow
-from porocore.cell.equilibrium.responses import respond
+from porocore.cell.equilibrium.responses import follow, respond
 from porocore.cell.geometry.kinds import OrthogonalChannels, TriplyPeriodic
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cell.stability.modes import lowest_of_class
 from porocore.states import MacroState, Status
 from porocore_fem_skfem import iterative, linalg, multigrid, stokes
-from porocore_fem_skfem.aggregation import Nodes, aggregated
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 from porocore_fem_skfem.linalg import conjugate_gradients
-from porocore_fem_skfem.multigrid import Multigrid
+from porocore_fem_skfem.multigrid import Multigrid, Nodes, aggregated
 from porocore_fem_skfem.node_grid import PaddedPattern, node_grid
 from porocore_fem_skfem.products import Product, block_of, in_blocks
 from porocore_fem_skfem.solid import SkfemSolid

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.equilibrium.path import follow
-from porocore.cell.equilibrium.rotations import load_basis
+from porocore.cell.equilibrium.discrete import load_basis
+from porocore.cell.equilibrium.responses import follow
 from porocore.cell.equilibrium.solver import TOLERANCE
-from porocore.cell.symmetry.parity import CLASSES
+from porocore.cell.symmetry import CLASSES
 from porocore_fem_skfem import constraints, iterative
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 

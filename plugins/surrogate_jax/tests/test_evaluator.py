@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from porocore import ConfigurationError, MacroState, TrainingSet
-from porocore.core.inputs.input_space import NAMES, InputSpace
-from porocore.core.tensors.point_group import CUBIC
+from porocore.core.inputs import NAMES, InputSpace
+from porocore.core.tensors import CUBIC
 from porocore.surrogates.network.network import ACTIVATIONS, Network
 from porocore.surrogates.network.sobolev import SobolevProblem
-from porocore.surrogates.polynomial.terms import invariant
-from porocore.surrogates.potential.data import PotentialData
+from porocore.surrogates.polynomial.monomials import invariant
+from porocore.surrogates.potential import PotentialData
 from porocore.testing.synthetic.cell import respond
 from porocore_surrogate_jax import evaluator, library
 from porocore_surrogate_jax.evaluator import LARGEST, JaxNetwork

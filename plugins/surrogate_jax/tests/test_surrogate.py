@@ -11,16 +11,15 @@ import numpy as np
 import pytest
 
 from porocore import DataError
-from porocore.surrogates.file.archive import read_archive
-from porocore.surrogates.mean_gradient.data import ScaledData
-from porocore.surrogates.mean_gradient.model import AnchoredModel
-from porocore.surrogates.network import adam
+from porocore.surrogates.file.file import read_archive
+from porocore.surrogates.mean_gradient import AnchoredModel, ScaledData
+from porocore.surrogates.network import training as adam
 from porocore.surrogates.network.network import Network
 from porocore.surrogates.network.options import MlpOptions
 from porocore.surrogates.network.sobolev import unpack_layers
-from porocore.surrogates.network.training_state import FORMAT as TRAINING_FORMAT
+from porocore.surrogates.network.training import FORMAT as TRAINING_FORMAT
 from porocore.surrogates.portable import NumpySurrogate
-from porocore.testing.surrogate_laws.base import synthetic_training_set
+from porocore.testing.synthetic.cell import synthetic_training_set
 from porocore_surrogate_jax import hooks
 from porocore_surrogate_jax.evaluator import JaxNetwork
 from porocore_surrogate_jax.library import JaxAutodiff, choose_device
@@ -99,8 +98,8 @@ def test_a_killed_training_ends_with_the_same_weights(data, tmp_path):
     checkpoint = tmp_path / "training.h5"
     code = f"""
         from pathlib import Path
-        from porocore.testing.surrogate_laws.base import synthetic_training_set
-        from porocore.surrogates.network import adam
+        from porocore.testing.synthetic.cell import synthetic_training_set
+        from porocore.surrogates.network import training as adam
         from porocore_surrogate_jax.surrogate import JaxSurrogate
         adam.CHECKPOINT_INTERVAL = 0.0
         data = synthetic_training_set(100, seed=1)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from porocore.surrogates.mean_gradient.data import ScaledData
-from porocore.surrogates.network.adam import MlpTraining
+from porocore.surrogates.mean_gradient import ScaledData
 from porocore.surrogates.network.network import Evaluator, Network
 from porocore.surrogates.network.sobolev import Autodiff
 from porocore.surrogates.network.surrogate import NetworkSurrogate
+from porocore.surrogates.network.training import MlpTraining
 
 
 class TorchSurrogate(NetworkSurrogate):

@@ -13,12 +13,11 @@ import torch
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import OnProgress
 from porocore.states import Array, IntArray
-from porocore.surrogates.mean_gradient.data import ScaledData
-from porocore.surrogates.network.adam import GAIN, MlpTraining, Part
+from porocore.surrogates.mean_gradient import ScaledData
 from porocore.surrogates.network.network import Network
 from porocore.surrogates.network.options import MlpOptions
 from porocore.surrogates.network.sobolev import Loss, unpack_layers
-from porocore.surrogates.network.training_state import BETA1, BETA2, EPSILON, TrainingState
+from porocore.surrogates.network.training import BETA1, BETA2, EPSILON, GAIN, MlpTraining, Part, TrainingState
 from porocore_surrogate_torch.evaluator import available_device, one_thread
 
 Tensors = dict[str, torch.Tensor]

@@ -13,7 +13,7 @@ import torch
 from porocore.errors import ConfigurationError
 from porocore.surrogates.network.network import ACTIVATIONS, Network
 from porocore.surrogates.portable import NumpySurrogate
-from porocore.testing.compare import with_derivatives
+from porocore.testing.expect import with_derivatives
 from porocore.testing.synthetic.potential_cell import potential_training_set
 from porocore_surrogate_torch.evaluator import TorchNetwork, available_device
 from porocore_surrogate_torch.surrogate import TorchSurrogate

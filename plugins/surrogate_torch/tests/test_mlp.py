@@ -13,17 +13,14 @@ import pytest
 import torch
 
 from porocore import Cell, ConfigurationError, DataError, MacroState, RunFolderError
-from porocore.study.preflight.abilities import require_learner
-from porocore.surrogates.file.archive import read_archive
-from porocore.surrogates.mean_gradient.data import ScaledData
-from porocore.surrogates.mean_gradient.model import AnchoredModel
-from porocore.surrogates.network.adam import learning_rate, split
+from porocore.study.notes.abilities import require_learner
+from porocore.surrogates.file.file import read_archive
+from porocore.surrogates.mean_gradient import AnchoredModel, ScaledData
 from porocore.surrogates.network.options import MlpOptions
 from porocore.surrogates.network.sobolev import layered_network
-from porocore.surrogates.network.training_state import FORMAT as TRAINING_FORMAT
-from porocore.surrogates.network.training_state import TrainingState
-from porocore.testing.surrogate_laws.base import synthetic_training_set
-from porocore.testing.synthetic.cell import INPUTS
+from porocore.surrogates.network.training import FORMAT as TRAINING_FORMAT
+from porocore.surrogates.network.training import TrainingState, learning_rate, split
+from porocore.testing.synthetic.cell import INPUTS, synthetic_training_set
 from porocore.testing.synthetic.porous_family import porous_training_set
 from porocore_surrogate_torch import hooks, training
 from porocore_surrogate_torch.surrogate import TorchSurrogate
@@ -132,8 +129,8 @@ def test_a_killed_training_ends_with_the_same_weights(data, tmp_path):
     checkpoint, resumed, whole = (tmp_path / f"{name}.h5" for name in ("training", "resumed", "whole"))
     code = f"""
         from pathlib import Path
-        from porocore.testing.surrogate_laws.base import synthetic_training_set
-        from porocore.surrogates.network import adam
+        from porocore.testing.synthetic.cell import synthetic_training_set
+        from porocore.surrogates.network import training as adam
         from porocore_surrogate_torch.surrogate import TorchSurrogate
         adam.CHECKPOINT_INTERVAL = 0.0
         data = synthetic_training_set(100, seed=1)
@@ -282,7 +279,7 @@ def test_a_training_does_not_wait_for_the_compiler_of_torch():
     """Its import takes as long as that of torch."""
     code = """
         import sys
-        from porocore.testing.surrogate_laws.base import synthetic_training_set
+        from porocore.testing.synthetic.cell import synthetic_training_set
         from porocore_surrogate_torch.surrogate import TorchSurrogate
         TorchSurrogate(epochs=20, hidden=[4]).fit(synthetic_training_set(30, seed=1), seed=0)
         print("torch" in sys.modules, "torch._dynamo" in sys.modules)

@@ -1,22 +1,154 @@
-"""Conductivity K and K_ref of the undeformed and the deformed pore (Pore); requirements on a cell."""
+"""Conductivity K and K_ref of the pore (Pore): Stokes flow in a mesh that may be deformed, its slopes.
+
+The Stokes problem is self-adjoint: ∫ w^j_i dx is the stationary value of ∫ L_ij dx with::
+
+    L_ij = w^i_j + w^j_i − ∇w^i:∇w^j + s^i div w^j + s^j div w^i
+
+for the flows w^i under the unit forces and their pressures s^i. So only the explicit dependence on the nodes counts.
+"""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
 from porocore.cell.cell import Cell
-from porocore.cell.conductivity.extension import HarmonicExtension
-from porocore.cell.conductivity.flow_slopes import flow_slopes
-from porocore.cell.conductivity.fluid import DiscreteFluid
-from porocore.cell.conductivity.wall_displacement import wall_interpolation
+from porocore.cell.conductivity.extension import HarmonicExtension, wall_interpolation
+from porocore.cell.equilibrium.discrete import ElementGradients, FactorError
 from porocore.cell.meshing.mesh import CellMesh, Domain
-from porocore.cell.meshing.quadrature import tetrahedron_rule
-from porocore.cell.meshing.tetrahedra import determinants
+from porocore.cell.meshing.tetrahedra import determinants, shape_functions, tetrahedron_rule
 from porocore.errors import ConfigurationError, PorocoreError
 from porocore.states import Array
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class FlowFields:
+    """Flows under the three unit forces e_j.
+
+    Attributes
+    ----------
+    velocity : (nodes, 3, 3)
+        w^j_i at the nodes.
+    pressure : (nodes, 3)
+        Pressure s^j at the corners; 0 at mid-edge nodes.
+    integrals : (3, 3)
+        ∫ w^j_i dx.
+    """
+
+    velocity: Array
+    pressure: Array
+    integrals: Array
+
+
+class DiscreteFluid(ABC):
+    """Stokes flow of unit viscosity on one mesh of the fluid, with quadratic velocity and linear pressure.
+
+    On the mesh deformed by x(Y), with F = ∂x/∂Y and J = det F, the weak form for the unit force e_j is::
+
+        ∫ J (∇w F⁻¹):(∇v F⁻¹) − q J F⁻ᵀ:∇v − s J F⁻ᵀ:∇w dY = ∫ J v_j dY
+
+    for all v, s periodic in Y; w vanishes on the wall. x is quadratic in each element like Y itself, so this is the
+    weak form of the undeformed cell with x in place of Y, and the undeformed cell is the case x = Y.
+
+    Attributes
+    ----------
+    mesh
+        Undeformed mesh of quadratic elements.
+    """
+
+    mesh: CellMesh
+
+    @property
+    def choice(self) -> str:
+        """Unknowns and linear solver, in words; empty where the backend does not tell."""
+        return ""
+
+    def flow(self, points: Array | None = None) -> Array:
+        """Return ∫ w^j_i dx (3, 3) over the deformed mesh for the three unit forces e_j.
+
+        Parameters
+        ----------
+        points : (nodes, 3)
+            Positions of the nodes of ``mesh``, the undeformed ones by default. Partners on opposite faces differ by
+            one vector for each pair of faces; on the eighth the mirror planes stay normal to the axes.
+
+        Raises
+        ------
+        PorocoreError
+            The system cannot be solved.
+        """
+        return self._solved(self.integrals, points)
+
+    def flow_fields(self, points: Array | None = None) -> FlowFields:
+        """Return velocities and pressures that are as accurate as slopes of the flow need; see :meth:`flow`.
+
+        Raises
+        ------
+        PorocoreError
+            The system cannot be solved.
+        """
+        return self._solved(self.fields, points)
+
+    def _solved(self, solve: Callable[[Array], T], points: Array | None) -> T:
+        try:
+            return solve(self.mesh.points if points is None else points)
+        except FactorError as error:
+            raise PorocoreError(
+                f"the Stokes cell problem cannot be solved ({error}); refine the mesh (cell.mesh.fluid_size)"
+            ) from error
+
+    @abstractmethod
+    def integrals(self, points: Array) -> Array:
+        """Return what :meth:`flow` does; a FactorError says why the system cannot be solved."""
+
+    @abstractmethod
+    def fields(self, points: Array) -> FlowFields:
+        """Return what :meth:`flow_fields` does; a FactorError says why the system cannot be solved."""
+
+
+def flow_slopes(mesh: CellMesh, points: Array, flow: FlowFields, velocities: Array, degree: int) -> Array:
+    """Return the slopes (3, 3, m) of ∫ w^j_i dx.
+
+    Parameters
+    ----------
+    mesh
+        Quadratic mesh of the fluid.
+    points : (nodes, 3)
+        Positions of its nodes, which may be deformed.
+    flow
+        Flows on that mesh.
+    velocities : (m, nodes, 3)
+        Slopes of the positions by m parameters.
+    degree
+        Degree of the quadrature of the flow.
+    """
+    gradients = ElementGradients(mesh, degree, points)
+    at = tetrahedron_rule(degree)[0]
+    N, corner_N = (shape_functions(at, nodes)[0] for nodes in (mesh.cells.shape[1], 4))
+    grad = np.stack([gradients.gradient(flow.velocity[:, :, j]) for j in range(3)], axis=2)
+    flat = grad.reshape(*grad.shape[:3], 9)
+    w = np.einsum("qa,eaij->eqij", N, flow.velocity[mesh.cells], optimize=True)
+    s = np.einsum("qa,eaj->eqj", corner_N, flow.pressure[mesh.cells[:, :4]], optimize=True)
+    div = np.trace(grad, axis1=3, axis2=4)
+    half = w - flat @ flat.swapaxes(2, 3) / 2 + s[..., :, None] * div[..., None, :]
+    found = []
+    for velocity in velocities:
+        grad_V = gradients.gradient(velocity)
+        turned = grad @ grad_V[:, :, None]
+        change = turned.reshape(flat.shape) @ flat.swapaxes(2, 3)
+        change -= s[..., :, None] * np.trace(turned, axis1=3, axis2=4)[..., None, :]
+        div_V = np.trace(grad_V, axis1=2, axis2=3)
+        slope = gradients.integral(half * div_V[..., None, None] + change)
+        found.append(slope + slope.T)
+    return np.moveaxis(np.reshape(found, (-1, 3, 3)), 0, -1)
+
 
 #: Degree of the rule at whose points J of the fluid must be positive, that of the flow.
 DEGREE = 4

@@ -1,16 +1,222 @@
-"""Search for contact pairs: points of the wall, and the triangles of the wall or images that they face."""
+"""Contact pairs of the pore wall, their penalty energy with derivatives; contact with mirror planes.
+
+It is the distance from the nearest point of the triangle, in the face, on an edge or at a vertex. So the distance from
+a surface of triangles is continuous; on its inner side it is continuously differentiable except where two faces are
+equally near.
+
+The position of a node is x = F₀ X̃ + u, where X̃ is its place in the undeformed cell, periodic shift included. So one
+gradient and one Hessian by positions give the derivatives by the unknowns u and by the load H.
+
+The energy is ε/2 ∫ ⟨−g⟩² dA over the undeformed wall with the gap g to each of the six planes. The planes x_a = 0
+stay, those at X_a = s_a/2, with the cell's sides s, move to (1 + H_aa) s_a/2. Under loads that preserve the mirrors, g
+is linear in u and H.
+
+A perturbation that is odd under the mirror of a plane moves the wall and its image differently: they slide over each
+other while their common surface tilts. For it the wall is paired with its reflection, triangle by triangle, as in the
+whole cell (:mod:`porocore.cell.contact.wall_contact`); only the second derivatives of this contact are needed.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from porocore.cell.contact.pore_surface import PoreSurface
-from porocore.cell.contact.triangles import height, nearest
+from porocore.cell.meshing.mesh import CellMesh
+from porocore.cell.meshing.tetrahedra import shape_functions, triangle_rule
+from porocore.cell.symmetry import odd_axes
 from porocore.states import Array, IntArray
+
+#: Degree of the rule on a facet: a crease begins as a fold within the facets next to a mirror plane.
+DEGREE = 7
+
+
+@dataclass(frozen=True, eq=False)
+class PoreSurface:
+    """The pore wall as F facets of a nodes each, with q quadrature points.
+
+    Attributes
+    ----------
+    facets : (F, a)
+        Nodes, outward from the solid.
+    N : (q, a), dN : (q, a, 2)
+        Shape functions and their derivatives by the two coordinates of a facet.
+    weights : (F, q)
+        Undeformed area of each point.
+    """
+
+    facets: IntArray
+    N: Array
+    dN: Array
+    weights: Array
+
+    @property
+    def area(self) -> float:
+        """Undeformed area of the wall."""
+        return float(self.weights.sum())
+
+
+@lru_cache(maxsize=8)
+def pore_surface(mesh: CellMesh) -> PoreSurface:
+    """Return the pore surface of a mesh of the solid."""
+    points, weights = triangle_rule(DEGREE)
+    N, dN = shape_functions(points, mesh.wall.shape[1])
+    tangents = np.einsum("qas,fai->fqsi", dN, mesh.points[mesh.wall])
+    area = np.linalg.norm(np.cross(tangents[:, :, 0], tangents[:, :, 1]), axis=2)
+    return PoreSurface(mesh.wall, N, dN, area * weights)
+
+
+#: Codes of the part where the nearest point lies: the face (0), the edge after vertex k (1 + k), vertex k (4 + k).
+FACE, EDGE, VERTEX = 0, 1, 4
+
+
+def nearest(points: Array, triangles: Array) -> tuple[Array, IntArray, Array]:
+    """Return signed distances, the parts where the nearest points lie, and cosines of direction and normal, (...).
+
+    Points are (..., 3) and triangles (..., 3, 3), vertices in rows; positive on the side of the right-handed normal.
+    """
+    x = np.ascontiguousarray(np.moveaxis(points, -1, 0))
+    corners = np.ascontiguousarray(np.moveaxis(triangles, (-2, -1), (0, 1)))
+    m = _cross_product(corners[1] - corners[0], corners[2] - corners[0])
+    normal = m / np.sqrt(_product(m, m))
+    above = _product(x - corners[0], normal)
+    best = np.full(above.shape, np.inf)
+    where = np.zeros(above.shape, dtype=np.int64)
+    inside = np.ones(above.shape, dtype=bool)
+    for k in range(3):
+        t, r = corners[(k + 1) % 3] - corners[k], x - corners[k]
+        inside &= _product(_cross_product(t, r), m) >= 0
+        share = _product(r, t) / _product(t, t)
+        away = r - np.clip(share, 0.0, 1.0) * t
+        distance = np.sqrt(_product(away, away))
+        kind = np.where(share <= 0, VERTEX + k, np.where(share >= 1, VERTEX + (k + 1) % 3, EDGE + k))
+        nearer = distance < best
+        best, where = np.where(nearer, distance, best), np.where(nearer, kind, where)
+    best, where = np.where(inside, np.abs(above), best), np.where(inside, FACE, where)
+    cosine = np.abs(above) / np.where(best > 0, best, 1.0)
+    return np.where(above < 0, -best, best), where, np.where(best > 0, cosine, 1.0)
+
+
+def _product(a: Array, b: Array) -> Array:
+    """Return a·b of vectors whose components come first; numpy sums over short last axes slowly."""
+    return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+
+def _cross_product(a: Array, b: Array) -> Array:
+    """Return a × b of vectors whose components come first."""
+    return np.stack([a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3)])
+
+
+def distance_derivatives(points: Array, triangles: Array, where: IntArray) -> tuple[Array, Array, Array]:
+    """Return g (m,), ∂g/∂z (m, 12) and ∂²g/∂z² (m, 12, 12) with z = (x, x₁, x₂, x₃), the point and the vertices.
+
+    g is the distance from the plane of the face, from the line of an edge, or from a vertex, by ``where`` (m,).
+    """
+    m = len(points)
+    g, gradient, hessian = np.zeros(m), np.zeros((m, 12)), np.zeros((m, 12, 12))
+    rows = np.flatnonzero(where == FACE)
+    g[rows], gradient[rows], hessian[rows] = _from_plane(points[rows], triangles[rows])
+    for k in range(3):
+        for kind, vertices in ((EDGE + k, [k, (k + 1) % 3]), (VERTEX + k, [k])):
+            rows = np.flatnonzero(where == kind)
+            if not len(rows):
+                continue
+            part = triangles[rows]
+            sign = np.sign(height(points[rows], part))
+            measure = _from_line if len(vertices) == 2 else _from_point
+            d, first, second = measure(points[rows], part[:, vertices])
+            places = np.concatenate([np.arange(3)] + [3 + 3 * v + np.arange(3) for v in vertices])
+            g[rows] = sign * d
+            gradient[np.ix_(rows, places)] = sign[:, None] * first
+            hessian[np.ix_(rows, places, places)] = sign[:, None, None] * second
+    return g, gradient, hessian
+
+
+def height(points: Array, triangles: Array) -> Array:
+    """Return a multiple (m,) of the height over the triangle's plane, of the sign of the distance."""
+    first = triangles[:, 0]
+    m = np.cross(triangles[:, 1] - first, triangles[:, 2] - first)
+    return np.asarray(((points - first) * m).sum(axis=1))
+
+
+def _from_plane(points: Array, triangles: Array) -> tuple[Array, Array, Array]:
+    """Return the distance from the plane of a face, its gradient and its Hessian.
+
+    With m = e₁ × e₂, a = |m|, n = m/a, r = x − x₁, g = r·n and r_t = r − g n:
+    δg = n·δr + r_t·δm/a and δ²g = 2 δr·δn + (r_t·δ²m − 2 (r_t·δm)(n·δm)/a − g |P δm|²/a)/a, where P = I − n nᵀ,
+    δn = P δm/a and δ²m = 2 δe₁ × δe₂.
+    """
+    x1 = triangles[:, 0]
+    e1, e2 = triangles[:, 1] - x1, triangles[:, 2] - x1
+    m = np.cross(e1, e2)
+    a = np.linalg.norm(m, axis=1)[:, None]
+    n = m / a
+    r = points - x1
+    g = (r * n).sum(axis=1)
+    r_t = r - g[:, None] * n
+    size, one = len(points), np.eye(3)
+    R, E1, E2 = (np.zeros((size, 3, 12)) for _ in range(3))
+    R[:, :, :3], R[:, :, 3:6] = one, -one
+    E1[:, :, 3:6], E1[:, :, 6:9] = -one, one
+    E2[:, :, 3:6], E2[:, :, 9:] = -one, one
+    M = _cross(e1) @ E2 - _cross(e2) @ E1
+    P = one - n[:, :, None] * n[:, None, :]
+    along, across = (r_t[:, None] @ M)[:, 0], (n[:, None] @ M)[:, 0]
+    gradient = (n[:, None] @ R)[:, 0] + along / a
+    a = a[:, :, None]
+    half = R.swapaxes(1, 2) @ P @ M / a
+    half -= along[:, :, None] * across[:, None, :] / a**2
+    half -= E1.swapaxes(1, 2) @ _cross(r_t) @ E2 / a
+    half -= (g / 2)[:, None, None] * (M.swapaxes(1, 2) @ P @ M) / a**2
+    return g, gradient, half + half.swapaxes(1, 2)
+
+
+def _from_line(points: Array, ends: Array) -> tuple[Array, Array, Array]:
+    """Return the distance d from a line, its gradient and its Hessian by the point and the two ends (m, 9).
+
+    With t the edge, L its length, c = t/L, e the direction of the distance, b = c × e, s the share of the foot and
+    w = δr − s δt: δd = e·w and δ²d = (b·w)²/d − 2 (c·w)(e·δt)/L − d (e·δt)²/L².
+    """
+    r, t = points - ends[:, 0], ends[:, 1] - ends[:, 0]
+    L = np.linalg.norm(t, axis=1)
+    c = t / L[:, None]
+    s = (r * c).sum(axis=1) / L
+    foot = r - s[:, None] * t
+    d = np.linalg.norm(foot, axis=1)
+    safe = np.maximum(d, 1e-300)
+    e = foot / safe[:, None]
+    one = np.eye(3)
+    w, dt = np.zeros((len(points), 3, 9)), np.zeros((len(points), 3, 9))
+    w[:, :, :3] = one
+    w[:, :, 3:6] = -(1 - s)[:, None, None] * one
+    w[:, :, 6:] = -s[:, None, None] * one
+    dt[:, :, 3:6], dt[:, :, 6:] = -one, one
+    ew, cw, bw = ((v[:, None] @ w)[:, 0] for v in (e, c, np.cross(c, e)))
+    et = (e[:, None] @ dt)[:, 0] / L[:, None]
+    mixed = cw[:, :, None] * et[:, None, :]
+    hessian = bw[:, :, None] * bw[:, None, :] / safe[:, None, None] - mixed - mixed.swapaxes(1, 2)
+    return d, ew, hessian - d[:, None, None] * et[:, :, None] * et[:, None, :]
+
+
+def _from_point(points: Array, vertices: Array) -> tuple[Array, Array, Array]:
+    """Return the distance d from a vertex, its gradient and its Hessian by the point and the vertex (m, 6)."""
+    r = points - vertices[:, 0]
+    d = np.linalg.norm(r, axis=1)
+    safe = np.maximum(d, 1e-300)
+    e = r / safe[:, None]
+    P = (np.eye(3) - e[:, :, None] * e[:, None, :]) / safe[:, None, None]
+    both = np.concatenate([np.concatenate([P, -P], axis=2), np.concatenate([-P, P], axis=2)], axis=1)
+    return d, np.concatenate([e, -e], axis=1), both
+
+
+def _cross(v: Array) -> Array:
+    """Return [v]× (m, 3, 3) with [v]× b = v × b."""
+    out = np.zeros((len(v), 3, 3))
+    out[:, 0, 1], out[:, 0, 2], out[:, 1, 2] = -v[:, 2], v[:, 1], -v[:, 0]
+    return out - out.swapaxes(1, 2)
+
 
 #: The triangles of a facet (VTK order of its six nodes).
 SUBTRIANGLES = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]])
@@ -94,7 +300,7 @@ class Pairs:
     other : (m, 3)
         Nodes whose images are the triangle, outward from the solid.
     where : (m,)
-        Part of the triangle that is nearest: face, edge or vertex, see :mod:`porocore.cell.contact.triangles`.
+        Part of the triangle that is nearest: face, edge or vertex, see :mod:`porocore.cell.contact.pairs`.
     number, distance : (m,)
         Number of the point, and its distance from the triangle at the search.
     """
@@ -194,3 +400,309 @@ def _facing(wall: Wall, image: Wall, reach: float) -> tuple[IntArray, IntArray]:
     away = wall.undeformed.centres[slave] - image.undeformed.centres[master]
     ahead = (away * image.undeformed.normals[master]).sum(axis=1) >= -BEHIND * np.linalg.norm(away, axis=1)
     return slave[ahead], master[ahead]
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """Second derivatives by nodal positions, in m blocks of k nodes each.
+
+    Attributes
+    ----------
+    nodes : (m, k)
+        Nodes of the mesh; −1 for one without a displacement of its own.
+    places : (m, k, 3)
+        Undeformed places X̃.
+    matrices : (m, 3k, 3k)
+        ∂²E/∂x∂x, symmetric.
+    """
+
+    nodes: IntArray
+    places: Array
+    matrices: Array
+
+    def load_change(self, n: int, dH: Array) -> Array:
+        """Return ∂²E/∂u∂H : δH, (n nodes, 3)."""
+        force = np.einsum("mab,mb->ma", self.matrices, self._moved(dH))
+        return scatter(n, self.nodes, force.reshape(*self.nodes.shape, 3))
+
+    def second(self, one: Array, other: Array) -> float:
+        """Return δH : ∂²E/∂H∂H : δH' at fixed u."""
+        return float(np.einsum("ma,mab,mb->", self._moved(one), self.matrices, self._moved(other)))
+
+    def _moved(self, dH: Array) -> Array:
+        return (self.places @ dH.T).reshape(len(self.nodes), 3 * self.nodes.shape[1])
+
+    @cached_property
+    def entries(self) -> tuple[IntArray, IntArray, Array]:
+        """Rows, columns (unknown 3·node + i) and values of ∂²E/∂u∂u; entries at equal places add up."""
+        m, k = self.nodes.shape
+        dofs = (3 * self.nodes[:, :, None] + np.arange(3)).reshape(m, 3 * k)
+        rows = np.repeat(dofs, 3 * k, axis=1).ravel()
+        columns = np.tile(dofs, (1, 3 * k)).ravel()
+        kept = (rows >= 0) & (columns >= 0)
+        return rows[kept], columns[kept], self.matrices.ravel()[kept]
+
+
+@dataclass(frozen=True, eq=False)
+class Forces:
+    """Energy and first derivatives of contact at one iterate.
+
+    Attributes
+    ----------
+    energy : float
+        Energy E.
+    nodes : (m, k), places : (m, k, 3)
+        See :class:`Blocks`.
+    gradient : (m, k, 3)
+        ∂E/∂x.
+    share : float
+        Share of the undeformed wall that is in contact.
+    """
+
+    energy: float
+    nodes: IntArray
+    places: Array
+    gradient: Array
+    share: float
+
+    def by_displacement(self, n: int) -> Array:
+        """Return ∂E/∂u, (n nodes, 3)."""
+        return scatter(n, self.nodes, self.gradient)
+
+    @property
+    def by_load(self) -> Array:
+        """∂E/∂H (3, 3) at fixed u, Σ f_i X̃_j."""
+        return np.asarray(np.einsum("mki,mkj->ij", self.gradient, self.places))
+
+
+def joined(parts: list[Blocks]) -> Blocks:
+    """Return all blocks as one batch; smaller blocks are padded with zeros."""
+    if len(parts) == 1:
+        return parts[0]
+    k = max(part.nodes.shape[1] for part in parts)
+    nodes, places, matrices = [], [], []
+    for part in parts:
+        more = k - part.nodes.shape[1]
+        nodes.append(np.pad(part.nodes, ((0, 0), (0, more)), constant_values=-1))
+        places.append(np.pad(part.places, ((0, 0), (0, more), (0, 0))))
+        matrices.append(np.pad(part.matrices, ((0, 0), (0, 3 * more), (0, 3 * more))))
+    return Blocks(np.concatenate(nodes), np.concatenate(places), np.concatenate(matrices))
+
+
+def scatter(n: int, nodes: IntArray, values: Array) -> Array:
+    """Return values (m, k, 3) summed at their nodes (m, k), (n, 3); node −1 is left out."""
+    own = nodes >= 0
+    out = np.zeros((n, 3))
+    np.add.at(out, nodes[own], values[own])
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class PenetratingPoints:
+    """m points that have penetrated their triangle, and the motion of both with the nodes.
+
+    Attributes
+    ----------
+    points : (m, 3), corners : (m, 3, 3), where : (m,)
+        Positions, and the part of the triangle that is nearest.
+    weights : (m,)
+        Undeformed area times stiffness.
+    motion : (m, 12, 3 k)
+        Derivative of point and corners by the positions of k nodes.
+    nodes : (m, k), places : (m, k, 3)
+        See :class:`~porocore.cell.contact.pairs.Blocks`.
+    number : (m,)
+        Number of each point among all points of the wall.
+    """
+
+    points: Array
+    corners: Array
+    where: IntArray
+    weights: Array
+    motion: Array
+    nodes: IntArray
+    places: Array
+    number: IntArray
+
+    @cached_property
+    def distance(self) -> tuple[Array, Array, Array]:
+        """Distance g, its gradient and its Hessian by the positions of point and corners."""
+        return distance_derivatives(self.points, self.corners, self.where)
+
+    @property
+    def energy(self) -> float:
+        """Penalty energy Σ weight g²/2."""
+        g = self.distance[0]
+        return float(self.weights @ (g * g)) / 2
+
+    @property
+    def gradient(self) -> Array:
+        """Gradient of the energy by the positions of the nodes, (m, k, 3)."""
+        g, gradient, _ = self.distance
+        force = ((self.weights * g)[:, None, None] * gradient[:, None, :] @ self.motion)[:, 0]
+        return force.reshape(*self.nodes.shape, 3)
+
+    @property
+    def blocks(self) -> Blocks:
+        """Second derivatives of the energy."""
+        g, gradient, hessian = self.distance
+        inner = gradient[:, :, None] * gradient[:, None, :] + g[:, None, None] * hessian
+        matrices = self.motion.swapaxes(1, 2) @ (self.weights[:, None, None] * inner) @ self.motion
+        return Blocks(self.nodes, self.places, matrices)
+
+
+def motion_of(N: Array, corners: Array) -> Array:
+    """Return the motion (m, 12, 3 (a + 3)) of points, by N (m, a), and of triangles, by ``corners`` (3, 3) a corner."""
+    m, a = N.shape
+    motion = np.zeros((m, 4, 3, a + 3, 3))
+    for i in range(3):
+        motion[:, 0, i, :a, i] = N
+    for vertex in range(3):
+        motion[:, 1 + vertex, :, a + vertex, :] = corners
+    return motion.reshape(m, 12, 3 * (a + 3))
+
+
+class MirrorContact:
+    """Contact of the eighth of the cell with its mirror planes under diagonal H.
+
+    Parameters
+    ----------
+    mesh
+        Mesh of the solid.
+    stiffness
+        ε, energy per area and squared gap.
+    deepest
+        Largest accepted penetration.
+    """
+
+    pairs_move = False
+
+    def __init__(self, mesh: CellMesh, stiffness: float, deepest: float) -> None:
+        self.mesh, self.stiffness, self.deepest = mesh, stiffness, deepest
+        self.surface = pore_surface(mesh)
+
+    def at(self, H: Array, u: Array, pairs: ContactPairs | None = None) -> MirrorState:
+        """Return the contact state of u (nodes, 3) under a diagonal H; each point is paired with every plane."""
+        return MirrorState(self, H, u)
+
+
+class MirrorState:
+    """Gaps to the mirror planes at one iterate, and the derivatives of the energy."""
+
+    pairs: ContactPairs | None = None
+
+    def __init__(self, contact: MirrorContact, H: Array, u: Array) -> None:
+        self.contact = contact
+        mesh, surface = contact.mesh, contact.surface
+        F0 = self._F0 = np.eye(3) + H
+        self._x = mesh.points @ F0.T + u
+        # The nodes of a facet are tested before its quadrature points: most iterates have no contact.
+        corners = self._x[surface.facets]
+        edge = np.diag(F0) * mesh.high
+        sides = []
+        for axis in range(3):
+            for sign, plane in ((1.0, 0.0), (-1.0, edge[axis])):
+                gap = sign * (corners[:, :, axis] - plane)
+                near = np.flatnonzero(gap.min(axis=1) < 0.1 * np.ptp(gap, axis=1))
+                g = gap[near] @ surface.N.T
+                touching = (g < 0).any(axis=1)
+                if touching.any():
+                    sides.append((axis, sign, near[touching], np.minimum(g[touching], 0.0)))
+        self._sides: list[tuple[int, float, IntArray, Array]] = sides
+        self._reflected: dict[tuple[int, float], Blocks] = {}
+        self._blocks: dict[tuple[bool, ...], Blocks] = {}
+
+    @property
+    def active(self) -> bool:
+        return bool(self._sides)
+
+    @property
+    def depth(self) -> float:
+        """Largest penetration of a plane."""
+        return max((float(-g.min()) for *_, g in self._sides), default=0.0)
+
+    @cached_property
+    def forces(self) -> Forces:
+        return self.weighted(self.contact.surface.weights)
+
+    def weighted(self, weights: Array) -> Forces:
+        eps, surface = self.contact.stiffness, self.contact.surface
+        a = surface.facets.shape[1]
+        energy, touching = 0.0, np.zeros(surface.weights.shape, dtype=bool)
+        nodes, places, gradient = [], [], []
+        for axis, sign, facets, g in self._sides:
+            w = weights[facets]
+            energy += eps / 2 * float((w * g * g).sum())
+            touching[facets] |= g < 0
+            pull = eps * (w * g) @ surface.N * sign
+            one = np.zeros((len(facets), a + 1, 3))
+            one[:, :a, axis] = pull
+            one[:, a, axis] = -pull.sum(axis=1)
+            gradient.append(one)
+            nodes.append(self._nodes(facets))
+            places.append(self._places(facets, axis, sign))
+        share = float(surface.weights[touching].sum()) / surface.area
+        return Forces(energy, np.concatenate(nodes), np.concatenate(places), np.concatenate(gradient), share)
+
+    def blocks(self, parity: str) -> Blocks:
+        odd = tuple("xyz"[axis] in odd_axes(parity, 0 if sign > 0 else 1) for axis, sign, *_ in self._sides)
+        if odd not in self._blocks:
+            self._blocks[odd] = joined(
+                [
+                    self._odd(axis, sign)
+                    if moved_apart
+                    else Blocks(
+                        self._nodes(facets), self._places(facets, axis, sign), self._even(axis, facets, g)
+                    )
+                    for moved_apart, (axis, sign, facets, g) in zip(odd, self._sides, strict=True)
+                ]
+            )
+        return self._blocks[odd]
+
+    def _even(self, axis: int, facets: IntArray, g: Array) -> Array:
+        surface = self.contact.surface
+        w = self.contact.stiffness * surface.weights[facets] * (g < 0)
+        N = np.column_stack([surface.N, -np.ones(len(surface.N))])
+        k = N.shape[1]
+        out = np.zeros((len(facets), k, 3, k, 3))
+        out[:, :, axis, :, axis] = np.einsum("fq,qa,qb->fab", w, N, N)
+        return out.reshape(len(facets), 3 * k, 3 * k)
+
+    def _odd(self, axis: int, sign: float) -> Blocks:
+        if (axis, sign) not in self._reflected:
+            self._reflected[axis, sign] = self._slid(axis, sign)
+        return self._reflected[axis, sign]
+
+    def _slid(self, axis: int, sign: float) -> Blocks:
+        """Return the second derivatives for the distance from the reflected wall.
+
+        Its nodes move by −R u, with the reflection R, where those of the wall move by u. Under the odd loads the image
+        in the far plane also moves by δH s_a e_a; a node at the place s_a e_a without a displacement represents this.
+        """
+        contact, x, X = self.contact, self._x, self.contact.mesh.points
+        R = np.eye(3)
+        R[axis, axis] = -1.0
+        period = np.eye(3)[axis] * (0.0 if sign > 0 else contact.mesh.sides[axis])
+        image = Wall(contact.surface, x @ R + self._F0 @ period, X @ R + period, reflected=True)
+        pairs = find_pairs(Wall(contact.surface, x, X), image, 2 * REACH * contact.deepest)
+        inside, points, corners = pairs.penetrating(x, image.x)
+        own, other = inside.own, inside.other
+        m, a = own.shape
+        motion = np.zeros((m, 12, 3 * (a + 4)))
+        motion[:, :, : 3 * (a + 3)] = motion_of(inside.N, -R)
+        motion[:, 3:, 3 * (a + 3) :] = np.tile(np.eye(3), (3, 1))
+        nodes = np.concatenate([own, other, np.full((m, 1), -1)], axis=1)
+        places = np.concatenate([X[own], X[other], np.broadcast_to(period, (m, 1, 3))], axis=1)
+        weights = contact.stiffness / 4 * inside.weights
+        return PenetratingPoints(
+            points, corners, inside.where, weights, motion, nodes, places, inside.number
+        ).blocks
+
+    def _nodes(self, facets: IntArray) -> IntArray:
+        nodes = self.contact.surface.facets[facets]
+        return np.column_stack([nodes, np.full(len(nodes), -1)])
+
+    def _places(self, facets: IntArray, axis: int, sign: float) -> Array:
+        plane = np.zeros((len(facets), 1, 3))
+        plane[:, 0, axis] = 0.0 if sign > 0 else self.contact.mesh.high[axis]
+        return np.concatenate([self.contact.mesh.points[self.contact.surface.facets[facets]], plane], axis=1)

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from porocore.core.models.strict import StrictModel
-from porocore.core.units.dimensions import Unit
+from porocore.core.units import Unit
 
 
 class ContactSettings(StrictModel):

@@ -1,4 +1,7 @@
-"""Interface of a discrete solid: iterates, energy, residual, factorised tangent, sensitivities, errors."""
+"""Interface of a discrete solid: energy, residual, tangent, sensitivities; integrals over its domain.
+
+The energies of solid and contact do not change under rotations, so this holds for each solid, whatever its fibres.
+"""
 
 from __future__ import annotations
 
@@ -6,21 +9,84 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from copy import copy
-from functools import cached_property
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import Any, Generic, Self
 
 import numpy as np
 from scipy import sparse
 from typing_extensions import TypeVar
 
-from porocore.cell.contact.model import ContactModel, ContactState
 from porocore.cell.contact.pairs import ContactPairs
-from porocore.cell.equilibrium.integrals import DomainIntegrals, Sensitivities
-from porocore.cell.equilibrium.mass import lumped_mass
-from porocore.cell.materials.energy import StrainEnergy
+from porocore.cell.contact.wall_contact import ContactModel, ContactState
+from porocore.cell.materials.material import StrainEnergy
 from porocore.cell.meshing.mesh import CellMesh
-from porocore.cell.symmetry.exchange import exchanged_axes
+from porocore.cell.meshing.tetrahedra import determinants, shape_functions, tetrahedron_rule
+from porocore.cell.symmetry import exchanged_axes
 from porocore.states import Array, Status
+
+
+@dataclass(frozen=True, eq=False)
+class DomainIntegrals:
+    """Integrals over the domain without contact, and extrema over its quadrature points."""
+
+    grad: Array  #: (3, 3)  ∫ ∇u¹ dV
+    stress: Array  #: (3, 3)  ∫ (P + p cof F) dV
+    volume: float  #: ∫ J dV
+    energy: float  #: ∫ Ψ dV
+    largest_grad: Array  #: (3, 3)  of |∂u¹_i/∂Y_j|
+    largest_energy: float  #: of Ψ
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivities:
+    """Sensitivities of the equilibrium to k of the ten loads θ = (H_11, H_12, …, H_33, p).
+
+    Attributes
+    ----------
+    displacement : (k, nodes, 3)
+        u_θ at the nodes of the mesh; NaN where the linear solver did not reach its tolerance.
+    grad : (k, 3, 3)
+        ∫ ∇u_θ dV.
+    second : (k, k)
+        ∂²Π/∂θ∂θ' at equilibrium: Π_θθ' + R_θᵀ u_θ' with R = ∂Π/∂u. Contact contributes to the second term only.
+    negative : int
+        Number of negative eigenvalues of the tangent as far as the way here told; 1 for one or more by a solver without
+        pivots, -1 where it did not tell.
+    """
+
+    displacement: Array
+    grad: Array
+    second: Array
+    negative: int = -1
+
+
+def second_derivatives(columns: Sequence[int], stresses: Array) -> Array:
+    """Return ∂²Π/∂θ∂θ' at fixed u¹, (k, k), from the slopes (k, 9) of ∫ (P + p cof F) dV; Π is linear in p."""
+    found = np.hstack([stresses, np.zeros((len(stresses), 1))])[:, list(columns)]
+    by_pressure = np.array(columns) == 9
+    found[:, by_pressure] = found[by_pressure].T
+    return found
+
+
+#: Degree of the rule; it integrates the square of a quadratic shape function on a straight tetrahedron.
+DEGREE = 4
+
+
+@lru_cache(maxsize=8)
+def lumped_mass(mesh: CellMesh) -> Array:
+    """Return the share of each node in the undeformed volume, (nodes,), all positive.
+
+    The diagonal of each element's consistent mass matrix, scaled to the element's volume [Hinton, Rock & Zienkiewicz,
+    Earthquake Eng. Struct. Dyn. 4 (1976) 245–249]; row sums would be negative at the corners of quadratic elements.
+    """
+    points, weights = tetrahedron_rule(DEGREE)
+    N, _ = shape_functions(points, mesh.cells.shape[1])
+    volume = determinants(mesh.points, mesh.cells, points) * weights
+    diagonal = volume @ N**2
+    share = diagonal * (volume.sum(axis=1) / diagonal.sum(axis=1))[:, None]
+    nodal = np.bincount(mesh.cells.ravel(), share.ravel(), len(mesh.points))
+    return nodal.astype(np.float64)
 
 
 class FactorError(Exception):
@@ -296,3 +362,103 @@ class DiscreteSolid(ABC, Generic[OwnIterate, OwnFactor]):
         """
         rhs = np.stack([self.reduced(force, factor.parity) for force in forces], axis=1)
         return np.stack([self.expanded(x, factor.parity) for x in factor.solve(rhs).T])
+
+
+#: Meshes whose gradients are kept: the eighth and the whole of one member.
+KEPT = 2
+
+
+class ElementGradients:
+    """Isoparametric gradients at the q quadrature points of each of M elements, those of every backend.
+
+    Parameters
+    ----------
+    mesh
+        Linear or quadratic tetrahedra with a nodes each.
+    degree
+        Degree of the quadrature rule.
+    points : (nodes, 3)
+        Positions of the nodes; those of the mesh by default.
+
+    Attributes
+    ----------
+    grad_N : (M, q, a, 3)
+        ∇N of each shape function.
+    weights : (M, q)
+        Volume of each point.
+    """
+
+    def __init__(self, mesh: CellMesh, degree: int, points: Array | None = None) -> None:
+        self.cells, self.count = mesh.cells, len(mesh.points)
+        at, weights = tetrahedron_rule(degree)
+        dN = shape_functions(at, mesh.cells.shape[1])[1]
+        nodes = (mesh.points if points is None else points)[mesh.cells]
+        jacobian = np.einsum("eai,qaj->eqij", nodes, dN, optimize=True)
+        self.grad_N = np.einsum("qaj,eqji->eqai", dN, np.linalg.inv(jacobian), optimize=True)
+        self.weights = np.linalg.det(jacobian) * weights
+
+    def gradient(self, u: Array) -> Array:
+        """Return ∂u_i/∂Y_j (M, q, 3, 3) of u (nodes, 3)."""
+        return np.asarray(u[self.cells].swapaxes(1, 2)[:, None] @ self.grad_N)
+
+    def integral(self, values: Array) -> Array:
+        """Return the integral (...) of values (M, q, ...)."""
+        return np.tensordot(self.weights, values, axes=2)
+
+    def forces(self, stress: Array) -> Array:
+        """Return ∫ S:∇v for all nodal v, (nodes, 3), of S (M, q, 3, 3)."""
+        weighted = self.weights[:, :, None, None] * stress
+        blocks = (self.grad_N @ weighted.swapaxes(2, 3)).sum(axis=1)
+        flat = self.cells.ravel()
+        return np.stack(
+            [np.bincount(flat, blocks[:, :, i].ravel(), self.count) for i in range(3)], axis=1
+        ).astype(float)
+
+
+@lru_cache(maxsize=KEPT)
+def element_gradients(mesh: CellMesh, degree: int) -> ElementGradients:
+    """Return the gradients on an undeformed mesh, which all states of a cell share."""
+    return ElementGradients(mesh, degree)
+
+
+@dataclass(frozen=True, eq=False)
+class LoadBasis:
+    """Loads of a parity class in which as many as possible are rotations.
+
+    Attributes
+    ----------
+    loads : (k, k)
+        The new loads in columns, by the loads of the class; rotations are the last ones.
+    spins : (r, 3, 3)
+        W of the rotations.
+    """
+
+    loads: Array
+    spins: Array
+
+
+def load_basis(H: Array, columns: Sequence[int]) -> LoadBasis:
+    """Return the basis of loads ``columns`` of the ten θ = (H_11, …, H_33, p) at H."""
+    F0, found = np.eye(3) + H, dict[str, list[Array]]()
+    others = np.setdiff1d(np.arange(9), columns)
+    for name, sign in (("stretches", 1.0), ("spins", -1.0)):
+        motions = [
+            _unit(i, j) + sign * _unit(j, i) for i in range(3) for j in range(i if sign > 0 else i + 1, 3)
+        ]
+        found[name] = [motion for motion in motions if not (motion @ F0).ravel()[others].any()]
+    loads = np.zeros((10, sum(map(len, found.values())) + (9 in columns)))
+    for place, motion in enumerate(found["stretches"]):
+        loads[:9, place] = (motion @ F0).ravel()
+    if 9 in columns:
+        loads[9, len(found["stretches"])] = 1.0
+    for place, motion in enumerate(found["spins"], start=-len(found["spins"])):
+        loads[:9, place] = (motion @ F0).ravel()
+    if loads.shape[1] < len(columns):
+        return LoadBasis(np.eye(len(columns)), np.zeros((0, 3, 3)))
+    return LoadBasis(loads[list(columns)], np.reshape(found["spins"], (-1, 3, 3)))
+
+
+def _unit(i: int, j: int) -> Array:
+    unit = np.zeros((3, 3))
+    unit[i, j] = 1.0
+    return unit

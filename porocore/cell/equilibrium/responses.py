@@ -1,20 +1,184 @@
-"""Responses at an equilibrium: averages, their derivatives by H and p, status by unstable modes."""
+"""Responses at an equilibrium, with derivatives and status, and the load path that leads to it.
+
+Each step: a predictor along the exact tangent, then Newton on Π with a line search that keeps J > 0 and
+lowers the energy.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorisedTangent, Iterate
-from porocore.cell.equilibrium.integrals import Sensitivities
-from porocore.cell.equilibrium.path import gap
-from porocore.cell.equilibrium.solid_slopes import ExplicitDependence, SolidSlopes, solid_slopes
-from porocore.cell.symmetry.exchange import axis_order, images
-from porocore.cell.symmetry.parity import UNIT_LOADS, classes, visible
-from porocore.core.tensors.cofactors import cofactor, cofactor_tangent, determinant
-from porocore.states import Array, CellExtrema, CellResponse, CellTangent, Status
+from porocore.cell.equilibrium.discrete import (
+    DiscreteSolid,
+    FactorisedTangent,
+    Iterate,
+    LoadStepFailed,
+    Sensitivities,
+)
+from porocore.cell.equilibrium.slopes import ExplicitDependence, SolidSlopes, solid_slopes
+from porocore.cell.meshing.mesh_quality import mirror_gap, nodes_inside
+from porocore.cell.symmetry import UNIT_LOADS, axis_order, classes, images, visible
+from porocore.core.tensors import cofactor, cofactor_tangent, determinant
+from porocore.states import Array, CellExtrema, CellResponse, CellTangent, IntArray, Status
+
+ITERATIONS = 50
+#: After so many iterations the contact pairs are kept: at an edge a point may alternate between two triangles for ever.
+PAIRINGS = 12
+#: Largest step in any component of H, and in p over Young's modulus of the solid; larger ones seldom converge.
+LARGEST_STEP = 0.16
+SMALLEST_STEP = 1 / 300
+#: A path of more than a thousand of the largest steps is refused.
+SHORTEST_SHARE = 1e-3
+#: Failed steps that end a path; behind a bifurcation every further one would fail.
+FAILURES = 6
+ARMIJO = 1e-4
+#: Relative accuracy of the linear system of the predictor.
+PREDICTOR_ACCURACY = 1e-3
+#: Iterations with the factor of another tangent; more of them cost more than a new factor.
+PATIENCE = 18
+#: Shifts of an indefinite tangent, relative to the mean of its diagonal.
+SMALLEST_SHIFT, LARGEST_SHIFT = 1e-5, 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class LoadPathResult:
+    """Result of a load path: its status, and the equilibrium, None unless the wanted load was reached."""
+
+    status: Status
+    equilibrium: Iterate | None
+    steps: int
+    iterations: int
+
+
+def follow(problem: DiscreteSolid, start: Iterate, H: Array, p: float, tolerance: float) -> LoadPathResult:
+    """Follow the load from ``start`` to (H, p) in adaptive steps, to a residual of ``tolerance`` times the force scale.
+
+    A state on the way whose walls overlap ends the path: without contact, the states behind it have no meaning.
+    """
+    problem.reset()
+    iterate, share = start, 0.0
+    pressure = abs(p - start.p) / problem.material.mean_moduli()[0]
+    largest = LARGEST_STEP / max(float(np.abs(H - start.H).max()), pressure, 1e-12)
+    if largest < SHORTEST_SHARE:
+        return LoadPathResult(Status.not_converged, None, 0, 0)
+    step = min(1.0, largest)
+    steps = iterations = failures = 0
+    while share < 1:
+        goal = min(1.0, share + step)
+        H_goal, p_goal = start.H + goal * (H - start.H), start.p + goal * (p - start.p)
+        try:
+            reached, taken = _newton(problem, _predict(problem, iterate, H_goal, p_goal), tolerance)
+        except LoadStepFailed as failed:
+            step, failures = (goal - share) / 4, failures + 1
+            if step < SMALLEST_STEP or failures > FAILURES:
+                return LoadPathResult(failed.status, None, steps, iterations)
+            continue
+        iterate, step, share = reached, min(2 * (goal - share), largest), goal
+        steps, iterations = steps + 1, iterations + taken
+        if _overlaps(problem, iterate):
+            return LoadPathResult(Status.overlap, None, steps, iterations)
+    return LoadPathResult(Status.converged, iterate, steps, iterations)
+
+
+def least_shifted(solve: Callable[[float], Array | None], rhs: Array, last: float) -> tuple[Array, float]:
+    """Return the solution for ``rhs`` with the least shift that makes the tangent definite, and that shift.
+
+    ``solve`` returns the solution with a shift, None if the tangent is still indefinite; ``last`` is the shift of the
+    iterate before.
+
+    Raises
+    ------
+    LoadStepFailed
+        No shift makes it definite.
+    """
+    # Neighbouring iterates need about the same shift, and less of it brings them on faster.
+    shift = max(last / 4, SMALLEST_SHIFT)
+    while shift < LARGEST_SHIFT:
+        x = solve(shift)
+        if x is not None and x @ rhs > 0:
+            return x, shift
+        shift *= 4
+    raise LoadStepFailed(Status.not_converged)
+
+
+def gap(problem: DiscreteSolid, iterate: Iterate) -> float:
+    """Return the smallest relative gap between pore wall and mirror planes; NaN without planes or without a wall."""
+    if problem.mesh.domain == "whole":
+        return float("nan")
+    found = mirror_gap(problem.mesh, iterate.H, iterate.displacement)
+    return found if np.isfinite(found) else float("nan")
+
+
+def _overlaps(problem: DiscreteSolid, iterate: Iterate) -> bool:
+    """Return whether the wall penetrates a plane or another wall deeper than contact accepts."""
+    touching = iterate.touching
+    if touching is not None and problem.contact is not None and touching.depth > problem.contact.deepest:
+        return True
+    if problem.mesh.domain == "eighth":
+        return problem.contact is None and gap(problem, iterate) < 0
+    inside = nodes_inside(problem.mesh, iterate.H, iterate.displacement)
+    held: IntArray = np.unique(touching.forces.nodes) if touching is not None else np.zeros(0, dtype=np.int64)
+    # A node in contact lies slightly inside; any other node inside has passed a wall between two iterates.
+    images = problem.mesh.periodic_class
+    return len(np.setdiff1d(images[inside], images[held])) > 0
+
+
+def _predict(problem: DiscreteSolid, iterate: Iterate, H: Array, p: float) -> Iterate:
+    """Return the first-order continuation of the equilibrium to (H, p)."""
+    change = -problem.load_change(iterate, H - iterate.H, p - iterate.p)
+    if change.any():
+        change = problem.solve(iterate, change, PREDICTOR_ACCURACY)
+    there = problem.moved(iterate, change, H, p)
+    if there.min_jacobian <= 0:
+        raise LoadStepFailed(Status.inverted)
+    return there
+
+
+def _longest(problem: DiscreteSolid, change: Array) -> float:
+    """Return the share of a change that moves no node beyond the range of the contact search."""
+    if problem.contact is None or not problem.contact.pairs_move:  # the mirror planes are always known
+        return 1.0
+    moved = float(np.linalg.norm(problem.expanded(change, ""), axis=1).max())
+    return min(1.0, problem.contact.deepest / max(moved, 1e-300))
+
+
+def _newton(problem: DiscreteSolid, iterate: Iterate, tolerance: float) -> tuple[Iterate, int]:
+    """Return the equilibrium near a first guess, and the number of linear systems solved."""
+    scale = problem.force_scale(iterate)
+    goal = tolerance * scale
+    for iteration in range(ITERATIONS):
+        norm = float(np.linalg.norm(iterate.residual))
+        if norm <= goal:
+            return iterate, iteration
+        accuracy = min(1e-2, max(1e-7, 0.1 * goal / norm, norm / scale))
+        change = problem.solve(iterate, -iterate.residual, accuracy)
+        slope = float(iterate.residual @ change)
+        length, inverted = _longest(problem, change), True
+        while length > 1e-3:
+            trial = problem.moved(iterate, length * change, iterate.H, iterate.p)
+            # With fixed pairs the energy along the line is smooth.
+            trial = trial.with_pairs(iterate.contact_pairs)
+            if trial.min_jacobian > 0:
+                inverted = False
+                if trial.energy <= iterate.energy + ARMIJO * length * slope:
+                    break
+                # Near the solution Π stalls at round-off while the residual still decreases.
+                stalled = abs(slope) < 1e-9 * abs(iterate.energy) + 1e-14
+                if stalled and float(np.linalg.norm(trial.residual)) < norm:
+                    break
+            length /= 2
+        else:
+            if norm <= 100 * goal:  # round-off, not a failure of the step
+                return iterate, iteration
+            raise LoadStepFailed(Status.inverted if inverted else Status.not_converged)
+        iterate = trial.with_pairs(None) if iteration < PAIRINGS else trial
+    if float(np.linalg.norm(iterate.residual)) <= goal:
+        return iterate, ITERATIONS
+    raise LoadStepFailed(Status.not_converged)
 
 
 def respond(problem: DiscreteSolid, iterate: Iterate, *, tangent: bool) -> CellResponse:

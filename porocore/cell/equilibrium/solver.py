@@ -10,14 +10,11 @@ from functools import cached_property
 import numpy as np
 
 from porocore.cell.cell import Cell
-from porocore.cell.conductivity.fluid import DiscreteFluid
-from porocore.cell.conductivity.pore import Pore, PoreMotion, require_one_cell
+from porocore.cell.conductivity.pore import DiscreteFluid, Pore, PoreMotion, require_one_cell
 from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorError, Iterate
-from porocore.cell.equilibrium.path import follow
-from porocore.cell.equilibrium.responses import respond_with_slopes
-from porocore.cell.equilibrium.rest_slopes import hessian_slopes_at_rest
-from porocore.cell.equilibrium.solid_slopes import ExplicitDependence, SolidSlopes
-from porocore.cell.family.slopes import (
+from porocore.cell.equilibrium.responses import follow, respond_with_slopes
+from porocore.cell.equilibrium.slopes import ExplicitDependence, SolidSlopes, hessian_slopes_at_rest
+from porocore.cell.family.wall import (
     base_meshes,
     conductivity_with_slopes,
     explicit_dependences,
@@ -25,12 +22,12 @@ from porocore.cell.family.slopes import (
     response_slopes,
     with_viscosity,
 )
-from porocore.cell.materials.energy import SWELLING
+from porocore.cell.materials.material import SWELLING
 from porocore.cell.meshing.connectivity import blocked, pieces
 from porocore.cell.meshing.mesh import CellMesh, Domain
-from porocore.cell.meshing.quadrature import LARGEST_DEGREE
+from porocore.cell.meshing.tetrahedra import LARGEST_DEGREE
 from porocore.core.echo import echo
-from porocore.core.fields.declaration import provided_fields
+from porocore.core.fields import provided_fields
 from porocore.core.parallel.memory import freed_memory_kept
 from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver

@@ -1,6 +1,6 @@
 """List of the pore geometries by ``kind``, and the default one.
 
-A geometry meshes its smallest part that mirrors unfold into the whole cell; :mod:`porocore.cell.meshing.mirror` unfolds
+A geometry meshes its smallest part that mirrors unfold into the whole cell; :mod:`porocore.cell.meshing.mesh` unfolds
 the mesh.
 """
 

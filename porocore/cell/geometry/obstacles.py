@@ -9,12 +9,10 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from porocore.cell.family.surfaces import WallSurface, cylinder, sphere
-from porocore.cell.geometry.cad import LARGEST_SIZE_TO_RADIUS, DrawnGeometry, DrawnPart
-from porocore.cell.geometry.drawing import split, wedge
-from porocore.cell.geometry.pore_geometry import Unfolding
-from porocore.cell.meshing.estimate import PER_CUBE
-from porocore.core.tensors.point_group import CUBIC, PointGroup
-from porocore.core.units.dimensions import Unit
+from porocore.cell.geometry.cad import LARGEST_SIZE_TO_RADIUS, DrawnGeometry, DrawnPart, split, wedge
+from porocore.cell.geometry.pore_geometry import PER_CUBE, Unfolding
+from porocore.core.tensors import CUBIC, PointGroup
+from porocore.core.units import Unit
 
 #: Smallest gap between neighbours that a mesh resolves.
 SMALLEST_GAP = 0.002

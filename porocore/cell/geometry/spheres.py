@@ -11,17 +11,15 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from porocore.cell.family.surfaces import Round, WallSurface, sphere
-from porocore.cell.geometry.cad import DrawnGeometry, DrawnPart
-from porocore.cell.geometry.capsules import Capsules
-from porocore.cell.geometry.drawing import split, wedge
-from porocore.cell.geometry.pore_geometry import Unfolding
-from porocore.cell.level_sets.level_set import mesh_level_set
-from porocore.cell.meshing.estimate import PER_CUBE
+from porocore.cell.geometry.cad import DrawnGeometry, DrawnPart, split, wedge
+from porocore.cell.geometry.channels import Capsules
+from porocore.cell.geometry.pore_geometry import PER_CUBE, Unfolding
+from porocore.cell.level_sets.cutting import mesh_level_set
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra
-from porocore.cell.symmetry.point_set import group_of_points, kinds
+from porocore.cell.symmetry import group_of_points, kinds
 from porocore.core.models.strict import StrictModel
-from porocore.core.tensors.point_group import CUBIC, PointGroup
-from porocore.core.units.dimensions import Unit
+from porocore.core.tensors import CUBIC, PointGroup
+from porocore.core.units import Unit
 from porocore.states import Array, IntArray
 
 #: Centres of the presets, and the distance of nearest neighbours.

@@ -9,10 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from porocore.cell.cell import Cell
-from porocore.cell.level_sets.cleaning import labelled
-from porocore.cell.level_sets.level_set import lattice_edges
-from porocore.cell.level_sets.percolation import necks, runs, through_axes, way_out
-from porocore.cell.level_sets.voxels import Voxels
+from porocore.cell.level_sets.cutting import lattice_edges
+from porocore.cell.level_sets.image import labelled
+from porocore.cell.level_sets.voxels import Voxels, necks, runs, through_axes, way_out
 from porocore.cell.meshing.connectivity import Piece, blocked, pieces
 from porocore.cell.meshing.tetrahedra import Phase, curved_volumes, volume
 from porocore.core.echo import joined

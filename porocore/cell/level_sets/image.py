@@ -1,4 +1,4 @@
-"""Reading of image files (.npy, .tif), and a smooth level set of their two phases (SmoothImage)."""
+"""Reading of image files, their grey values, removal of islands; smooth level set (SmoothImage)."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import math
 import re
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import product
 from pathlib import Path
 from typing import Any, Literal
@@ -14,11 +16,106 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from porocore.cell.level_sets.cleaning import Mask
-from porocore.core.files.first_bytes import NPY, TIFF, foreign, renamed, told_by
-from porocore.core.files.slices import Slices
+from porocore.core.files.slices import NPY, TIFF, Slices, foreign, renamed, told_by
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
+
+Mask = npt.NDArray[np.bool_]
+#: Sizes that a note names; further ones are counted.
+NAMED = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Cleaned:
+    """An image without what was to be removed, and the sizes of that in voxels, the largest first.
+
+    Attributes
+    ----------
+    solid
+        True for solid voxels, after cleaning.
+    grains, filled
+        Grains of the solid that became pores, and closed pores that became solid.
+    periodic
+        True where opposite sides of the image touch, as pieces of one cell do.
+    """
+
+    solid: Mask
+    grains: tuple[int, ...]
+    filled: tuple[int, ...]
+    periodic: bool
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences on what was removed and on grains that float."""
+        share = 100 / self.solid.size
+        notes = []
+        if self.grains:
+            notes.append(
+                f"{_pieces(self.grains, 'grain')} of the solid dropped, {sum(self.grains) * share:.3g} % of the image"
+            )
+        if self.filled:
+            notes.append(
+                f"{_pieces(self.filled, 'pore')} filled, {sum(self.filled) * share:.3g} % of the image"
+            )
+        if floating := _sizes(labelled(self.solid, periodic=self.periodic))[1:]:
+            notes.append(
+                f"{_pieces(floating, 'grain')} of the solid without contact to the rest, face to face; "
+                "cell.geometry.drop_grains: true makes pores of them"
+            )
+        return tuple(notes)
+
+
+def clean(solid: Mask, *, periodic: bool, drop_grains: bool, fill_pores: int) -> Cleaned:
+    """Return an image without the grains that float, if wanted, and without pores of at most ``fill_pores`` voxels.
+
+    Voxels with a common face belong to one piece, across the sides of a periodic image too.
+    """
+    grains: tuple[int, ...] = ()
+    filled: tuple[int, ...] = ()
+    if drop_grains:
+        labels = labelled(solid, periodic=periodic)
+        grains = _sizes(labels)[1:]
+        if grains:
+            solid = labels == 1 + int(np.bincount(labels.ravel())[1:].argmax())
+    if fill_pores:
+        labels = labelled(~solid, periodic=periodic)
+        counts = np.bincount(labels.ravel())
+        small = (counts <= fill_pores) & (np.arange(len(counts)) > 0)
+        filled = tuple(sorted(map(int, counts[small]), reverse=True))
+        solid = solid | small[labels]
+    return Cleaned(solid, grains, filled, periodic)
+
+
+def labelled(mask: Mask, *, periodic: bool) -> IntArray:
+    """Return the number of the piece of each voxel, from 1; 0 outside of the mask."""
+    from scipy.ndimage import label  # slow to import
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    labels, count = label(mask)
+    if not periodic or count < 2:
+        return np.asarray(labels)
+    pairs = np.concatenate(
+        [
+            np.stack([np.take(labels, 0, axis), np.take(labels, -1, axis)], axis=-1).reshape(-1, 2)
+            for axis in range(3)
+        ]
+    )
+    pairs = np.unique(pairs[(pairs > 0).all(axis=1)], axis=0) - 1
+    graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    _, piece = connected_components(graph, directed=False)
+    return np.asarray(np.concatenate([[0], piece + 1])[labels])
+
+
+def _sizes(labels: IntArray) -> tuple[int, ...]:
+    """Return the voxels of each piece, the largest first."""
+    return tuple(sorted(map(int, np.bincount(labels.ravel())[1:]), reverse=True))
+
+
+def _pieces(sizes: tuple[int, ...], what: str) -> str:
+    shown = ", ".join(f"{size:,}" for size in sizes[:NAMED]) + (", …" if len(sizes) > NAMED else "")
+    return f"{len(sizes)} {what}{'s' if len(sizes) > 1 else ''} ({shown} voxels)"
+
 
 Crop = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
 #: Limits on the voxels along an edge of the image.
@@ -497,3 +594,120 @@ def _spline(t: Array) -> tuple[Array, Array]:
     weights = np.stack([s**3, 4 - 6 * t**2 + 3 * t**3, 4 - 6 * s**2 + 3 * s**3, t**3], axis=-1) / 6
     rates = np.stack([-(s**2), 3 * t**2 - 4 * t, 4 * s - 3 * s**2, t**2], axis=-1) / 2
     return weights, rates
+
+
+#: Distinct values of a segmented image: pores, and a handful of phases of the solid.
+HANDFUL = 6
+#: Whole numbers are counted one by one within this span.
+SPAN = 1 << 20
+#: Intervals in which other numbers are counted.
+INTERVALS = 1024
+
+
+@dataclass(frozen=True, eq=False)
+class GreyValues:
+    """Values of the voxels, ascending, and how many voxels have each.
+
+    Attributes
+    ----------
+    values, counts : (m,)
+        Distinct values; of other than whole numbers, the middles of equal intervals that are not empty.
+    undefined
+        Number of voxels that are infinite or no number.
+    """
+
+    values: Array
+    counts: IntArray
+    undefined: int = 0
+
+    @classmethod
+    def of(cls, image: npt.NDArray[Any]) -> GreyValues:
+        """Count the values of an image, layer by layer, so that a file that is read as needed stays on the disk."""
+        if not np.issubdtype(image.dtype, np.floating):
+            low, high = int(min(map(np.min, image))), int(max(map(np.max, image)))
+            if high - low < SPAN:
+                counts = sum(
+                    np.bincount((layer.astype(np.int64) - low).ravel(), minlength=high - low + 1)
+                    for layer in image
+                )
+                found = np.flatnonzero(counts)
+                return cls(found + float(low), np.asarray(counts)[found])
+            values, counts = np.unique(image, return_counts=True)
+            return cls(values.astype(np.float64), counts)
+        known = [layer[np.isfinite(layer)].astype(np.float64) for layer in image]
+        undefined = image.size - sum(map(len, known))
+        if undefined == image.size:
+            return cls(np.zeros(0), np.zeros(0, dtype=np.int64), undefined)
+        low, high = min(x.min() for x in known if len(x)), max(x.max() for x in known if len(x))
+        if low == high:
+            return cls(np.array([low]), np.array([image.size - undefined]), undefined)
+        edges = np.linspace(low, high, INTERVALS + 1)
+        counts = np.asarray(sum(np.histogram(x, edges)[0] for x in known))
+        found = np.flatnonzero(counts)
+        return cls(((edges[1:] + edges[:-1]) / 2)[found], counts[found], undefined)
+
+    @cached_property
+    def otsu(self) -> float:
+        """Threshold after which the variance between both classes is largest [Otsu, IEEE Trans. SMC 9 (1979) 62].
+
+        It lies in the middle between two values; of equally good ones, as in the gap between two peaks, in the middle
+        of them all.
+        """
+        if len(self.values) < 2:
+            return float(self.values[0])
+        share = np.cumsum(self.counts) / self.counts.sum()
+        moment = np.cumsum(self.counts * self.values) / self.counts.sum()
+        below, above = share[:-1], 1 - share[:-1]
+        between = (moment[-1] * below - moment[:-1]) ** 2 / (below * above)
+        best = np.flatnonzero(between >= between.max() * (1 - 1e-12))
+        return float((self.values[best[0]] + self.values[best[-1] + 1]) / 2)
+
+    def share(self, threshold: float) -> float:
+        """Return the share of the voxels at or below a threshold."""
+        return float(self.counts[self.values <= threshold].sum() / self.counts.sum())
+
+    @property
+    def extent(self) -> str:
+        """The values with the numbers of their voxels, or how many values there are and how far they reach."""
+        if len(self.values) <= HANDFUL:
+            return ", ".join(f"{v:g} ({n:,})" for v, n in zip(self.values, self.counts, strict=True))
+        return f"{len(self.values):,} distinct ones from {self.values[0]:g} to {self.values[-1]:g}"
+
+
+def assumed(grey: GreyValues, pore: int) -> tuple[str, ...]:
+    """Return a sentence on which of two values was taken for the pores without being told; none for other images."""
+    if len(grey.values) != 2 or pore not in grey.values:
+        return ()
+    (other,) = (value for value in grey.values if value != pore)
+    share = 100 * float(grey.counts[grey.values == pore].sum() / grey.counts.sum())
+    return (
+        f"cell.geometry.pore is not given, so the voxels of the value {pore} are pores, {share:.3g} %, and those of "
+        f"{other:g} are solid; if it is the other way round, write 'pore: {other:g}'",
+    )
+
+
+def not_segmented(grey: GreyValues, pore: int) -> tuple[str, ...]:
+    """Return a sentence on an image that is not segmented, with a threshold; none for one of a handful of values."""
+    if len(grey.values) <= HANDFUL:
+        return ()
+    taken = 100 * float(grey.counts[grey.values == pore].sum() / grey.counts.sum())
+    dark = grey.share(grey.otsu)
+    return (
+        f"the image is not segmented, its values are {grey.extent}, and 'pore: {pore}' takes {taken:.3g} % of the "
+        f"voxels; 'threshold: otsu' in its place parts them at {grey.otsu:g} and takes the darker {100 * dark:.3g} %, "
+        f"with 'bright_pores: true' the brighter {100 - 100 * dark:.3g} %",
+    )
+
+
+def phases(grey: GreyValues, pore: int) -> tuple[str, ...]:
+    """Return a sentence on a segmented image of more than two values; none for others."""
+    if not 2 < len(grey.values) <= HANDFUL:
+        return ()
+    total = grey.counts.sum()
+    shares = ", ".join(
+        f"{v:g} ({100 * n / total:.3g} %)" for v, n in zip(grey.values, grey.counts, strict=True)
+    )
+    return (
+        f"the image has {len(grey.values)} values: {shares}; voxels of the value {pore} are pores, all others are one "
+        "solid",
+    )

@@ -11,8 +11,8 @@ from pydantic import Field, model_validator
 
 from porocore.cell.family.surfaces import Values, WallSurface
 from porocore.cell.geometry.pore_geometry import Unfolding
-from porocore.cell.level_sets.level_set import LevelSetGeometry
-from porocore.core.tensors.point_group import CUBIC, PointGroup
+from porocore.cell.level_sets.cutting import LevelSetGeometry
+from porocore.core.tensors import CUBIC, PointGroup
 from porocore.states import Array
 
 Surface = Literal["gyroid", "schwarz-p", "diamond"]

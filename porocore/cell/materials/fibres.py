@@ -10,7 +10,7 @@ from pydantic import AfterValidator, Discriminator, Field, Tag
 
 from porocore.cell.invariants.invariants import Fibre, Invariant, SecondFibre
 from porocore.core.models.strict import StrictModel
-from porocore.core.units.dimensions import Unit
+from porocore.core.units import Unit
 from porocore.states import IntArray
 
 Vector = tuple[float, float, float]

@@ -1,24 +1,191 @@
-"""Base of a configured material (Material): its Ψ, swelling, symmetry, and slopes by its numbers."""
+"""Base of a configured material (Material): energy, kinematics, swelling, moduli, slopes."""
 
 from __future__ import annotations
 
-from abc import abstractmethod
-from collections.abc import Mapping
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from porocore.cell.materials.energy import SWELLING, StrainEnergy, Swollen
-from porocore.cell.materials.moduli import check_reference, voigt_moduli
 from porocore.core.files.yaml_document import Location
-from porocore.core.models.strict import StrictModel
-from porocore.core.models.walk import with_number
-from porocore.core.tensors.point_group import MIRRORS
+from porocore.core.models.strict import StrictModel, with_number
+from porocore.core.tensors import MIRRORS, cofactor, determinant, symmetric_eigen
 from porocore.states import Array, IntArray
 
 if TYPE_CHECKING:
     from porocore.cell.meshing.mesh import CellMesh
+
+
+#: Key of λ below a material.
+SWELLING = "swelling"
+
+
+class StrainEnergy(ABC):
+    """Strain energy Ψ(F) of a hyperelastic solid at many points.
+
+    F_ij = ∂x_i/∂X_j has the shape (..., 3, 3), and (elements, points, 3, 3) where materials differ between elements.
+    All stresses and moduli are in units of E, the reference modulus of the study.
+    """
+
+    @property
+    @abstractmethod
+    def isotropic(self) -> bool:
+        """True where the response is the same in all directions of the reference configuration."""
+
+    @abstractmethod
+    def energy_density(self, F: Array) -> Array:
+        """Return Ψ (...) per undeformed volume [E]; 0 at F = I."""
+
+    @abstractmethod
+    def stress(self, F: Array) -> Array:
+        """Return P = ∂Ψ/∂F (..., 3, 3), first Piola–Kirchhoff, tension positive [E]."""
+
+    @abstractmethod
+    def tangent(self, F: Array) -> Array:
+        """Return A_ijkl = ∂P_ij/∂F_kl (..., 3, 3, 3, 3) [E]."""
+
+    @abstractmethod
+    def mean_moduli(self, elements: IntArray | None = None) -> tuple[float, float]:
+        """Return Young's and shear modulus of small strains [E], averaged over directions and elements (all)."""
+
+    @property
+    def mean_stretch(self) -> float:
+        """Stretch λ at which the solid, free, has no stress, averaged over elements; 1 unless it is swollen."""
+        return 1.0
+
+    @abstractmethod
+    def parameter_slopes(self, key: Location, F: Array) -> tuple[Array, Array]:
+        """Return the slopes of energy and stress by one number of the solid.
+
+        Parameters
+        ----------
+        key
+            Keys that lead to the number, below ``cell.material``, such as ``("poisson_ratio",)``, or below
+            ``cell.materials``, such as ``("core", "poisson_ratio")``.
+        F : (..., 3, 3)
+            Deformation gradient, which is kept.
+
+        Returns
+        -------
+        by_energy, by_stress
+            ∂Ψ/∂θ (...) and ∂P/∂θ (..., 3, 3), exact to round-off.
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class Swollen(StrainEnergy):
+    """Solid that has no stress where it is stretched by λ in all directions.
+
+    With F = F_e F_g and F_g = λ I only F_e stores energy. Per volume of the solid before it swells
+
+        Ψ_ref(F) = λ³ Ψ(F/λ),  P = λ² P_e(F/λ),  A = λ A_e(F/λ),
+
+    where Ψ, P_e and A_e are those of the ``elastic`` solid (Rodriguez, Hoger & McCulloch 1994, J. Biomech. 27). It
+    stands for osmotic swelling, growth, shrinkage and thermal expansion alike.
+    """
+
+    elastic: StrainEnergy
+    stretch: float
+
+    @property
+    def isotropic(self) -> bool:
+        """True where the elastic solid is isotropic."""
+        return self.elastic.isotropic
+
+    @property
+    def mean_stretch(self) -> float:
+        """Swelling stretch λ."""
+        return self.stretch
+
+    def energy_density(self, F: Array) -> Array:
+        """Return Ψ_ref (...) per volume before swelling [E]; 0 at F = λ I."""
+        return np.asarray(self.stretch**3 * self.elastic.energy_density(F / self.stretch))
+
+    def stress(self, F: Array) -> Array:
+        return np.asarray(self.stretch**2 * self.elastic.stress(F / self.stretch))
+
+    def tangent(self, F: Array) -> Array:
+        return np.asarray(self.stretch * self.elastic.tangent(F / self.stretch))
+
+    def mean_moduli(self, elements: IntArray | None = None) -> tuple[float, float]:
+        """Return the moduli of the elastic solid; see :class:`StrainEnergy`."""
+        return self.elastic.mean_moduli(elements)
+
+    def parameter_slopes(self, key: Location, F: Array) -> tuple[Array, Array]:
+        """Return ∂Ψ_ref/∂θ and ∂P/∂θ; by λ itself 3λ² Ψ − λ P_e:F and 2λ P_e − A_e:F, all at F/λ."""
+        stretch, inner = self.stretch, F / self.stretch
+        if key != (SWELLING,):
+            by_energy, by_stress = self.elastic.parameter_slopes(key, inner)
+            return stretch**3 * by_energy, stretch**2 * by_stress
+        P = self.elastic.stress(inner)
+        work = (P * F).sum(axis=(-2, -1))
+        stiffened = np.einsum("...ijkl,...kl->...ij", self.elastic.tangent(inner), F)
+        energy = self.elastic.energy_density(inner)
+        return 3 * stretch**2 * energy - stretch * work, 2 * stretch * P - stiffened
+
+
+#: Tolerances of a residual stress and of the smallest eigenvalue of the elasticity, over the largest modulus.
+STRESS_FREE, POSITIVE = 1e-10, 1e-8
+#: Kelvin's notation: pairs of indices, and the factors that make the basis orthonormal.
+_PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+_FACTORS = np.array([1.0, 1.0, 1.0, np.sqrt(2), np.sqrt(2), np.sqrt(2)])
+
+
+def voigt_moduli(C: Array) -> tuple[float, float]:
+    """Return Young's modulus and shear modulus [E] of C (3, 3, 3, 3) averaged over all directions (Voigt 1889)."""
+    bulk = float(np.einsum("iijj->", C)) / 9
+    shear = (3 * float(np.einsum("ijij->", C)) - 9 * bulk) / 30
+    return 9 * bulk * shear / (3 * bulk + shear), shear
+
+
+def kelvin(C: Array) -> Array:
+    """Return the Kelvin matrix (6, 6) of C (3, 3, 3, 3), with the eigenvalues of C on symmetric strains (1856)."""
+    rows = np.array([[C[i, j, k, l] for k, l in _PAIRS] for i, j in _PAIRS])
+    return np.asarray(_FACTORS[:, None] * rows * _FACTORS)
+
+
+def check_reference(energy: Array, P: Array, C: Array, hint: Callable[[], str]) -> None:
+    """Refuse a solid with a residual stress or without stiffness in the undeformed state.
+
+    Parameters
+    ----------
+    energy, P, C
+        Ψ, stress (3, 3) and its derivative (3, 3, 3, 3) at F = I.
+    hint
+        Advice against a residual stress.
+
+    Raises
+    ------
+    ValueError
+        Ψ is not smooth at F = I, P is not zero, or an eigenvalue of C is not positive.
+    """
+    if not (np.isfinite(energy).all() and np.isfinite(P).all() and np.isfinite(C).all()):
+        raise ValueError(
+            "the energy, the stress or its derivative is not finite in the undeformed solid; expected an energy that "
+            "is smooth at F = I, where J = 1 and I1 = I2 = 3"
+        )
+    scale = float(np.abs(C).max())
+    residual = float(np.abs(P).max())
+    if residual > STRESS_FREE * max(scale, 1e-300):
+        i, j = np.unravel_index(int(np.abs(P).argmax()), (3, 3))
+        advice = hint()
+        raise ValueError(
+            f"expected no stress in the undeformed solid, got P_{i + 1}{j + 1} = {P[i, j]:.6g} at F = I"
+            + (f"; {advice}" if advice else "")
+        )
+    values, modes = np.linalg.eigh(kelvin(C))
+    if values[0] <= POSITIVE * max(scale, 1e-300):
+        share = float(modes[:3, 0].sum() ** 2) / 3
+        mode = "a change of volume" if share > 0.5 else "a change of shape"
+        raise ValueError(
+            f"expected positive initial moduli, got {values[0]:.6g} for {mode} (smallest eigenvalue of the elasticity "
+            f"tensor at F = I); raise the {'bulk' if share > 0.5 else 'shear'} stiffness"
+        )
+
 
 #: Imaginary step of a number; its square vanishes beside 1, whatever the number.
 STEP = 1e-100
@@ -28,9 +195,9 @@ class Material(StrictModel, StrainEnergy):
     """Configuration of a homogeneous solid.
 
     A new kind derives this class, has a field ``kind`` with one allowed text, and stands in
-    :data:`porocore.cell.materials.choice.AnyMaterial`. Its own methods are those of the elastic solid, without stress
-    at F = I; :meth:`on` returns the swollen one. They are analytic in its numbers: with a complex number in the place
-    of a real one they return complex results.
+    :data:`porocore.cell.materials.hyperelastic.AnyMaterial`. Its own methods are those of the elastic solid,
+    without stress at F = I; :meth:`on` returns the swollen one. They are analytic in its numbers: with a complex
+    number in the place of a real one they return complex results.
     """
 
     swelling: Annotated[float, Field(ge=0.2, le=5)] = 1.0
@@ -118,3 +285,102 @@ class Material(StrictModel, StrainEnergy):
                 "the energy or a derivative of it is too large a number at F = I; give smaller powers"
             ) from None
         return self
+
+
+class Kinematics:
+    """Kinematic quantities of F (3, 3, n), points last; each is computed when it is first used."""
+
+    def __init__(self, F: Array) -> None:
+        self.F = F
+
+    @cached_property
+    def C(self) -> Array:
+        """Right Cauchy–Green tensor FᵀF, (3, 3, n)."""
+        return _symmetric_product(self.F.swapaxes(0, 1))
+
+    @cached_property
+    def B(self) -> Array:
+        """Left Cauchy–Green tensor FFᵀ, (3, 3, n)."""
+        return _symmetric_product(self.F)
+
+    @cached_property
+    def J(self) -> Array:
+        """Volume ratio det F, (n,)."""
+        return determinant(np.moveaxis(self.F, -1, 0))
+
+    @cached_property
+    def cofactor(self) -> Array:
+        """Cofactor of F, (3, 3, n)."""
+        return np.moveaxis(cofactor(np.moveaxis(self.F, -1, 0)), 0, -1)
+
+    @cached_property
+    def principal(self) -> tuple[Array, Array, Array]:
+        """Squared stretches c_a (3, n), their reference axes N_ia (3, 3, n), and the logarithm of c_a, (3, n)."""
+        squares, axes = symmetric_eigen(self.C)
+        return squares, axes, np.log(squares)
+
+    @cached_property
+    def dyads(self) -> Array:
+        """Dyads M_ab = (F N_a) ⊗ N_b, (3, 3, 3, 3, n), indices a, b, i, j."""
+        _, N, _ = self.principal
+        f = product(self.F, N)  # columns
+        return np.asarray(np.einsum("ian,jbn->abijn", f, N))
+
+
+def product(A: Array, B: Array) -> Array:
+    """Return A_ik B_kj of (3, 3, n), by contiguous slices, which is faster than n small products."""
+    rows = [[A[i, 0] * B[0, j] + A[i, 1] * B[1, j] + A[i, 2] * B[2, j] for j in range(3)] for i in range(3)]
+    return np.array(rows)
+
+
+def _symmetric_product(A: Array) -> Array:
+    """Return A_ik A_jk of (3, 3, n)."""
+    out = np.empty_like(A)
+    for i in range(3):
+        for j in range(i, 3):
+            out[i, j] = out[j, i] = A[i, 0] * A[j, 0] + A[i, 1] * A[j, 1] + A[i, 2] * A[j, 2]
+    return out
+
+
+def ramp(x: Array) -> Array:
+    """Return 0 for x ≤ 0, x³ − x⁴/2 up to 1, x − ½ beyond: a positive part with two continuous derivatives."""
+    t = _clipped(x)
+    return np.asarray(t**3 - t**4 / 2 + np.where(np.real(x) > 1, x - 1, 0.0))
+
+
+def ramp_derivative(x: Array) -> Array:
+    """Return the first derivative of the ramp, 3x² − 2x³ between 0 and 1."""
+    t = _clipped(x)
+    return np.asarray(t * t * (3 - 2 * t))
+
+
+def ramp_curvature(x: Array) -> Array:
+    """Return the second derivative of the ramp, 6x (1 − x) between 0 and 1."""
+    t = _clipped(x)
+    return np.asarray(6 * t * (1 - t))
+
+
+def _clipped(x: Array) -> Array:
+    """Return x between 0 and 1; a complex x is clipped by its real part, as a complex step needs it."""
+    if not np.iscomplexobj(x):
+        return np.clip(x, 0.0, 1.0)
+    return np.where(np.real(x) < 0, 0.0, np.where(np.real(x) > 1, 1.0, x))
+
+
+@lru_cache(maxsize=1)
+def symbolic_ramp() -> Any:
+    """Return :func:`ramp` as a sympy function with derivatives named like the functions above."""
+    import sympy
+
+    class ramp_curvature(sympy.Function):  # type: ignore[misc]
+        pass
+
+    class ramp_derivative(sympy.Function):  # type: ignore[misc]
+        def fdiff(self, argindex: int = 1) -> Any:
+            return ramp_curvature(self.args[0])
+
+    class ramp(sympy.Function):  # type: ignore[misc]
+        def fdiff(self, argindex: int = 1) -> Any:
+            return ramp_derivative(self.args[0])
+
+    return ramp

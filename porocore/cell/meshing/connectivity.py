@@ -17,9 +17,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from porocore.cell.meshing.mesh import CellMesh
-from porocore.cell.meshing.periodicity import facet_classes
-from porocore.cell.meshing.shape_functions import FACETS
-from porocore.cell.meshing.tetrahedra import curved_volumes
+from porocore.cell.meshing.tetrahedra import FACETS, curved_volumes, facet_classes
 from porocore.states import Array, IntArray
 
 Mask = npt.NDArray[np.bool_]

@@ -1,9 +1,16 @@
-"""Mesh settings, and the mesh of one phase (CellMesh): quadrature, wall, mirrors, periodic nodes, hash."""
+"""Mesh settings, and the mesh of one phase (CellMesh); its reflections, and blocks of whole cells.
+
+The images share their nodes on the mirror planes exactly, so the whole cell has matching opposite faces, and that of a
+wedge has the full symmetry of the cube.
+
+Its first cell is the whole cell; that of cubic cells is [−½, n₁ − ½] × [−½, n₂ − ½] × [−½, n₃ − ½].
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from itertools import permutations, product
 from typing import Annotated, Literal
 
 import numpy as np
@@ -12,21 +19,97 @@ from pydantic import Field
 
 from porocore.cell.geometry.pore_geometry import PoreGeometry
 from porocore.cell.geometry.sides import CUBE, Sides
-from porocore.cell.meshing.mirror import eighth_to_whole, snap, wedge_to_eighth
-from porocore.cell.meshing.periodicity import facet_classes
 from porocore.cell.meshing.tetrahedra import (
     Element,
     Phase,
     Tetrahedra,
     boundary_facets,
+    facet_classes,
     volume,
     with_middles,
 )
 from porocore.core.files.plain_data import stable_hash
 from porocore.core.models.strict import StrictModel
-from porocore.core.units.dimensions import Unit
+from porocore.core.units import Unit
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
+
+#: Nodes of a tetrahedron (VTK order, 4 or 10) after swapping its first two corners, which restores the orientation.
+SWAPPED = np.array([1, 0, 2, 3, 4, 6, 5, 8, 7, 9])
+
+
+def wedge_to_eighth(points: Array, cells: npt.NDArray[np.int64]) -> tuple[Array, npt.NDArray[np.int64]]:
+    """Return the mesh of [0, ½]³ from that of 0 ≤ x ≤ y ≤ z ≤ ½, by the six permutations of the coordinates."""
+    points = snap(points)
+    for i, j in ((0, 1), (1, 2)):
+        on_plane = np.abs(points[:, i] - points[:, j]) < 1e-9
+        points[on_plane, i] = points[on_plane, j]
+    orders = [list(order) for order in permutations(range(3))]
+    return _merge([(points[:, order], bool(np.linalg.det(np.eye(3)[order]) < 0)) for order in orders], cells)
+
+
+def eighth_to_whole(
+    points: Array, cells: npt.NDArray[np.int64], sides: Sides = CUBE
+) -> tuple[Array, npt.NDArray[np.int64]]:
+    """Return the mesh of the whole cell from that of its eighth, by the eight sign changes of the coordinates."""
+    points = snap(points, sides)
+    images = [(points * signs, bool(np.prod(signs) < 0)) for signs in product((1.0, -1.0), repeat=3)]
+    return _merge(images, cells)
+
+
+def snap(points: Array, sides: Sides = CUBE) -> Array:
+    """Return points with the coordinates within 1e-9 of the planes of the eighth, 0 and half a side, set onto them."""
+    for plane in (np.zeros(3), np.array(sides) / 2):
+        points = np.where(np.abs(points - plane) < 1e-9, plane, points)
+    return points
+
+
+def _merge(
+    images: list[tuple[Array, bool]], cells: npt.NDArray[np.int64]
+) -> tuple[Array, npt.NDArray[np.int64]]:
+    swapped = cells[:, SWAPPED[: cells.shape[1]]]
+    all_points = np.concatenate([points for points, _ in images]) + 0.0  # + 0.0 turns −0.0 into 0.0
+    all_cells = np.concatenate(
+        [(swapped if odd else cells) + k * len(points) for k, (points, odd) in enumerate(images)]
+    )
+    merged, inverse = np.unique(all_points, axis=0, return_inverse=True)
+    return merged, inverse.reshape(-1)[all_cells]
+
+
+def unfold_displacement(points: Array, u: Array, whole: Array, sides: Sides = CUBE) -> Array:
+    """Return a displacement of the eighth under a load that preserves the mirrors on the whole cell, exactly.
+
+    Parameters
+    ----------
+    points : (n, 3)
+        Nodes of the eighth.
+    u : (n, 3)
+        Displacement; u_i vanishes on the mirror planes across axis i.
+    whole : (N, 3)
+        Nodes of the whole cell, images of the eighth's by :func:`eighth_to_whole`.
+    sides
+        Sides of the cell.
+
+    Returns
+    -------
+    (N, 3)
+        The component u_i is odd under the mirror of axis i and even under the others.
+
+    Raises
+    ------
+    ValueError
+        A node of the whole cell is no image of one of the eighth.
+    """
+    known = snap(points, sides) + 0.0
+    _, inverse = np.unique(np.concatenate([known, np.abs(whole) + 0.0]), axis=0, return_inverse=True)
+    inverse = inverse.reshape(-1)
+    node = np.full(int(inverse.max()) + 1, -1)
+    node[inverse[: len(known)]] = np.arange(len(known))
+    image = node[inverse[len(known) :]]
+    if (image < 0).any():
+        raise ValueError("the nodes of the whole cell are no mirror images of those of the eighth")
+    return np.asarray(np.sign(whole) * u[image])
+
 
 #: Difference of the share of a phase in a mesh from that in its geometry beyond which nothing is computed, relative to
 #: the smaller share. K goes with the third power of the porosity or so: beyond, it would be wrong by a factor of two.
@@ -225,3 +308,84 @@ def _require_porosity(geometry: PoreGeometry, settings: MeshSettings, phase: Pha
 @lru_cache(maxsize=4)
 def _part(geometry: PoreGeometry, size: float, element: Element) -> dict[Phase, Tetrahedra]:
     return geometry.tetrahedra(size, element)
+
+
+Periods = tuple[int, int, int]
+#: Largest difference of the copies of a field where they meet, relative to its largest value.
+SAME = 1e-6
+
+
+@lru_cache(maxsize=4)
+def block(mesh: CellMesh, periods: Periods) -> CellMesh:
+    """Return the mesh of a block: copies of the mesh of a whole cell, joined at their faces.
+
+    Raises
+    ------
+    ValueError
+        The mesh is not that of one whole cell, or a number of cells is not positive.
+    """
+    if mesh.domain != "whole" or mesh.periods != (1, 1, 1):
+        raise ValueError("a block is made of the mesh of one whole cell")
+    first, inverse = _joined(mesh, periods)
+    shifts = _shifts(periods) * mesh.sides
+    points = (mesh.points[None] + shifts[:, None]).reshape(-1, 3)[first]
+    n = len(mesh.points)
+    cells = np.concatenate([inverse[mesh.cells + k * n] for k in range(len(shifts))])
+    regions = np.tile(mesh.regions, len(shifts))
+    return CellMesh(mesh.phase, "whole", points, cells, periods, regions, mesh.region_names, mesh.sides)
+
+
+def tiled(mesh: CellMesh, u: Array, periods: Periods, signs: tuple[int, int, int] = (1, 1, 1)) -> Array:
+    """Return a field of the whole cell on a block of its copies, (nodes of the block, 3).
+
+    Parameters
+    ----------
+    mesh
+        Mesh of one whole cell.
+    u : (nodes, 3)
+        Field at its nodes.
+    periods
+        Cells of the block along each axis.
+    signs
+        Factor of the field from one cell to the next along each axis: 1 for period one, −1 for a field that alternates,
+        with opposite values on opposite faces of the cell.
+
+    Raises
+    ------
+    ValueError
+        The field is not continuous from cell to cell, or alternates over an odd number of cells.
+    """
+    if mesh.domain != "whole" or mesh.periods != (1, 1, 1) or u.shape != mesh.points.shape:
+        raise ValueError(
+            f"expected a field ({len(mesh.points)}, 3) on the mesh of one whole cell, got {u.shape}"
+        )
+    for axis, n, sign in zip("xyz", periods, signs, strict=True):
+        if sign not in (1, -1):
+            raise ValueError(f"signs: expected 1 or -1 along {axis}, got {sign}")
+        if sign < 0 and n % 2:
+            raise ValueError(f"a field that alternates along {axis} needs an even number of cells, got {n}")
+    first, inverse = _joined(mesh, periods)
+    cells = np.rint(_shifts(periods)).astype(np.int64)
+    factors = np.prod(np.array(signs) ** cells, axis=1)
+    copies = (factors[:, None, None] * u[None]).reshape(-1, 3)
+    values: Array = copies[first]
+    if np.abs(values[inverse] - copies).max(initial=0.0) > SAME * np.abs(u).max(initial=0.0):
+        raise ValueError("the copies of the field do not meet: it is not periodic with these signs")
+    return values
+
+
+def _shifts(periods: Periods) -> Array:
+    if min(periods) < 1:
+        raise ValueError(f"expected positive numbers of cells, got {periods}")
+    return np.array(list(product(*(range(n) for n in periods))), dtype=np.float64)
+
+
+@lru_cache(maxsize=4)
+def _joined(mesh: CellMesh, periods: Periods) -> tuple[IntArray, IntArray]:
+    """Return the first copy of each node of the block, and the node of the block of each copy.
+
+    The coordinates of copies agree exactly where they meet, as those of opposite faces of the cell do.
+    """
+    points = (mesh.points[None] + (_shifts(periods) * mesh.sides)[:, None]).reshape(-1, 3)
+    _, first, inverse = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    return first.astype(np.int64), inverse.reshape(-1).astype(np.int64)

@@ -12,23 +12,23 @@ from pydantic import Field, model_validator
 
 from porocore.cell.geometry.pore_geometry import PoreGeometry, Unfolding
 from porocore.cell.geometry.sides import CUBE, Sides, unit_sides
-from porocore.cell.meshing.periodicity import matched
-from porocore.cell.meshing.shape_functions import EDGES
 from porocore.cell.meshing.tetrahedra import (
+    EDGES,
     Element,
     Phase,
     Tetrahedra,
     least_stretch,
+    matched,
     used,
     volume,
     volumes,
     with_middles,
 )
-from porocore.cell.symmetry.mesh_symmetry import RegionMap, region_maps
+from porocore.cell.symmetry import RegionMap, region_maps
 from porocore.core.echo import did_you_mean, echo, joined
 from porocore.core.files.foreign_mesh import KNOWN_DATA, ForeignMesh, read_mesh, require_apart
 from porocore.core.files.input_file import FromFile
-from porocore.core.tensors.point_group import PointGroup, Rotation, as_rotation
+from porocore.core.tensors import PointGroup, Rotation, as_rotation
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 

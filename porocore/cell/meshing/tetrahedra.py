@@ -1,15 +1,113 @@
-"""Tetrahedra of one phase, and operations on them: volumes, mid-edge nodes, facets, orientation."""
+"""Tetrahedra of one phase: volumes, shape functions, quadrature, nodes matched by periodicity."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
+from itertools import permutations
 from typing import Literal
 
 import numpy as np
+from scipy.special import roots_jacobi
 
-from porocore.cell.meshing.quadrature import tetrahedron_rule
-from porocore.cell.meshing.shape_functions import EDGES, FACETS, shape_functions
+from porocore.cell.geometry.sides import Sides
+from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
+
+LARGEST_DEGREE = 12
+
+
+@lru_cache(maxsize=16)
+def tetrahedron_rule(degree: int) -> tuple[Array, Array]:
+    """Return points (q, 3) and weights (q,) on the unit tetrahedron, exact for polynomials up to ``degree``.
+
+    One point for degree 1, four for 2, fourteen up to 5 (Walkington 2000, Quadrature on simplices of arbitrary
+    dimension), and products of Gauss–Jacobi rules beyond. The weights sum to 1/6; all are positive.
+
+    Raises
+    ------
+    ValueError
+        The degree is not between 1 and 12.
+    """
+    if not 1 <= degree <= LARGEST_DEGREE:
+        raise ValueError(f"expected a degree from 1 to {LARGEST_DEGREE}, got {degree}")
+    if degree == 1:
+        rule = np.full((1, 3), 0.25), np.full(1, 1 / 6)
+    elif degree == 2:
+        rule = _corners((5 - np.sqrt(5)) / 20), np.full(4, 1 / 24)
+    elif degree <= 5:
+        near, far = 0.31088591926330060980, 0.092735250310891226402
+        middle = 0.045503704125649649492
+        edge = sorted(set(permutations([middle, middle, 0.5 - middle, 0.5 - middle])))
+        points = np.concatenate([_corners(near), _corners(far), np.array(edge)[:, :3]])
+        weights = np.repeat(
+            [0.018781320953002641800, 0.012248840519393658257, 0.0070910034628469110730], [4, 4, 6]
+        )
+        rule = points, weights
+    else:
+        rule = _conical((degree + 2) // 2)
+    for part in rule:
+        part.setflags(write=False)
+    return rule
+
+
+def _corners(a: float) -> Array:
+    """Return the four points with barycentric coordinates (a, a, a, 1 − 3a)."""
+    return a + np.vstack([np.zeros(3), np.eye(3) * (1 - 4 * a)])
+
+
+def _conical(n: int) -> tuple[Array, Array]:
+    """Return the rule of n × n × n Gauss–Jacobi points of the cube, collapsed to the tetrahedron."""
+    (x, wx), (y, wy), (z, wz) = (
+        ((s + 1) / 2, w / 2 ** (k + 1)) for k in range(3) for s, w in [roots_jacobi(n, k, 0)]
+    )
+    X, Y, Z = np.meshgrid(x, y, z, indexing="ij")
+    points = np.stack([X * (1 - Y) * (1 - Z), Y * (1 - Z), Z], axis=-1).reshape(-1, 3)
+    weights = (wx[:, None, None] * wy[:, None] * wz).ravel()
+    return points, weights
+
+
+@lru_cache(maxsize=16)
+def triangle_rule(degree: int) -> tuple[Array, Array]:
+    """Return points (q, 2) and weights (q,) on the unit triangle, exact for polynomials up to ``degree``.
+
+    Products of Gauss–Jacobi rules; the weights sum to ½ and are positive.
+
+    Raises
+    ------
+    ValueError
+        The degree is not between 1 and 12.
+    """
+    if not 1 <= degree <= LARGEST_DEGREE:
+        raise ValueError(f"expected a degree from 1 to {LARGEST_DEGREE}, got {degree}")
+    n = degree // 2 + 1
+    (x, wx), (y, wy) = (((s + 1) / 2, w / 2 ** (k + 1)) for k in range(2) for s, w in [roots_jacobi(n, k, 0)])
+    X, Y = np.meshgrid(x, y, indexing="ij")
+    rule = np.column_stack([(X * (1 - Y)).ravel(), Y.ravel()]), (wx[:, None] * wy).ravel()
+    for part in rule:
+        part.setflags(write=False)
+    return rule
+
+
+#: Corners at the ends of the edges with mid-edge nodes; a triangle has the first three edges.
+EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
+#: Corners, then mid-edge nodes, of the facets of a tetrahedron, outward; facet k is opposite to corner k.
+FACETS = np.array([[1, 2, 3, 5, 9, 8], [0, 3, 2, 7, 9, 6], [0, 1, 3, 4, 8, 7], [0, 2, 1, 6, 5, 4]])
+
+
+def shape_functions(points: Array, nodes: int) -> tuple[Array, Array]:
+    """Return N (q, a) and dN (q, a, d) of a triangle (d = 2) or a tetrahedron (d = 3) of ``nodes`` at points (q, d)."""
+    count, d = points.shape
+    L = np.column_stack([1 - points.sum(axis=1), points])
+    dL = np.concatenate([-np.ones((1, d)), np.eye(d)])
+    if nodes == d + 1:
+        return L, np.broadcast_to(dL, (count, nodes, d)).copy()
+    edges = EDGES[: nodes - d - 1]
+    N = np.column_stack([L * (2 * L - 1), *(4 * L[:, i] * L[:, j] for i, j in edges)])
+    corners = (4 * L - 1)[:, :, None] * dL
+    middles = [4 * (L[:, [i]] * dL[j] + L[:, [j]] * dL[i]) for i, j in edges]
+    return N, np.concatenate([corners, np.stack(middles, axis=1)], axis=1)
+
 
 Phase = Literal["solid", "fluid"]
 Element = Literal["linear", "quadratic-straight", "quadratic-curved"]
@@ -140,3 +238,86 @@ def least_stretch(points: Array, cells: IntArray) -> Array:
     corners = np.vstack([np.zeros(3), np.eye(3)])
     at = np.concatenate([corners, corners[EDGES].mean(axis=1), tetrahedron_rule(DEGREE)[0]])
     return np.asarray(determinants(points, cells, at).min(axis=1) / (6 * volumes(points, cells)))
+
+
+#: Tolerances of a node on a face and of partners on opposite faces, in lengths of the cell.
+ON_FACE, PARTNER = 1e-6, 1e-4
+
+
+def matched(points: Array, cells: IntArray, sides: Sides, what: str) -> Array:
+    """Return the nodes (N, 3) of a mesh of a cell, with nodes of opposite faces at exactly the same places.
+
+    The tetrahedra are those of both phases; messages begin with ``what``, the name of the mesh.
+
+    Raises
+    ------
+    ConfigurationError
+        A face has nodes or facets without partners on the opposite face.
+    """
+    from scipy.spatial import cKDTree  # slow to import
+
+    half = np.array(sides) / 2
+    for face in (-half, half):
+        points = np.where(np.abs(points - face) < ON_FACE, face, points)
+    for axis, name in enumerate("xyz"):
+        others = np.array([i for i in range(3) if i != axis])
+        low, high = (np.flatnonzero(points[:, axis] == side) for side in (-half[axis], half[axis]))
+        distance, partner = cKDTree(points[low][:, others]).query(points[high][:, others])
+        back, _ = cKDTree(points[high][:, others]).query(points[low][:, others])
+        missing = int((distance > PARTNER).sum() + (back > PARTNER).sum())
+        faces = f"{name} = ±{half[axis]:.4g} ({len(low)} and {len(high)} nodes)"
+        if missing:
+            raise ConfigurationError(
+                f"{what}: not periodic along {name}: {missing} nodes of the faces {faces} have no partner on the "
+                f"opposite face; the largest distance to the nearest node there is "
+                f"{max(distance.max(), back.max()):.3g} of the cell's length; mesh one face and copy it to the other "
+                "(gmsh: setPeriodic)"
+            )
+        if len(low) != len(high) or len(np.unique(partner)) < len(high):
+            raise ConfigurationError(
+                f"{what}: not periodic along {name}: several nodes of the faces {faces} lie within {PARTNER:g} of the "
+                "cell's length of one node of the opposite face; mesh one face, no finer than that, and copy it to "
+                "the other (gmsh: setPeriodic)"
+            )
+        points[np.ix_(high, others)] = points[np.ix_(low[partner], others)]
+    _check_facets(points, cells, half, what)
+    return points
+
+
+def facet_classes(points: Array, facets: IntArray, first: Array, last: Array) -> IntArray:
+    """Return the number (K,) of each facet (K, 3) of the box from ``first`` to ``last``; partners have the same one.
+
+    Facets are identified by their nodes in the block, not by the periodic classes of these: where one or two elements
+    span a period, different facets have corners of the same classes.
+    """
+    corners = np.sort(facets[:, :3], axis=1)
+    for axis in range(3):
+        low, high = (np.flatnonzero(points[:, axis] == side) for side in (first[axis], last[axis]))
+        others = np.delete(points, axis, axis=1)
+        _, place = np.unique(others[np.concatenate([low, high])], axis=0, return_inverse=True)
+        place = place.reshape(-1)
+        partner = np.full(int(place.max(initial=-1)) + 1, -1)
+        partner[place[: len(low)]] = low
+        below = np.full(len(points), -1)
+        below[high] = partner[place[len(low) :]]
+        images = below[corners]
+        there = (images >= 0).all(axis=1)
+        corners[there] = np.sort(images[there], axis=1)
+    return np.unique(corners, axis=0, return_inverse=True)[1].reshape(-1)
+
+
+def _check_facets(points: Array, cells: IntArray, half: Array, what: str) -> None:
+    """Refuse a mesh with boundary facets inside the cell, or with different facets on opposite faces."""
+    boundary = boundary_facets(cells[:, :4])
+    on_face = (np.abs(points[boundary]) == half).all(axis=1).any(axis=1)
+    if not on_face.all():
+        raise ConfigurationError(
+            f"{what}: {int((~on_face).sum())} facets inside of the cell belong to one tetrahedron only; solid and "
+            "fluid must fill the cell and share their nodes on the wall"
+        )
+    alone = int((np.bincount(facet_classes(points, boundary, -half, half)) == 1).sum())
+    if alone:
+        raise ConfigurationError(
+            f"{what}: not periodic: the nodes of opposite faces match, but {alone} facets between them do not; mesh "
+            "one face and copy it to the other (gmsh: setPeriodic)"
+        )

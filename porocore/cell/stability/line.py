@@ -11,9 +11,7 @@ import numpy as np
 
 from porocore.cell.equilibrium.discrete import FactorError
 from porocore.cell.equilibrium.solver import PreparedCell
-from porocore.cell.stability.acoustic import acoustic_minimum
-from porocore.cell.stability.inertia import WAVES, negative_pivots
-from porocore.cell.stability.modes import lowest_eigenvalues
+from porocore.cell.stability.modes import WAVES, acoustic_minimum, lowest_eigenvalues, negative_pivots
 from porocore.core.echo import echo
 from porocore.core.models.bounds import MOST_POINTS, SMALLEST_INTERVAL
 from porocore.errors import ConfigurationError

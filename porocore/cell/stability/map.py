@@ -11,16 +11,15 @@ from typing import Any
 import numpy as np
 
 from porocore.cell.equilibrium.solver import PreparedCell
-from porocore.cell.stability.inertia import WAVES
 from porocore.cell.stability.line import EVENTS, LineSettings, StabilityLine, follow_line
+from porocore.cell.stability.modes import WAVES
 from porocore.core.echo import echo
-from porocore.core.fields.check import known_statuses
+from porocore.core.field_check import known_statuses
 from porocore.core.files.plain_data import write_csv
-from porocore.core.hdf5 import Contents, Kind, atomic_hdf5, opened
-from porocore.core.hdf5.contents import numbered
-from porocore.core.inputs.input_space import NAMES
+from porocore.core.hdf5 import Contents, Kind, atomic_hdf5, numbered, opened
+from porocore.core.inputs import NAMES
 from porocore.core.models.bounds import MOST_LINES
-from porocore.core.units.results import spoken
+from porocore.core.units import spoken
 from porocore.errors import ConfigurationError, DataError
 from porocore.interfaces.cell import CellSolver
 from porocore.states import Array, Status

@@ -1,29 +1,74 @@
-"""Lowest eigenvalue and buckling mode of the tangent for a wave vector, by Lanczos' iteration.
+"""Buckling modes of a periodic cell for a wave vector, negative pivots, loss of rank-one convexity.
 
 K u = λ M u with the lumped mass M of the undeformed solid at density 1, so λ is the minimum of δ²Π per ∫|u|² dV and
 depends on the mesh by the discretisation error only. Units are E and the cube root of the cell's volume.
+
+Each wave vector has eight classes of perturbations (:func:`porocore.cell.symmetry.bloch_classes`). Each class
+has a tangent of the eighth with its own held displacements. By Sylvester's law their negative pivots add up to the
+number of modes of that wave vector under which the energy falls.
+
+Q_ik(n) = A_ijkl n_j n_l with A = ∂P_E/∂H at fixed p, the drained tangent. Where m·Q(n)m < 0 for some n and m, a jump of
+F by m ⊗ n lowers the energy to second order: the macroscopic problem loses ellipticity, and bands may form.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
+from functools import cache
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import LinearOperator, eigsh
 from scipy.spatial import cKDTree
 
-from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorError, Iterate
-from porocore.cell.equilibrium.mass import lumped_mass
+from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorError, Iterate, lumped_mass
 from porocore.cell.geometry.sides import CUBE, Sides
 from porocore.cell.meshing.mesh import CellMesh
-from porocore.cell.stability.inertia import by_wave
-from porocore.cell.symmetry.exchange import images
-from porocore.cell.symmetry.parity import bloch_classes, odd_axes, translation
+from porocore.cell.symmetry import bloch_classes, images, odd_axes, translation
 from porocore.errors import PorocoreError
 from porocore.states import Array
+
+Value = TypeVar("Value")
+#: "110" is k = (π, π, 0), period two along x and y.
+WAVES = tuple(bloch_classes())
+#: Wave vectors that differ in the names of the axes only.
+FAMILIES = {"0": ("000",), "100": ("100", "010", "001"), "110": ("110", "101", "011"), "111": ("111",)}
+#: Free unknowns up to which the factors of all classes are kept for the next state, at about 6 kB an unknown.
+KEPT = 10_000
+
+
+def negative_pivots(solid: DiscreteSolid, iterate: Iterate, waves: Iterable[str] = WAVES) -> dict[str, int]:
+    """Return the number of unstable modes of each wave vector; −1 where the solver cannot tell.
+
+    The solid is that of the eighth, in equilibrium under a diagonal H.
+
+    Raises
+    ------
+    FactorError
+        A tangent cannot be factorised.
+    """
+
+    def count(parity: str) -> int:
+        pivots = solid.negative_pivots(iterate, parity)
+        if "|" in parity and len(iterate.residual) > KEPT:
+            solid.release(parity)
+        return pivots
+
+    found = by_wave(waves, solid.exchanged_axes(iterate), count)
+    return {wave: -1 if min(counts) < 0 else sum(counts) for wave, counts in found.items()}
+
+
+def by_wave(
+    waves: Iterable[str], swaps: Iterable[str], evaluate: Callable[[str], Value]
+) -> dict[str, list[Value]]:
+    """Return a value of each class of each wave vector; classes that ``swaps`` of axes map onto each other share it."""
+    evaluated = cache(evaluate)
+    return {
+        wave: [evaluated(min(images(parity, swaps))) for parity in bloch_classes()[wave]] for wave in waves
+    }
+
 
 #: First shift below the spectrum and largest one; each is four times the one before.
 FIRST_SHIFT, LARGEST_SHIFT = -1.0, -1e6
@@ -198,3 +243,75 @@ def _factored(
         return y - solved * (shift * float(rigid.along @ y) / pivot)
 
     return count + int(pivot < 0), divide
+
+
+#: Directions on the half sphere, about 2.5° apart.
+DIRECTIONS = 4000
+#: Number of sampled minima that are refined.
+REFINED = 12
+ITERATIONS = 500
+
+
+@dataclass(frozen=True, eq=False)
+class AcousticMinimum:
+    """Smallest m·Q(n)m over unit vectors.
+
+    Attributes
+    ----------
+    value : float
+        Minimum [E]; the material is strongly elliptic where it is positive.
+    direction : (3,)
+        n, normal of the band.
+    polarisation : (3,)
+        m, direction of the jump.
+    """
+
+    value: float
+    direction: Array
+    polarisation: Array
+
+
+def acoustic_tensor(A: Array, n: Array) -> Array:
+    """Return Q (..., 3, 3), symmetrised, for directions (..., 3)."""
+    Q = np.einsum("ijkl,...j,...l->...ik", A, n, n, optimize=True)
+    return np.asarray((Q + np.swapaxes(Q, -1, -2)) / 2)
+
+
+def acoustic_minimum(A: Array) -> AcousticMinimum:
+    """Return the minimum of A = ∂P_ij/∂H_kl over all directions, all NaN where A is not finite.
+
+    A fine sample is followed by descent from its best points.
+    """
+    if not np.isfinite(A).all():
+        return AcousticMinimum(float("nan"), np.full(3, np.nan), np.full(3, np.nan))
+    sample = half_sphere(DIRECTIONS)
+    lowest = np.linalg.eigvalsh(acoustic_tensor(A, sample))[:, 0]
+    n = sample[np.argsort(lowest, kind="stable")[:REFINED]]
+    best = np.inf
+    for _ in range(ITERATIONS):
+        m = np.linalg.eigh(acoustic_tensor(A, n))[1][..., 0]
+        # At fixed m the form is quadratic in n: each half step takes its minimum.
+        by_n = np.einsum("ijkl,ai,ak->ajl", A, m, m, optimize=True)
+        values, vectors = np.linalg.eigh((by_n + by_n.transpose(0, 2, 1)) / 2)
+        n = vectors[..., 0]
+        value = float(values[:, 0].min())
+        if best - value <= 1e-12 * np.abs(A).max():
+            break
+        best = value
+    values, vectors = np.linalg.eigh(acoustic_tensor(A, n))
+    first = int(values[:, 0].argmin())
+    return AcousticMinimum(float(values[first, 0]), _upward(n[first]), _upward(vectors[first, :, 0]))
+
+
+def half_sphere(count: int) -> Array:
+    """Return directions (count, 3) spread evenly over the half sphere z > 0, by the golden angle."""
+    k = np.arange(count) + 0.5
+    z = k / count
+    angle = np.pi * (3 - np.sqrt(5)) * k
+    r = np.sqrt(1 - z * z)
+    return np.column_stack([r * np.cos(angle), r * np.sin(angle), z])
+
+
+def _upward(n: Array) -> Array:
+    """Return n or −n, whichever has a positive largest component."""
+    return np.asarray(n * np.sign(n[np.abs(n).argmax()]))

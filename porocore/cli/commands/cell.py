@@ -107,10 +107,10 @@ def state(
     with interruptible(), located(path), in_units_of(settings):
         settings = one_cell(settings, cell, parameters)
         found = read_state(at, grad_u, p, settings.cell.modulus, {}, settings.scales)
-        from porocore.core.inputs.input_space import NAMES
+        from porocore.core.inputs import NAMES
         from porocore.report.dimensional import figures_with_units
-        from porocore.study.outline.at_rest import cell_length
-        from porocore.study.outline.cell_alone import DIMENSIONLESS, notes, table_of_cell
+        from porocore.study.notes.at_rest import cell_length
+        from porocore.study.notes.cell_alone import DIMENSIONLESS, notes, table_of_cell
         from porocore.study.stages import pipeline
 
         row = [found.get(name, 0.0) for name in NAMES]
@@ -226,7 +226,7 @@ def show(
     with interruptible(), located(path):
         from porocore.cell.meshing.mesh_quality import measure_mesh_quality, quality_lines
         from porocore.core.files.atomic import new_folder
-        from porocore.verification.local_fields.geometry import render_phases, write_phases
+        from porocore.verification.local_fields.pictures import render_phases, write_phases
 
         if parameters or cell is not None:
             settings = one_cell(settings, cell, parameters)
@@ -251,7 +251,7 @@ def as_text(result: Mapping[str, Any], belongs: Mapping[str, str] = MappingProxy
     A state without values shows only its status and what does not depend on it. Numbers that are below :data:`ZERO`
     without their unit are 0.
     """
-    from porocore.core.units.dimensions import MULTIPLES
+    from porocore.core.units import MULTIPLES
     from porocore.report.dimensional import FIGURES
 
     lines = []

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porocore.cli.common import failed, interruptible, read_config
+from porocore.cli.common import failed, interruptible, page, plain_table, read_config
 from porocore.cli.options import SeveralFemOption
-from porocore.cli.tables import page, plain_table
 from porocore.core.console import Console
 
 if TYPE_CHECKING:
@@ -38,7 +37,7 @@ def crosscheck(
     Compares averages, derivatives and conductivity of the cell, predictions of the surrogates, and histories of the
     body under its first load. Exit status 1 when a difference exceeds its tolerance or a backend fails.
     """
-    from porocore.study.config.examples import crosscheck_path
+    from porocore.study.config.loading import crosscheck_path
 
     _, settings = read_config(crosscheck_path() if config is None else config, None)
     with interruptible():
@@ -67,7 +66,7 @@ def crosscheck(
 def _print(result: CrossCheck) -> None:
     from rich.text import Text
 
-    from porocore.verification.crosscheck.html import PARTS
+    from porocore.verification.crosscheck.page import PARTS
 
     table = plain_table(("", "quantity", "at", "who", "difference", "tolerance", ""), range(4, 7))
     part = None

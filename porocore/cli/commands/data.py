@@ -14,7 +14,7 @@ from porocore.cli.options import JsonOption
 from porocore.errors import ConfigurationError, DataError, RunFolderError
 
 if TYPE_CHECKING:
-    from porocore.core.units.results import ResultUnits
+    from porocore.core.units import ResultUnits
     from porocore.sampling.datasets.dataset import Dataset
 
 FileArgument = Annotated[
@@ -94,7 +94,7 @@ def merge(
     A state of several data sets must be the same in all, to the last bit; otherwise nothing is written.
     Prints the path.
     """
-    from porocore.sampling.datasets.merge import merge as merged
+    from porocore.sampling.datasets.check import merge as merged
 
     if len(files) < 2:
         raise ConfigurationError("expected at least two files to merge, got one")
@@ -125,7 +125,7 @@ def export(
 
     The columns are key, status, start, seconds, H11 … H33, p and the responses, with all digits. Prints the path.
     """
-    from porocore.sampling.datasets.export import export as exported
+    from porocore.sampling.datasets.check import export as exported
 
     with interruptible():
         typer.echo(exported(_opened(file), _fresh(out), derivatives=derivatives))
@@ -197,8 +197,8 @@ def _samples(target: Path) -> Path:
     from porocore.core.files.atomic import RUN_RECORD
     from porocore.core.files.claim import some_of
     from porocore.core.files.reading import obstacle
-    from porocore.sampling.datasets.layout import EXPECTED
-    from porocore.study.run_folder.folder import RunFolder
+    from porocore.sampling.datasets.dataset import EXPECTED
+    from porocore.study.run_folder import RunFolder
 
     if not target.exists():
         raise DataError(f"{target}: {obstacle(target) or 'no such file or folder'}; expected a {EXPECTED}")
@@ -251,7 +251,7 @@ def _facts(dataset: Dataset) -> dict[str, Any]:
     import numpy as np
 
     from porocore.interfaces.records import flatten_response
-    from porocore.sampling.datasets.layout import read_fields
+    from porocore.sampling.datasets.dataset import read_fields
     from porocore.states import Status
 
     n = len(dataset)
@@ -287,8 +287,8 @@ def _facts(dataset: Dataset) -> dict[str, Any]:
 
 def _units(target: Path) -> ResultUnits:
     """Return the units of the study of a run folder; a file alone has none."""
-    from porocore.core.units.results import ResultUnits
-    from porocore.study.run_folder.folder import RunFolder
+    from porocore.core.units import ResultUnits
+    from porocore.study.run_folder import RunFolder
 
     return RunFolder.open(target).written.result_units if target.is_dir() else ResultUnits()
 

@@ -192,8 +192,8 @@ def _suite_faults(kind: Kind, name: str, implementation: type[Any]) -> list[str]
 
     if find_spec("pytest") is None:
         return []
-    from porocore.plugins.kit_version import complaint
-    from porocore.testing.installed.suites import find_suites
+    from porocore.plugins.table import complaint
+    from porocore.testing.installed.check import find_suites
 
     offered = registry().find(kind, name)
     found = attempt(find_suites, kind, offered.offer, implementation)

@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from porocore.cli.common import (
+    MINUS,
     check_workers,
     chosen_store,
     command,
     in_units_of,
     interruptible,
+    page,
     parse_pressure,
+    plain_table,
     read_config,
 )
 from porocore.cli.options import (
@@ -24,13 +27,12 @@ from porocore.cli.options import (
     StoreOption,
     WorkersOption,
 )
-from porocore.cli.tables import MINUS, page, plain_table
 from porocore.core.console import Console
 from porocore.core.echo import comma_within, echo
 from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from porocore.core.units.scales import Scales
+    from porocore.core.units import Scales
     from porocore.verification.sensitivity.plan import StudyPlan, Sweep
     from porocore.verification.sensitivity.results import Sensitivity
     from porocore.verification.sensitivity.study import SensitivityProgress
@@ -130,7 +132,7 @@ def parse_loads(text: str, tolerance: float, scales: Scales | None = None) -> St
 
 def _sweep(name: str, part: str, numbers: str, scales: Scales | None) -> Sweep:
     """Return the sweep of one load from its goals and step, ``lower:upper`` or ``lower:upper:step``."""
-    from porocore.core.units.quantities import has_unit
+    from porocore.core.units import has_unit
     from porocore.verification.sensitivity.plan import SWEEPS, Sweep, load_quantity
 
     def read(number: str) -> float:
@@ -157,7 +159,7 @@ def _sweep(name: str, part: str, numbers: str, scales: Scales | None) -> Sweep:
 
 def print_ends(study: Sensitivity) -> None:
     """Print how far each load was followed, and why it ends there."""
-    from porocore.core.inputs.input_space import value_text
+    from porocore.core.inputs import value_text
     from porocore.report.text import MEANINGS
     from porocore.states import Status
     from porocore.verification.sensitivity.plan import LOADS

@@ -11,14 +11,16 @@ import typer
 from porocore.cli.common import (
     chosen_store,
     command,
+    decimals,
     in_units_of,
     interruptible,
+    page,
     parse_inputs,
     parse_pressure,
+    plain_table,
     read_config,
 )
 from porocore.cli.options import ConfigArgument, FemOption, NoStoreOption, ResumeOption, StoreOption
-from porocore.cli.tables import decimals, page, plain_table
 from porocore.core.console import Console
 from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
@@ -28,7 +30,7 @@ if TYPE_CHECKING:
 
     from porocore.cell.stability.line import StabilityLine
     from porocore.cell.stability.map import MapPlan
-    from porocore.core.units.scales import Scales
+    from porocore.core.units import Scales
     from porocore.verification.stability import MapProgress
 
 
@@ -74,7 +76,7 @@ def stability(
         eigenvalues=eigenvalues, out=out, resume=True, store=store, no_store=no_store,
     )  # fmt: skip
     with interruptible(again), in_units_of(settings):
-        from porocore.core.inputs.input_space import value_text
+        from porocore.core.inputs import value_text
         from porocore.verification.stability import map_stability
 
         plan = parse_plan(along, across, steps, tolerance, eigenvalues, settings.scales)
@@ -111,7 +113,7 @@ def parse_plan(
     """
     from porocore.cell.stability.line import LineSettings
     from porocore.cell.stability.map import MapPlan
-    from porocore.core.units.quantities import has_unit
+    from porocore.core.units import has_unit
 
     try:
         line = LineSettings(steps, tolerance, eigenvalues)
@@ -142,10 +144,10 @@ def _finite(text: str) -> float:
 
 def print_states(plan: MapPlan, line: StabilityLine) -> None:
     """Print the states of a line."""
-    from porocore.cell.stability.inertia import FAMILIES, WAVES
     from porocore.cell.stability.map import eigenvalue_titled, input_factor, input_titled
-    from porocore.core.inputs.input_space import NAMES
-    from porocore.core.units.results import spoken
+    from porocore.cell.stability.modes import FAMILIES, WAVES
+    from porocore.core.inputs import NAMES
+    from porocore.core.units import spoken
     from porocore.states import Status
 
     asked = any(math.isfinite(x) for x in line.eigenvalues.ravel())
@@ -177,9 +179,9 @@ def print_states(plan: MapPlan, line: StabilityLine) -> None:
 
 def print_onsets(plan: MapPlan, lines: Sequence[StabilityLine]) -> None:
     """Print the onsets of every line."""
-    from porocore.cell.stability.inertia import FAMILIES
     from porocore.cell.stability.map import input_factor, input_titled
-    from porocore.core.inputs.input_space import NAMES
+    from porocore.cell.stability.modes import FAMILIES
+    from porocore.core.inputs import NAMES
     from porocore.states import Status
 
     leading, across = NAMES.index(plan.leading), NAMES.index(plan.across)

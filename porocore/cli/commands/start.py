@@ -29,7 +29,7 @@ def init(
 
     Prints the path of the file. An existing file is never overwritten.
     """
-    from porocore.study.config.examples import example, examples
+    from porocore.study.config.loading import example, examples
 
     if kind is None:
         if to is not None:
@@ -87,12 +87,12 @@ def check(
     body consolidates. A later run finds that cell in the store. Reads the measured data of a calibration, in a section
     of the study or a file of its own.
     """
-    from porocore.calibration.config.loading import is_calibration, read_plan
+    from porocore.calibration.loading import is_calibration, read_plan
     from porocore.study.config.loading import holds_cells_alone
-    from porocore.study.outline.at_rest import at_rest
-    from porocore.study.outline.cell_alone import outline_of_cells
-    from porocore.study.outline.outline import outline
-    from porocore.study.preflight.checks import check_backends
+    from porocore.study.notes.at_rest import at_rest
+    from porocore.study.notes.cell_alone import outline_of_cells
+    from porocore.study.notes.checks import check_backends
+    from porocore.study.notes.outline import outline
     from porocore.study.store import user_store
 
     if config is not None and config.is_file() and is_calibration(config):

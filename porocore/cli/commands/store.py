@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porocore.cli.common import command_group, interruptible
+from porocore.cli.common import command_group, interruptible, page, plain_table
 from porocore.cli.options import JsonOption
-from porocore.cli.tables import page, plain_table
 from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:

@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from porocore.interfaces.macro import MacroSolver
     from porocore.plugins.kinds import Kind
     from porocore.study.config.config import RunConfig
-    from porocore.study.run_folder.folder import RunFolder
-    from porocore.study.stages.laws import LawKind
+    from porocore.study.run_folder import RunFolder
+    from porocore.study.stages.solving import LawKind
 
 
 def run(
@@ -102,7 +102,7 @@ def sample(
 
     A configuration starts a run folder. Prints the path of the data set.
     """
-    from porocore.study.run_folder.folder import CONFIG, RunFolder
+    from porocore.study.run_folder import CONFIG, RunFolder
 
     kept = chosen_store(store, no_store)
     if target.is_dir():
@@ -182,8 +182,8 @@ def solve(
     """
     from porocore.core import parallel
     from porocore.study import backends
-    from porocore.study.run_folder.folder import CONFIG
-    from porocore.study.stages.laws import USUAL_LAWS, law_names, with_fallback
+    from porocore.study.run_folder import CONFIG
+    from porocore.study.stages.solving import USUAL_LAWS, law_names, with_fallback
     from porocore.study.stages.stage_files import require_samples, require_surrogates
 
     folder, kept = _open(run), chosen_store(store, no_store)
@@ -266,14 +266,14 @@ def report(run: RunArgument) -> None:
 
 
 def _open(path: Path) -> RunFolder:
-    from porocore.study.run_folder.folder import RunFolder
+    from porocore.study.run_folder import RunFolder
 
     return RunFolder.open(path)
 
 
 def _laws_of_run(law: list[LawName] | None, fallback: FallbackName) -> tuple[LawKind, ...]:
     """Return the laws that a run solves with; its report shows the surrogate, whatever is beside it."""
-    from porocore.study.stages.laws import USUAL_LAWS, with_fallback
+    from porocore.study.stages.solving import USUAL_LAWS, with_fallback
 
     laws: tuple[LawKind, ...] = tuple(kind.value for kind in law) if law else USUAL_LAWS
     if "surrogate" not in laws:
@@ -291,7 +291,7 @@ def _unless_none(fallback: FallbackName) -> FallbackName | None:
 
 def _check_backends(path: Path, settings: RunConfig, *needed: Kind) -> None:
     """Refuse what would stop a run later, before a folder belongs to the configuration at ``path``."""
-    from porocore.study.preflight.checks import check_backends
+    from porocore.study.notes.checks import check_backends
 
     with located(path):
         check_backends(settings, needed)

@@ -15,7 +15,7 @@ from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
     from porocore.study.config.config import RunConfig
-    from porocore.study.tuning.tune import Tuning
+    from porocore.study.tuning import Tuning
 
 
 def tune(
@@ -43,8 +43,8 @@ def tune(
     samples are solved first. The run folder keeps trained networks, so the same command continues a search. Prints the
     lines for the configuration.
     """
-    from porocore.study.run_folder.folder import RunFolder
-    from porocore.study.tuning.candidates import candidates
+    from porocore.study.run_folder import RunFolder
+    from porocore.study.tuning import candidates
 
     if not 0 <= margin < float("inf"):
         raise ConfigurationError(f"--margin: expected a percentage of at least 0, got {margin:g}")
@@ -68,8 +68,8 @@ def tune(
     )  # fmt: skip
     console = Console()
     with interruptible(again), folder:
+        from porocore.study import tuning
         from porocore.study.stages import pipeline
-        from porocore.study.tuning import tune as tuning
 
         if not target.is_dir():
             pipeline.solve_reference(folder, folder.config, console=console, store=kept)
@@ -81,7 +81,7 @@ def tune(
 
 
 def _print(console: Console, config: RunConfig, found: Tuning, margin: float) -> None:
-    from porocore.study.tuning.tables import text_table
+    from porocore.study.tuning import text_table
 
     for line in text_table(found.results, found.chosen):
         console.note(line)

@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porocore.cli.tables import page, plain_table
+from porocore.cli.common import page, plain_table
 from porocore.core.echo import comma_advice, echo
 from porocore.core.models.bounds import LARGEST_NUMBER
 from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from porocore.core.units.results import ResultUnits
-    from porocore.core.units.scales import Scales
+    from porocore.core.units import ResultUnits, Scales
 
 
 def units(
@@ -46,7 +45,7 @@ def units(
     The scales are those of a configuration, whose output_units are shown, too; those of the paper's brain tissue and
     soil; or four characteristic values of your own.
     """
-    from porocore.core.units.scales import QUANTITIES, known_quantity
+    from porocore.core.units import QUANTITIES, known_quantity
 
     texts = list(values or ())
     study = _study(texts.pop(0)) if texts and _is_configuration(texts[0]) else None
@@ -94,7 +93,7 @@ def _study(path: str) -> ResultUnits:
 def _scenarios(
     names: list[str] | None, force: float | None, pore: float | None, length: float | None, viscosity: float
 ) -> dict[str, Scales]:
-    from porocore.core.units.scales import LARGEST, SCENARIOS, SMALLEST, Scales, known_scenario
+    from porocore.core.units import LARGEST, SCENARIOS, SMALLEST, Scales, known_scenario
 
     own = {"--force": force, "--pore": pore, "--length": length}
     given = [name for name, value in own.items() if value is not None]
@@ -117,9 +116,7 @@ def _scenarios(
 
 def _value(text: str, scales: Scales | None) -> tuple[str, float]:
     """Return the name and the dimensionless value; ``scales``, unless there are several, for values with units."""
-    from porocore.core.units.quantities import UnitError, has_unit
-    from porocore.core.units.scales import quantity_name
-    from porocore.core.units.texts import value_of
+    from porocore.core.units import UnitError, has_unit, quantity_name, value_of
 
     name, _, given = text.partition("=")
     if has_unit(given):

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from porocore.cli.common import check_workers, command, failed, interruptible
+from porocore.cli.common import check_workers, command, failed, interruptible, page, plain_table
 from porocore.cli.options import FemOption, ResumeOption, SeveralFemOption, SurrogateOption
-from porocore.cli.tables import page, plain_table
 from porocore.core.console import Console
 
 if TYPE_CHECKING:

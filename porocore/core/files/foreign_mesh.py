@@ -16,8 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from porocore.core.files.first_bytes import foreign, renamed, told_by
 from porocore.core.files.gmsh_model import Arrays, file_arrays, model_arrays
+from porocore.core.files.slices import foreign, renamed, told_by
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 

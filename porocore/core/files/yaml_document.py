@@ -1,7 +1,8 @@
-"""Reading of a YAML file with the line of each key (YamlDocument); dotted names of keys."""
+"""Reading of a YAML file of bounded size and depth, with the line of each key (YamlDocument)."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,9 +11,119 @@ from typing import Any
 import yaml
 
 from porocore.core.echo import MOST, cut, echo, echo_path
-from porocore.core.files import yaml_loader
 from porocore.core.files.reading import read_text
 from porocore.errors import ConfigurationError
+
+#: Bytes of a file; keys, values and sections, with aliases spelt out; sections within sections; characters of a number.
+MOST_BYTES, MOST_NODES, DEEPEST, LONGEST_NUMBER = 1_000_000, 50_000, 30, 60
+TOO_MANY = f"more than {MOST_NODES} keys and values, aliases spelt out"
+#: Written so, a number is hardly meant as YAML reads it: 1:30 is 90, and 010 is 8.
+_OTHER_BASE = re.compile(r"[-+]?(\d[\d_]*(:[\d.]+)+|0[0-7_]+)")
+#: Tags of whole and other numbers, of text, and of true and false.
+NUMBERS, TEXT = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float"), "tag:yaml.org,2002:str"
+SWITCH = "tag:yaml.org,2002:bool"
+#: A whole number that is written in one way only.
+_PLAIN = re.compile(r"0|-?[1-9]\d{0,17}")
+
+
+def load(text: str) -> tuple[yaml.Node | None, Any]:
+    """Return the root node of a document with its line numbers, and the plain data that it stands for.
+
+    A key that is a plain whole number is text.
+
+    Raises
+    ------
+    Refused
+        It is beyond a bound of this module.
+    yaml.YAMLError
+        It is not YAML.
+    """
+    loader = _BoundedLoader(text)
+    try:
+        node = loader.get_single_node()
+        if node is None:
+            return None, None
+        _count(node, {}, set())
+        return node, loader.construct_document(node)
+    finally:
+        loader.dispose()
+
+
+class Refused(yaml.MarkedYAMLError):
+    """YAML, but beyond a bound of this module or with a value that does not exist; ``problem`` and mark are given."""
+
+
+class _BoundedLoader(yaml.SafeLoader):
+    """Refuses depth, number of nodes and long numbers on the way, so that nothing is built of them."""
+
+    _depth = _nodes = 0
+
+    def _here(self) -> Any:
+        return self.peek_event().start_mark  # type: ignore[no-untyped-call]
+
+    def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
+        self._depth += 1
+        self._nodes += 1
+        if self._depth > DEEPEST:
+            problem = f"sections are nested more than {DEEPEST} levels deep"
+            raise Refused(problem=problem, problem_mark=self._here())
+        if self._nodes > MOST_NODES:
+            raise Refused(problem=TOO_MANY, problem_mark=self._here())
+        node = super().compose_node(parent, index)
+        self._depth -= 1
+        return node
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        if node.tag in NUMBERS and len(node.value) > LONGEST_NUMBER:
+            raise _fault(node, f"a number of {len(node.value)} characters; at most {LONGEST_NUMBER} are read")
+        try:
+            found = super().construct_object(node, deep)
+        except (ValueError, OverflowError, TypeError) as error:
+            raise _fault(node, f"{error} ('{cut(str(node.value))}')") from None
+        if node.tag in NUMBERS and _OTHER_BASE.fullmatch(node.value):
+            base = 60 if ":" in node.value else 8
+            raise _fault(
+                node,
+                f"'{node.value}' is the number {found:g} to base {base} in YAML, which is hardly meant; "
+                f"write {found:g}, a value with a unit such as 90 min, or text in quotes",
+            )
+        return found
+
+
+def _fault(node: yaml.Node, problem: str) -> Refused:
+    return Refused(problem=problem, problem_mark=node.start_mark)
+
+
+def _count(node: yaml.Node, known: dict[int, int], above: set[int]) -> int:
+    """Return the number of nodes with every alias spelt out.
+
+    Raises
+    ------
+    Refused
+        They are too many, or an alias contains itself.
+    """
+    if id(node) in above:
+        raise _fault(node, "an alias that contains itself; spell it out")
+    if id(node) in known:
+        return known[id(node)]
+    children: list[yaml.Node] = []
+    if isinstance(node, yaml.MappingNode):
+        children = [part for pair in node.value for part in pair]
+        for key, _ in node.value:
+            if key.tag == NUMBERS[0] and _PLAIN.fullmatch(key.value):
+                key.tag = TEXT  # a tag of a mesh names a region or a surface, with quotes or without
+    elif isinstance(node, yaml.SequenceNode):
+        children = node.value
+    above.add(id(node))
+    count = 1
+    for child in children:
+        count += _count(child, known, above)
+        if count > MOST_NODES:
+            raise _fault(node, TOO_MANY)
+    above.discard(id(node))
+    known[id(node)] = count
+    return count
+
 
 #: Where something stands in a document: keys and list positions, as text.
 Location = tuple[str, ...]
@@ -82,7 +193,7 @@ class YamlDocument:
         """
         text = _text(path)
         try:
-            node, data = yaml_loader.load(text)
+            node, data = load(text)
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             where = f"{path}:{mark.line + 1}" if mark else f"{path}"
@@ -96,7 +207,7 @@ class YamlDocument:
                     f"{where}: expected a space, got a tab, which YAML does not take there; replace each tab of the "
                     "line by a space"
                 ) from None
-            if isinstance(error, yaml_loader.Refused):
+            if isinstance(error, Refused):
                 raise ConfigurationError(f"{where}: {error.problem}") from None
             context = f"{error.context}, " if error.context else ""
             raise ConfigurationError(
@@ -192,7 +303,7 @@ def _locations(value: Any, at: Location) -> Iterator[Location]:
 def _text(path: Path) -> str:
     """Return what a configuration file holds; what cannot be read is a :class:`ConfigurationError`."""
     try:
-        return read_text(path, yaml_loader.MOST_BYTES)
+        return read_text(path, MOST_BYTES)
     except FileNotFoundError as error:
         raise ConfigurationError(
             f"{path}: {error.strerror}; give the path of a configuration; 'porocore init' writes one to start from"
@@ -237,7 +348,7 @@ def _record(
         Of each key that is no text or is given twice.
     """
     lines.setdefault(location, node.start_mark.line + 1)
-    if node.tag == yaml_loader.SWITCH:
+    if node.tag == SWITCH:
         switches[location] = node.value
     if isinstance(node, yaml.MappingNode):
         own: dict[str, int] = {}
@@ -245,7 +356,7 @@ def _record(
         for key, value in node.value:
             name, line = str(key.value), key.start_mark.line + 1
             at = (*location, name)
-            if key.tag != yaml_loader.TEXT:
+            if key.tag != TEXT:
                 yield line, f"{dotted(at)}: {_no_text(key)}"
             elif node.flow_style and before is not None and (meant := _decimal(before, key, value)):
                 yield line, f"{dotted(at)}: {meant}"
@@ -282,9 +393,7 @@ def _decimal(before: tuple[Any, Any], key: Any, value: Any) -> str:
 
     ``before`` are the key and the value in front of ``key``.
     """
-    if value.value or not (
-        key.style is None and key.value.isdigit() and before[1].tag in yaml_loader.NUMBERS
-    ):
+    if value.value or not (key.style is None and key.value.isdigit() and before[1].tag in NUMBERS):
         return ""
     name, number = cut(before[0].value), cut(f"{before[1].value},{key.value}")
     return (

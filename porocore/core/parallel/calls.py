@@ -1,7 +1,8 @@
-"""Calls in other processes (CallProcesses, Call): reports and results, whenever they are asked for."""
+"""Calls in other processes (CallProcesses, Call): reports, results, exceptions as text."""
 
 from __future__ import annotations
 
+import gc
 import queue
 import time
 import traceback
@@ -12,12 +13,35 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from multiprocessing import active_children, get_context
 from multiprocessing.process import BaseProcess
+from time import perf_counter
 from types import TracebackType
 from typing import Any, Self
 
+from porocore import errors
 from porocore.core.parallel.children import begin_child, require_children, starting_children
-from porocore.core.parallel.failure import Failure
-from porocore.errors import PorocoreError
+from porocore.errors import PorocoreError, UnexpectedError
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Exception as text, since not every exception survives pickling."""
+
+    kind: str
+    message: str
+    details: str
+
+    @classmethod
+    def from_exception(cls, error: Exception) -> Failure:
+        """Return the exception that is being handled, as text."""
+        return cls(type(error).__name__, str(error), traceback.format_exc())
+
+    def as_error(self, who: str, where: str) -> PorocoreError:
+        """Return the error to raise in the asking process; one that nobody expected says who raised it, and where."""
+        kind = getattr(errors, self.kind, None)
+        if isinstance(kind, type) and issubclass(kind, PorocoreError):
+            return kind(self.message)
+        return UnexpectedError(f"{who} raised {self.kind} {where}: {self.message}", self.details)
+
 
 #: Seconds between two looks at processes and interrupts while nothing is reported.
 PATIENCE = 0.2
@@ -232,3 +256,32 @@ def _called(number: int, function: Callable[..., Any], args: tuple[Any, ...]) ->
         return Failure.from_exception(error)
     finally:
         tell(None)
+
+
+#: Time between two collections, in times of the first: they take at most about a tenth of all time.
+PAUSE = 10.0
+
+
+class CycleCollection:
+    """Calls of Python's collector that are left out while they would cost too much.
+
+    A call takes 0.05 s with the libraries of a study loaded, and a second in a large session, as long as the solves of
+    some small cells. What is left behind by solves of so short a time is small.
+
+    Parameters
+    ----------
+    clock
+        Time in seconds.
+    """
+
+    def __init__(self, clock: Callable[[], float] = perf_counter) -> None:
+        self._clock, self._next = clock, -float("inf")
+
+    def offer(self) -> None:
+        """Collect, unless the last call was too short a time ago."""
+        began = self._clock()
+        if began < self._next:
+            return
+        gc.collect()
+        ended = self._clock()
+        self._next = ended + PAUSE * (ended - began)

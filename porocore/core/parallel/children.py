@@ -12,7 +12,7 @@ from importlib.machinery import ModuleSpec
 from multiprocessing import current_process, parent_process, resource_tracker
 
 from porocore.core.console import quieten_libraries
-from porocore.core.parallel.threads import one_thread_in_children
+from porocore.core.parallel.memory import one_thread_in_children
 from porocore.errors import PorocoreError
 
 

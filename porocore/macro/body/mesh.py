@@ -1,18 +1,195 @@
-"""Mesh of a body (BodyMesh): nodes, Jacobians, facets of a named surface, deformation, checks."""
+"""Mesh of a body (BodyMesh): hexahedra and tetrahedra, structured meshes, named surfaces and patches.
+
+Displacement and geometry are quadratic, the pressure is linear on the same corners (Taylor–Hood), so a hexahedron has
+27 nodes and 8 corners, a tetrahedron 10 and 4. Nodes are in VTK's order.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Annotated, Any, Literal
 
 import numpy as np
+from pydantic import model_validator
 from scipy.spatial import cKDTree
 
+from porocore.cell.meshing.tetrahedra import tetrahedron_rule, triangle_rule
 from porocore.core.echo import did_you_mean, joined
+from porocore.core.models.strict import Name, StrictModel
+from porocore.core.units import Dimension
 from porocore.errors import ConfigurationError
-from porocore.macro.body.element import ELEMENTS, ReferenceElement
 from porocore.states import Array, IntArray
+
+Shape = Literal["hexahedron", "tetrahedron"]
+#: Nodes of the 27-node hexahedron in half edges; the first 8 are the corners.
+VTK_NODES = np.array(
+    [
+        *[(0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2)],
+        *[(1, 0, 0), (2, 1, 0), (1, 2, 0), (0, 1, 0), (1, 0, 2), (2, 1, 2), (1, 2, 2), (0, 1, 2)],
+        *[(0, 0, 1), (2, 0, 1), (2, 2, 1), (0, 2, 1)],
+        *[(0, 1, 1), (2, 1, 1), (1, 0, 1), (1, 2, 1), (1, 1, 0), (1, 1, 2), (1, 1, 1)],
+    ]
+)
+#: The same of the 10-node tetrahedron.
+TETRAHEDRON_NODES = np.array(
+    [
+        *[(0, 0, 0), (2, 0, 0), (0, 2, 0), (0, 0, 2)],
+        *[(1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1)],
+    ]
+)
+#: Outward facets by their nodes: corners, middles of their edges, middle.
+_QUADRILATERALS = np.array(
+    [
+        [0, 4, 7, 3, 16, 15, 19, 11, 20],
+        [1, 2, 6, 5, 9, 18, 13, 17, 21],
+        [0, 1, 5, 4, 8, 17, 12, 16, 22],
+        [3, 7, 6, 2, 19, 14, 18, 10, 23],
+        [0, 3, 2, 1, 11, 10, 9, 8, 24],
+        [4, 5, 6, 7, 12, 13, 14, 15, 25],
+    ]
+)
+_TRIANGLES = np.array([[0, 2, 1, 6, 5, 4], [0, 1, 3, 4, 8, 7], [0, 3, 2, 7, 9, 6], [1, 2, 3, 5, 9, 8]])
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceElement:
+    """Unit cube, or the unit tetrahedron below x + y + z = 1.
+
+    Attributes
+    ----------
+    shape
+        Which of the two.
+    nodes : (n, 3)
+        Of the displacement.
+    corners
+        How many of them, from the first, carry a pressure.
+    facets : (f, m)
+        Nodes of each facet, outward.
+    points, weights : (q, 3), (q,)
+        Quadrature of the volume: 3 × 3 × 3 Gauss points, exact to degree 5 in each direction, or four points of degree
+        2, by which gradients of a quadratic displacement are multiplied exactly.
+    degree
+        By which other libraries find the same rule.
+    """
+
+    shape: Shape
+    nodes: Array
+    corners: int
+    facets: IntArray
+    points: Array
+    weights: Array
+    degree: int
+
+    @property
+    def facet_corners(self) -> int:
+        """Corners of a facet."""
+        return 4 if self.shape == "hexahedron" else 3
+
+    def values(self, x: Array) -> Array:
+        """(k, n) shape functions of the displacement at ``x`` (k, 3)."""
+        return self._quadratic(x)[0]
+
+    def gradients(self, x: Array) -> Array:
+        """(k, n, 3) their derivatives by the reference coordinates."""
+        return self._quadratic(x)[1]
+
+    def corner_values(self, x: Array) -> Array:
+        """(k, corners) shape functions of the pressure at ``x`` (k, 3)."""
+        if self.shape == "tetrahedron":
+            return _barycentric(x)
+        ends = np.stack([1 - x, x], axis=-1)
+        i, j, k = (VTK_NODES[:8] // 2).T
+        return np.asarray(ends[:, 0, i] * ends[:, 1, j] * ends[:, 2, k])
+
+    def _quadratic(self, x: Array) -> tuple[Array, Array]:
+        if self.shape == "tetrahedron":
+            return _quadratic_simplex(_barycentric(x), TETRAHEDRON_EDGES)
+        return _quadratic_product(x, VTK_NODES)
+
+    @cached_property
+    def facet(self) -> ReferenceFacet:
+        """Reference facet, the same for all facets."""
+        if self.shape == "hexahedron":
+            x, w = _gauss(2)
+            N, dN = _quadratic_product(x, QUADRILATERAL_NODES)
+            ends = np.stack([1 - x, x], axis=-1)
+            i, j = (QUADRILATERAL_NODES[:4] // 2).T
+            return ReferenceFacet(w, N, dN, ends[:, 0, i] * ends[:, 1, j])
+        x, w = triangle_rule(4)
+        b = _barycentric(x)
+        return ReferenceFacet(w, *_quadratic_simplex(b, TRIANGLE_EDGES), b)
+
+
+@dataclass(frozen=True, eq=False)
+class ReferenceFacet:
+    """Shape functions at the quadrature points of a facet.
+
+    Attributes
+    ----------
+    weights : (q,)
+        Their sum is the area of the reference facet.
+    values, gradients : (q, m), (q, m, 2)
+        Of the displacement.
+    corner_values : (q, corners)
+        Of the pressure.
+    """
+
+    weights: Array
+    values: Array
+    gradients: Array
+    corner_values: Array
+
+
+TETRAHEDRON_EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))
+TRIANGLE_EDGES = ((0, 1), (1, 2), (0, 2))
+QUADRILATERAL_NODES = np.array([(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)])
+
+
+def _barycentric(x: Array) -> Array:
+    return np.concatenate([1 - x.sum(axis=1, keepdims=True), x], axis=1)
+
+
+def _quadratic_simplex(b: Array, edges: tuple[tuple[int, int], ...]) -> tuple[Array, Array]:
+    """Values and gradients from the barycentric coordinates ``b`` (k, d + 1)."""
+    d = b.shape[1] - 1
+    slope = np.vstack([-np.ones(d), np.eye(d)])
+    i, j = np.array(edges).T
+    values = np.concatenate([b * (2 * b - 1), 4 * b[:, i] * b[:, j]], axis=1)
+    corner = (4 * b - 1)[:, :, None] * slope
+    edge = 4 * (b[:, i, None] * slope[j] + b[:, j, None] * slope[i])
+    return values, np.concatenate([corner, edge], axis=1)
+
+
+def _quadratic_product(x: Array, nodes: Any) -> tuple[Array, Array]:
+    """Values and gradients of products of quadratic functions along each axis."""
+    N = np.stack([(1 - x) * (1 - 2 * x), 4 * x * (1 - x), x * (2 * x - 1)], axis=-1)
+    dN = np.stack([4 * x - 3, 4 - 8 * x, 4 * x - 1], axis=-1)
+    axes = range(x.shape[1])
+    along = [N[:, a, nodes[:, a]] for a in axes]
+    values = np.prod(along, axis=0)
+    gradients = [np.prod([dN[:, a, nodes[:, a]] if a == b else along[a] for a in axes], axis=0) for b in axes]
+    return np.asarray(values), np.stack(gradients, axis=-1)
+
+
+def _gauss(dimension: int) -> tuple[Array, Array]:
+    """Three Gauss points along each axis of the unit square or cube, the first axis running fastest."""
+    along = np.array([0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15)])
+    share = np.array([5 / 18, 8 / 18, 5 / 18])
+    index = lattice(np.full(dimension, 3))
+    return along[index], share[index].prod(axis=1)
+
+
+def lattice(ends: Any) -> IntArray:
+    """(n, d) all (i, j, …) below ``ends`` (d,), i running fastest."""
+    index = np.indices(tuple(ends)[::-1])[::-1]
+    return np.stack([part.ravel() for part in index], axis=1)
+
+
+HEXAHEDRON = ReferenceElement("hexahedron", VTK_NODES / 2, 8, _QUADRILATERALS, *_gauss(3), 5)
+TETRAHEDRON = ReferenceElement("tetrahedron", TETRAHEDRON_NODES / 2, 4, _TRIANGLES, *tetrahedron_rule(2), 2)
+ELEMENTS = {27: HEXAHEDRON, 10: TETRAHEDRON}
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,3 +395,309 @@ def boundary_facets(cells: IntArray) -> IntArray:
 def facet_middles(points: Array, facets: IntArray) -> Array:
     """(k, 3) means of the corners."""
     return np.asarray(points[facets[:, : 4 if facets.shape[1] == 9 else 3]].mean(axis=1))
+
+
+def box(lines: tuple[Array, Array, Array]) -> BodyMesh:
+    """Nodes, elements and points run along x first, then y, then z.
+
+    Parameters
+    ----------
+    lines
+        Edges of the elements along each axis, ascending.
+    """
+    counts = np.array([len(line) - 1 for line in lines])
+    ends = 2 * counts + 1
+    fine = [np.interp(np.arange(n), np.arange(0, n, 2), line) for n, line in zip(ends, lines, strict=True)]
+    index = lattice(ends)
+    points = np.stack([fine[a][index[:, a]] for a in range(3)], axis=1)
+    strides = np.array([1, ends[0], ends[0] * ends[1]])
+    cells = (2 * lattice(counts)[:, None] + VTK_NODES) @ strides
+    facets = boundary_facets(cells)
+    middles = facet_middles(points, facets)
+    surfaces = {}
+    for axis, name in enumerate("xyz"):
+        for side, place in (("-", lines[axis][0]), ("+", lines[axis][-1])):
+            surfaces[name + side] = facets[middles[:, axis] == place]
+    return BodyMesh(points, cells, surfaces)
+
+
+def graded(length: float, count: int, ratio: float) -> Array:
+    """(count + 1,) edges from 0 to ``length`` whose last element is ``ratio`` times as long as the first."""
+    if ratio == 1:
+        # One multiplication for each, so that the last lies exactly at the length.
+        return np.arange(count + 1) / count * length
+    steps = np.geomspace(1.0, ratio, count)
+    edges = np.concatenate([[0.0], np.cumsum(steps)])
+    return np.asarray(edges / edges[-1] * length)
+
+
+def sector(
+    radius: float, height: float, angle: float, elements: tuple[int, int, int], grading: float
+) -> BodyMesh:
+    """About the y axis, from the plane z = 0 (angle 0) toward z > 0; a full turn gives the whole cylinder.
+
+    A quarter is a block of squares round the axis and two blocks between it and the mantle; other sectors are
+    quarters whose polar angle is stretched, and the whole cylinder is four quarters. The inner block takes as much of
+    the radius as makes all elements equally long along it.
+
+    Parameters
+    ----------
+    radius, height, angle
+        The angle in radians, at most π/2, or 2π.
+    elements
+        Toward the mantle outside the inner block, along y, and around each block.
+    grading
+        Length of the outermost element over that of the innermost outside the inner block.
+    """
+    whole = angle > np.pi
+    quarters = 4 if whole else 1
+    part = np.pi / 2 if whole else angle
+    n_r, n_y, n_t = elements
+    core = n_t / (n_t + n_r)
+    plane = [
+        _flat(lambda s, t: _core(core, s, t), n_t, n_t, np.linspace(0, 1, n_t + 1)),
+        _flat(lambda s, t: _shell(core, s, t, 0), n_r, n_t, graded(1.0, n_r, grading)),
+        _flat(lambda s, t: _shell(core, s, t, 1), n_r, n_t, graded(1.0, n_r, grading)),
+    ]
+    points: list[Array] = []
+    cells: list[IntArray] = []
+    for turn in range(quarters):
+        for nodes, quads in plane:
+            r, polar = np.hypot(*nodes.T), np.arctan2(nodes[:, 1], nodes[:, 0])
+            polar = polar * part / (np.pi / 2) + turn * np.pi / 2
+            cells.append(quads + sum(len(part) for part in points))
+            points.append(radius * np.column_stack([r * np.cos(polar), r * np.sin(polar)]))
+    flat, quads = _merged(np.concatenate(points), np.concatenate(cells), radius)
+    return _extruded(flat, quads, height, n_y, radius, None if whole else angle)
+
+
+def _core(share: float, s: Array, t: Array) -> Array:
+    """The inner block of the unit quarter: its outer corner is pulled in, so that angles stay moderate."""
+    bulge = 1 - 0.12 * s * t
+    return share * np.column_stack([s * bulge, t * bulge])
+
+
+def _shell(share: float, s: Array, t: Array, which: int) -> Array:
+    """One of the two blocks from the inner one (s = 0) to the mantle (s = 1); t runs with the polar angle."""
+    one = np.ones_like(t)
+    inner = _core(share, one, t) if which == 0 else _core(share, 1 - t, one)
+    polar = np.pi / 4 * (t + which)
+    outer = np.column_stack([np.cos(polar), np.sin(polar)])
+    return np.asarray((1 - s[:, None]) * inner + s[:, None] * outer)
+
+
+def _flat(mapping: Callable[[Array, Array], Array], n: int, m: int, line: Array) -> tuple[Array, IntArray]:
+    """Nodes (k, 2) and 9-node quadrilaterals of a mapped square; ``line`` has the edges along s."""
+    ends = np.array([2 * n + 1, 2 * m + 1])
+    index = lattice(ends)
+    s = np.interp(np.arange(ends[0]), np.arange(0, ends[0], 2), line)[index[:, 0]]
+    first = 2 * lattice(np.array([n, m]))
+    return mapping(s, index[:, 1] / (2 * m)), (first[:, None] + QUADRILATERAL_NODES) @ np.array([1, ends[0]])
+
+
+def _merged(points: Array, cells: IntArray, scale: float) -> tuple[Array, IntArray]:
+    """Nodes at the same place made one; coordinates that round-off keeps from zero set to it."""
+    points = np.where(np.abs(points) < 1e-12 * scale, 0.0, points)
+    _, first, inverse = np.unique(
+        np.rint(points / scale * 1e9).astype(np.int64), axis=0, return_index=True, return_inverse=True
+    )
+    return points[first], inverse.reshape(-1)[cells]
+
+
+def _extruded(
+    flat: Array, quads: IntArray, height: float, layers: int, radius: float, angle: float | None
+) -> BodyMesh:
+    """Along y, quadrilaterals of the plane (x, z) becoming hexahedra."""
+    n, levels = len(flat), 2 * layers + 1
+    y = np.repeat(np.arange(levels) / (levels - 1) * height, n)
+    points = np.column_stack([np.tile(flat[:, 0], levels), y, np.tile(flat[:, 1], levels)])
+    # The second axis of an element is y, so that (x, y, z) stays right-handed.
+    place = {tuple(node): i for i, node in enumerate(QUADRILATERAL_NODES)}
+    in_plane = np.array([place[a, c] for a, _, c in VTK_NODES])
+    one = quads[:, in_plane] + n * VTK_NODES[:, 1]
+    cells = np.concatenate([one + 2 * n * layer for layer in range(layers)])
+    facets = boundary_facets(cells)
+    middles, corners = facet_middles(points, facets), points[facets[:, :4]]
+    tight = 1e-9 * radius
+    mantle = (np.abs(np.hypot(corners[..., 0], corners[..., 2]) - radius) < tight).all(axis=1)
+    surfaces = {
+        "y-": facets[middles[:, 1] < tight],
+        "y+": facets[middles[:, 1] > height - tight],
+        "side": facets[mantle],
+    }
+    if angle is not None:
+        quarter = np.isclose(angle, np.pi / 2)
+        surfaces["z-"] = facets[(np.abs(corners[..., 2]) < tight).all(axis=1)]
+        across = np.abs(corners[..., 0] * np.sin(angle) - corners[..., 2] * np.cos(angle)) < tight
+        surfaces["x-" if quarter else "oblique"] = facets[across.all(axis=1)]
+    return BodyMesh(points, cells, surfaces)
+
+
+_OF_A_HEXAHEDRON = np.array(
+    [(0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)]
+)
+#: Tetrahedra that are tried for a place, the nearest first; more of them where none of the first holds it.
+NEAREST = (20, 500)
+#: So far outside a tetrahedron, as a share of its size, a place counts as within.
+SLACK = 1e-6
+
+
+def tetrahedra(points: Array, cells: IntArray) -> tuple[Array, IntArray]:
+    """Return the corners (k, 4, 3) of tetrahedra that make up elements, and the element of each (k,).
+
+    Parameters
+    ----------
+    points : (nodes, 3)
+        Nodes of the mesh.
+    cells : (elements, 4 or 8)
+        Corners of the elements in VTK order.
+    """
+    split = _OF_A_HEXAHEDRON if cells.shape[1] == 8 else np.array([(0, 1, 2, 3)])
+    corners = np.asarray(points, float)[cells[:, split]].reshape(-1, 4, 3)
+    return corners, np.repeat(np.arange(len(cells)), len(split))
+
+
+def tetrahedron_at(corners: Array, places: Array) -> IntArray:
+    """Return the tetrahedron (n,), by its number, in which each place (n, 3) lies, or -1."""
+    tree = cKDTree(corners.mean(axis=1))
+    inverse = np.linalg.pinv((corners[:, 1:] - corners[:, :1]).swapaxes(1, 2))
+    found = np.full(len(places), -1)
+    for count in NEAREST:
+        left = np.flatnonzero(found < 0)
+        if not len(left):
+            break
+        _, near = tree.query(places[left], k=min(count, len(corners)))
+        for column in np.asarray(near).reshape(len(left), -1).T:
+            open_ = found[left] < 0
+            rows, tried = left[open_], column[open_]
+            share = (inverse[tried] @ (places[rows] - corners[tried, 0])[:, :, None])[..., 0]
+            inside = (share.min(axis=1) >= -SLACK) & (share.sum(axis=1) <= 1 + SLACK)
+            found[rows[inside]] = tried[inside]
+    return found
+
+
+Range = Annotated[tuple[float, float], Dimension("displacement")]
+
+
+class Patch(StrictModel):
+    """The facets of a surface whose middles lie within bounds; they no longer belong to that surface."""
+
+    of: Name
+    """The surface that it is a part of."""
+    x: Range | None = None
+    """[from, to] of the middles of its facets along x."""
+    y: Range | None = None
+    """[from, to] of the middles of its facets along y."""
+    z: Range | None = None
+    """[from, to] of the middles of its facets along z."""
+    centre: Annotated[tuple[float, float, float] | None, Dimension("displacement")] = None
+    """[x, y, z] of the middle of a ball that the middles of its facets lie in."""
+    radius: Annotated[float | None, Dimension("displacement")] = None
+    """Radius of that ball."""
+
+    @model_validator(mode="after")
+    def _bounds(self) -> Patch:
+        if (self.centre is None) != (self.radius is None):
+            raise ValueError("centre and radius belong together")
+        if self.centre is None and not any((self.x, self.y, self.z)):
+            raise ValueError("expected bounds: x, y or z: [from, to], or centre and radius")
+        return self
+
+    def holds(self, places: Array) -> Array:
+        """(n,) bool, which of the places (n, 3) lie within the bounds."""
+        inside = np.ones(len(places), dtype=bool)
+        for axis, bounds in enumerate((self.x, self.y, self.z)):
+            if bounds is not None:
+                inside &= (places[:, axis] >= bounds[0]) & (places[:, axis] <= bounds[1])
+        if self.centre is not None and self.radius is not None:
+            inside &= np.linalg.norm(places - np.array(self.centre), axis=1) <= self.radius
+        return inside
+
+
+def with_patches(mesh: BodyMesh, patches: Mapping[str, Patch]) -> BodyMesh:
+    """The mesh with the patches among its surfaces.
+
+    Raises
+    ------
+    ConfigurationError
+        A patch is of no surface, holds no facet, or has the name of a surface.
+    """
+    surfaces = dict(mesh.surfaces)
+    unusable = {name: why for name, why in mesh.unusable.items() if name not in patches or name in surfaces}
+    mesh = replace(mesh, unusable=unusable)
+    for name, patch in patches.items():
+        key = f"macro.surfaces.{name}"
+        if name in surfaces:
+            raise ConfigurationError(f"{key}: the body has a surface of this name already; take another name")
+        facets = replace(mesh, surfaces=surfaces).surface(patch.of, f"{key}.of")
+        inside = patch.holds(facet_middles(mesh.points, facets))
+        if not inside.any():
+            raise ConfigurationError(
+                f"{key}: none of the {len(facets)} facets of '{patch.of}' has its middle within these bounds; widen "
+                "them, or mesh the body finer there"
+            )
+        surfaces[name], surfaces[patch.of] = facets[inside], facets[~inside]
+    return replace(mesh, surfaces=surfaces)
+
+
+@dataclass(frozen=True, eq=False)
+class Facets:
+    """Facets at their quadrature points.
+
+    Attributes
+    ----------
+    nodes : (f, m)
+        Of the displacement; the first ones are the corners.
+    """
+
+    mesh: BodyMesh
+    nodes: IntArray
+
+    def tangents_of(self, points: Array) -> Array:
+        """(f, q, 3, 2) ∂x/∂ξ where the nodes are at ``points``."""
+        gradients = self.mesh.element.facet.gradients
+        return np.asarray(np.einsum("fai,qak->fqik", points[self.nodes], gradients, optimize=True))
+
+    @property
+    def normals(self) -> Array:
+        """(f, q, 3) outward, of the length of the area that a point stands for on the unit facet."""
+        t = self.tangents_of(self.mesh.points)
+        return np.cross(t[..., 0], t[..., 1])
+
+    @property
+    def areas(self) -> Array:
+        """(f, q) area of each quadrature point."""
+        return np.asarray(np.linalg.norm(self.normals, axis=-1) * self.mesh.element.facet.weights)
+
+    @property
+    def elements(self) -> IntArray:
+        """(f,) number of the element that each belongs to."""
+        mesh, corners = self.mesh, self.mesh.element.facet_corners
+        nodes = np.sort(self.nodes[:, :corners], axis=1)
+        near = np.flatnonzero(np.isin(mesh.cells[:, : mesh.element.corners], nodes).any(axis=1))
+        theirs = np.sort(mesh.cells[near][:, mesh.element.facets[:, :corners]], axis=2)
+        owner = {tuple(key): int(e) for e, faces in zip(near, theirs.tolist(), strict=True) for key in faces}
+        return np.array([owner[tuple(key)] for key in nodes.tolist()], dtype=np.int64)
+
+    def shares(self, of: Array) -> Array:
+        """(nodes,) ∫ N dS of shape functions with values ``of`` (q, k) at the points, for the first k nodes."""
+        k = of.shape[1]
+        local = self.areas @ of
+        return np.bincount(self.nodes[:, :k].ravel(), local.ravel(), len(self.mesh.points)).astype(float)
+
+    def plane(self, key: str) -> Array:
+        """(3,) the one outward normal of plane facets.
+
+        Raises
+        ------
+        ConfigurationError
+            They are not plane; the message begins with ``key``.
+        """
+        n = self.normals.reshape(-1, 3)
+        n = n / np.linalg.norm(n, axis=1, keepdims=True)
+        if np.abs(n - n[0]).max() > 1e-6:
+            raise ConfigurationError(
+                f"{key}: this surface is not plane; prescribe components of the displacement"
+            )
+        n = np.where(np.abs(n[0]) < 1e-12, 0.0, n[0])
+        return np.asarray(n / np.linalg.norm(n))

@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from porocore.cell.meshing.estimate import PER_CUBE, require_few
+from porocore.cell.geometry.pore_geometry import PER_CUBE, require_few
 from porocore.cell.meshing.tetrahedra import order_by_place
 from porocore.core.echo import echo, joined
-from porocore.core.files.first_bytes import foreign
 from porocore.core.files.foreign_mesh import (
     CORNERS,
     FORMATS,
@@ -21,11 +20,11 @@ from porocore.core.files.foreign_mesh import (
     read_mesh,
     require_apart,
 )
-from porocore.core.files.gmsh_session import gmsh_session, open_file
+from porocore.core.files.gmsh_model import gmsh_session, open_file
 from porocore.core.files.reading import read_text, require_ordinary
+from porocore.core.files.slices import foreign
 from porocore.errors import ConfigurationError
-from porocore.macro.body.element import HEXAHEDRON, TETRAHEDRON
-from porocore.macro.body.mesh import BodyMesh, counted_facets
+from porocore.macro.body.mesh import HEXAHEDRON, TETRAHEDRON, BodyMesh, counted_facets
 from porocore.states import Array, IntArray
 
 KEY = "macro.body.path"

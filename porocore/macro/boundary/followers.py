@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from porocore.macro.body.surfaces import Facets
+from porocore.macro.body.mesh import Facets
 from porocore.states import Array
 
 

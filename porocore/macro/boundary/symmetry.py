@@ -12,12 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from porocore.core.formulas.time_function import TimeFunction, Value
+from porocore.core.formulas import TimeFunction, Value
 from porocore.errors import ConfigurationError
 from porocore.interfaces.sensitivities import HistoryWeights, MacroSensitivities
 from porocore.interfaces.solution import MacroSolution
-from porocore.macro.body.mesh import BodyMesh
-from porocore.macro.body.surfaces import Facets
+from porocore.macro.body.mesh import BodyMesh, Facets
 from porocore.macro.problem import Boundary, MacroProblem, MacroSetup, body_mesh
 from porocore.states import Array
 

@@ -1,30 +1,30 @@
-"""Parameters and places at the quadrature points of a body at a time (BodyFields, CellsAtPoints); their checks."""
+"""Parameters and places at the points of a body at a time (BodyFields), and their means over elements."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from porocore.core.echo import echo, suggestion
-from porocore.core.units.results import spoken
+from porocore.core.units import spoken
 from porocore.errors import ConfigurationError
+from porocore.interfaces.cell import ElementCells
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.composition.axes import AXES, AxesField, as_field
-from porocore.macro.composition.composed_body import (
+from porocore.macro.composition.fields import MeasuredField, ParameterField, Points
+from porocore.macro.composition.regions import (
     ComposedBody,
     NeedsParameters,
     by_region,
     field_corners,
+    region_numbers,
     require_names,
     sections,
     without_a_value,
 )
-from porocore.macro.composition.field import ParameterField, Points
-from porocore.macro.composition.measured import MeasuredField
-from porocore.macro.composition.regions import region_numbers
 from porocore.states import Array, BodyPlace, IntArray, MacroState
 
 #: Times from the beginning to the end at which fields are looked at, beside their kinks; and more for those that change
@@ -292,3 +292,60 @@ def require_composition(
 def _moves(field: ParameterField) -> bool:
     """Tell whether the value to which the field comes depends on time itself, not by ``over`` alone."""
     return field.model_copy(update={"over": None, "initial": None}).varies
+
+
+def kept_cells(
+    body: BodyFields, regions: Sequence[str], times: Sequence[float], means: Callable[[Array], Array]
+) -> ElementCells | None:
+    """Return the cells of a body's elements at the kept times; None where they are alike.
+
+    Parameters
+    ----------
+    body
+        Fields of the body at some points.
+    regions
+        Names of its regions.
+    times
+        At least one.
+    means
+        Returns the means over all elements (elements, ...) of values at these points (points, ...).
+    """
+    at = [body.at(time) for time in (times if body.varies else times[:1])]
+    place = at[0].place
+    if place is None:
+        return None
+    values = [means(each.parameters) for each in at if each.parameters is not None]
+    axes = [means(each.place.axes) for each in at if each.place is not None and each.place.axes is not None]
+    return ElementCells(
+        np.rint(means(place.region.astype(float))).astype(np.int64),
+        tuple(regions),
+        body.names,
+        np.stack(values) if values else None,
+        nearest_rotations(np.stack(axes)) if axes else None,
+    )
+
+
+def cells_of_elements(
+    setup: ComposedBody, mesh: BodyMesh, law: NeedsParameters, times: Sequence[float]
+) -> ElementCells | None:
+    """Return the cells of all elements of a mesh; see :func:`kept_cells`.
+
+    Raises
+    ------
+    ConfigurationError
+        See :class:`~porocore.macro.composition.body_fields.BodyFields`.
+    """
+    shares = mesh.weights / mesh.weights.sum(axis=1, keepdims=True)
+
+    def means(values: Array) -> Array:
+        by_element = values.reshape(*shares.shape, *values.shape[1:])
+        return np.asarray(np.einsum("eq,eq...->e...", shares, by_element))
+
+    return kept_cells(BodyFields(setup, mesh, law), tuple(setup.regions), times, means)
+
+
+def nearest_rotations(matrices: Array) -> Array:
+    """Return the rotations (..., 3, 3) that lie nearest to matrices, such as means of rotations."""
+    U, _, V = np.linalg.svd(matrices)
+    U[..., -1] *= np.sign(np.linalg.det(U @ V))[..., None]
+    return np.asarray(U @ V)

@@ -7,10 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from porocore.cell.family.parameters import number, require_known
-from porocore.interfaces.law import LawMemory, MacroLaw, fingerprint
-from porocore.interfaces.law_changes import PointChanges
-from porocore.interfaces.law_wrapper import LawWrapper
+from porocore.cell.family.family import number, require_known
+from porocore.interfaces.law import LawMemory, LawWrapper, MacroLaw, PointChanges, fingerprint
 from porocore.states import Array, MacroState
 
 

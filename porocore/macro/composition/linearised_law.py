@@ -6,12 +6,20 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from porocore.core.fields.batch import Batch
+from porocore.core.fields import Batch
 from porocore.errors import ConfigurationError
-from porocore.interfaces.element_cells import ElementCells
-from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse, MacroTangent, fingerprint
-from porocore.interfaces.law_changes import MemoryChanges, PointChanges, ResponseChanges
-from porocore.macro.composition.turned_law import TurnedLaw
+from porocore.interfaces.cell import ElementCells
+from porocore.interfaces.law import (
+    LawMemory,
+    MacroLaw,
+    MacroResponse,
+    MacroTangent,
+    MemoryChanges,
+    PointChanges,
+    ResponseChanges,
+    fingerprint,
+)
+from porocore.macro.composition.axes import TurnedLaw
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.states import Array, BodyPlace, MacroState
 

@@ -2,7 +2,7 @@
 
 A process holds *local* unknowns: first those that it owns, then copies of others that its elements touch. A
 backend that does not distribute owns all. Vectors here are numpy arrays over the local unknowns; at nodes of oblique
-surfaces these are components in a frame of the node, see :mod:`porocore.macro.boundary.frames`.
+surfaces these are components in a frame of the node, see :mod:`porocore.macro.boundary.reactions`.
 """
 
 from __future__ import annotations
@@ -20,9 +20,8 @@ from porocore.interfaces.law import Integrand, MacroTangent
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary import followers
 from porocore.macro.boundary.conditions import BoundaryData, Loads
-from porocore.macro.boundary.local_loads import LocalLoads
-from porocore.macro.linear_systems.reuse import TIGHTEST
-from porocore.macro.linear_systems.work import LinearWork
+from porocore.macro.boundary.drainage import LocalLoads
+from porocore.macro.linear_systems import TIGHTEST, LinearWork
 from porocore.macro.problem import MacroProblem
 from porocore.states import Array, IntArray, MacroState
 

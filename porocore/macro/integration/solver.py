@@ -17,19 +17,13 @@ from porocore.interfaces.law import LawMemory, MacroLaw
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.sensitivities import HistoryWeights, MacroChange, MacroSensitivities
 from porocore.interfaces.solution import MacroSolution, StepReport, StepWork
+from porocore.macro.composition.axes import TurnedLaw
 from porocore.macro.composition.body_fields import BodyFields, CellsAtPoints
-from porocore.macro.composition.turned_law import TurnedLaw
-from porocore.macro.integration.adaptive import ErrorControl, Reached
-from porocore.macro.integration.checkpoint import CheckpointFile
+from porocore.macro.integration.checkpoint import CheckpointFile, HistoryRecorder
 from porocore.macro.integration.discretisation import Discretisation, StepFailed
-from porocore.macro.integration.linearisation import Linearisations
-from porocore.macro.integration.newton import Step, newton_step
-from porocore.macro.integration.predictor import Predictor
-from porocore.macro.integration.recorder import HistoryRecorder
-from porocore.macro.integration.stepping import Stepper
-from porocore.macro.sensitivities.gradients import GradientPass
-from porocore.macro.sensitivities.tape import RunTape
-from porocore.macro.sensitivities.tracker import SensitivityTracker
+from porocore.macro.integration.newton import Linearisations, Predictor, Step, newton_step
+from porocore.macro.integration.stepping import ErrorControl, Reached, Stepper
+from porocore.macro.sensitivities.gradients import GradientPass, RunTape, SensitivityTracker
 from porocore.states import Array, BodyPlace, MacroState
 
 

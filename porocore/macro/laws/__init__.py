@@ -5,14 +5,11 @@ cell solver itself, the linear limit: whatever predicts the responses of a batch
 :class:`~porocore.interfaces.law.MacroLaw`.
 """
 
-from porocore.cell.materials.composite import Solid
+from porocore.cell.materials.hyperelastic import Solid
 from porocore.interfaces.law import CellLaw
-from porocore.macro.laws.closure import Closure
+from porocore.macro.laws.closure import Closure, ConductivityLaw, MeanGradientClosure, PotentialClosure
 from porocore.macro.laws.linear import LinearCellLaw, reference_tangents
 from porocore.macro.laws.macro_law import AdaptiveLaw, ClosedLaw
-from porocore.macro.laws.mean_gradient import MeanGradientClosure
-from porocore.macro.laws.potential import PotentialClosure
-from porocore.macro.laws.pull_back import ConductivityLaw
 from porocore.states import Array
 
 #: The closures by the name that the user writes.

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from porocore.core.fields.batch import Batch
+from porocore.core.fields import Batch
 from porocore.errors import ConfigurationError
-from porocore.interfaces.law import CellLaw
-from porocore.interfaces.law_changes import PointChanges
+from porocore.interfaces.law import CellLaw, PointChanges
 from porocore.states import Array, CellResponse, CellSlopes, CellTangent, MacroState
 
 

@@ -1,23 +1,33 @@
-"""Macroscopic law of a cell law and a closure (ClosedLaw); one refined where a step leaves its range."""
+"""Macroscopic law of a cell law and a closure (ClosedLaw); the same for users' own solvers (Law)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+import numpy.typing as npt
 
+from porocore.cell.family.family import CellParameter, number, require_known, values_of_states
+from porocore.core.echo import echo
+from porocore.core.fields import Batch
+from porocore.core.inputs import given_states
+from porocore.core.units import ResultUnits
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import (
     CellLaw,
     LawMemory,
     MacroLaw,
     MacroResponse,
+    MacroTangent,
+    MemoryChanges,
+    PointChanges,
+    ResponseChanges,
     UndeformedCells,
     fingerprint,
 )
-from porocore.interfaces.law_changes import MemoryChanges, PointChanges, ResponseChanges
+from porocore.macro.composition.bound_law import BoundLaw
 from porocore.macro.laws.cell_changes import cell_changes
 from porocore.macro.laws.closure import Closure, ClosurePoints
 from porocore.plugins.border import check_prediction, prediction_of
@@ -255,3 +265,282 @@ class AdaptiveLaw(ClosedLaw):
         self._begin()
         known = replace(prediction_of(refined, memory.states, tangent=False), outside_training_range=None)
         return self.closure.memory(memory.states, known, memory.fluid_volume)
+
+
+@dataclass(frozen=True, eq=False)
+class LawTangent(Batch):
+    """Exact derivatives of a :class:`LawResponse` with respect to (H, p); response indices first.
+
+    Attributes
+    ----------
+    stress_grad_u : (n, 3, 3, 3, 3)
+        ∂P_E,ij / ∂H_kl [E].
+    stress_p : (n, 3, 3)
+        ∂P_E,ij / ∂p [-].
+    fluid_volume_grad_u : (n, 3, 3)
+        ∂φ / ∂H_kl [-].
+    fluid_volume_p : (n,)
+        ∂φ / ∂p [1/E].
+    conductivity_grad_u : (n, 3, 3, 3, 3)
+        ∂K_ref,ij / ∂H_kl.
+    conductivity_p : (n, 3, 3)
+        ∂K_ref,ij / ∂p.
+    """
+
+    stress_grad_u: Array
+    stress_p: Array
+    fluid_volume_grad_u: Array
+    fluid_volume_p: Array
+    conductivity_grad_u: Array
+    conductivity_p: Array
+
+
+@dataclass(frozen=True, eq=False)
+class LawResponse(Batch):
+    """Response of a :class:`Law` at n states, dimensionless; NaN where there is none.
+
+    Attributes
+    ----------
+    stress : (n, 3, 3)
+        P_E, total first Piola–Kirchhoff stress, tension positive [E].
+    fluid_volume : (n,)
+        φ, current fluid volume per reference volume [-].
+    conductivity : (n, 3, 3)
+        K_ref, with which q = −K_ref ∇_X p is the flux through reference area; K in the linear law.
+    deformation : (n, 3, 3)
+        F̄ = I + H + <∇u¹>_s/φ_s (I + H in the linear law).
+    outside_training_range : (n,) bool
+        The state is flagged: the surrogate is not to be trusted there.
+    memory
+        State of the law, from which a further response counts the fluid.
+    tangent
+        Derivatives; None if they were not asked for.
+    """
+
+    stress: Array
+    fluid_volume: Array
+    conductivity: Array
+    deformation: Array
+    outside_training_range: npt.NDArray[np.bool_]
+    memory: LawMemory
+    tangent: LawTangent | None = None
+
+    def __len__(self) -> int:
+        return len(self.fluid_volume)
+
+
+class Law:
+    """Stress, fluid volume and conductivity of the porous body as functions of (H, p), for n states at once.
+
+    The macro solver evaluates the same law at its quadrature points. ``porocore.Study.law`` returns it. The law of a
+    family of cells has :attr:`parameters`, which are given with each state, or bound by :meth:`at`.
+
+    Parameters
+    ----------
+    law
+        Macroscopic law.
+    porosity
+        φ_f, fluid volume of the undeformed cell; of a law with parameters a function of their values (n, m), with one
+        for each row.
+    units
+        Units of the study, which responses do not have: ``law.units.factor("stress")`` takes their stress to its unit.
+    ranges
+        Parameters of the cell, outside whose ranges values are refused.
+
+    Examples
+    --------
+    >>> from porocore import Law
+    >>> from porocore.testing.synthetic.response import linear_law
+    >>> law = Law(linear_law(), porosity=0.4123)
+    >>> pressed = [np.diag([0.0, -0.01, 0.0]), np.diag([0.0, -0.02, 0.0])]
+    >>> found = law.response(pressed, p=[0.002, 0.0])
+    >>> found.stress[:, 1, 1].round(5), found.fluid_volume.round(5), found.conductivity[0].diagonal()
+    (array([-0.00603, -0.00888]), array([0.40506, 0.39644]), array([1.94, 1.94, 1.94]))
+    >>> found.tangent.stress_grad_u.shape, found.outside_training_range
+    ((2, 3, 3, 3, 3), array([False, False]))
+
+    A law with parameters:
+
+    >>> from porocore.testing.synthetic.cell import parametric_law, porosity
+    >>> family = Law(parametric_law(), lambda values: porosity(values[:, 0]))
+    >>> family.parameters
+    ('radius', 'stiffness')
+    >>> soft = family.at(stiffness=0.5)
+    >>> soft.response(pressed, parameters={"radius": [0.2, 0.25]}).fluid_volume.round(4)
+    array([0.2836, 0.404 ])
+    >>> round(soft.at(radius=0.2).porosity, 4)
+    0.2865
+    """
+
+    def __init__(
+        self,
+        law: MacroLaw,
+        porosity: float | Callable[[Array], Array],
+        units: ResultUnits | None = None,
+        ranges: Sequence[CellParameter] = (),
+    ) -> None:
+        self._law, self.units = law, units or ResultUnits()
+        self._porosity = porosity
+        self._ranges = {each.name: each for each in ranges}
+
+    def __repr__(self) -> str:
+        of = f" of {', '.join(self.parameters)}" if self.parameters else ""
+        return f"<law '{self.name}'{of}>"
+
+    @property
+    def name(self) -> str:
+        """Name of the law as in a report, such as ``linear``."""
+        return self._law.name
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the cell's parameters that are given with each state; empty if it has none, or all are bound."""
+        return self._law.parameters
+
+    @property
+    def porosity(self) -> float:
+        """Volume share φ_f of the pores of the undeformed cell.
+
+        Raises
+        ------
+        ConfigurationError
+            A parameter of the cell is open.
+        """
+        if self.parameters:
+            raise ConfigurationError(f"the porosity depends on {', '.join(self.parameters)}; at() binds them")
+        return float(self._at_rest(MacroState.zeros(1))[0])
+
+    def at(self, values: Mapping[str, float] | None = None, /, **named: float) -> Law:
+        """Return the law with some parameters of the cell, or all, bound to constants.
+
+        Parameters
+        ----------
+        values, **named
+            Constants by name; a name with a dot stands in the mapping: ``law.at({"radii.x": 0.2}, poisson_ratio=0.3)``.
+
+        Raises
+        ------
+        ConfigurationError
+            A name is no open parameter, or a value no number within its range.
+        """
+        if values is not None and not isinstance(values, Mapping):
+            raise ConfigurationError(f"expected values by name, such as radius=0.22, got {echo(values)}")
+        given = {**(values or {}), **named}
+        law = BoundLaw(self._law, given)
+        for name, value in given.items():
+            self._require_inside(name, np.array([number(name, value)]))
+        porosity = self._porosity
+        of_all = (lambda open_: porosity(law.completed(open_))) if callable(porosity) else porosity
+        return Law(
+            law, of_all, self.units, [self._ranges[name] for name in law.parameters if name in self._ranges]
+        )
+
+    def response(
+        self,
+        grad_u: npt.ArrayLike,
+        p: npt.ArrayLike = 0.0,
+        *,
+        parameters: Mapping[str, npt.ArrayLike] | npt.ArrayLike | None = None,
+        before: LawResponse | None = None,
+        tangent: bool = True,
+    ) -> LawResponse:
+        """Return the response to one state or to n of them.
+
+        Parameters
+        ----------
+        grad_u : (3, 3) or (n, 3, 3)
+            H_ij = ∂u_i/∂X_j.
+        p : number or (n,)
+            Pore pressure, positive in compression [E].
+        parameters
+            Values of the open parameters of the cell: by name a number or (n,), or all of them in their order, (m,) or
+            (n, m).
+        before
+            Response of the same n points at the last time; by default they were at rest. It makes a difference with
+            the closure ``mean-gradient`` only, whose fluid volume is summed over the steps, as in the macro solver.
+        tangent
+            Compute the derivatives, too.
+
+        Raises
+        ------
+        ConfigurationError
+            The shapes do not belong together, a number is not finite, or a parameter is missing, unknown or outside its
+            range.
+        """
+        states = self._states(grad_u, p, parameters)
+        n = len(states)
+        if before is not None and len(before) != n:
+            raise ConfigurationError(
+                f"before: expected the response at the same {n} states, got one at {len(before)}"
+            )
+        memory = self._law.initial_at(states) if before is None else before.memory
+        # The flux under a unit gradient along an axis is a column of −K_ref, and so are its derivatives.
+        units = [np.broadcast_to(axis, (n, 3)) for axis in np.eye(3)] if tangent else [np.zeros((n, 3))]
+        found = self._law.respond_to_each(states, units, memory, tangent=tangent)
+        first = found[0]
+        tangents = [response.tangent for response in found if response.tangent is not None]
+        return LawResponse(
+            stress=first.stress,
+            fluid_volume=first.memory.fluid_volume,
+            conductivity=first.transformed_conductivity * first.volume_ratio[:, None, None],
+            deformation=first.deformation,
+            outside_training_range=first.outside_training_range,
+            memory=first.memory,
+            tangent=_tangent(tangents) if tangents else None,
+        )
+
+    def reasons(
+        self,
+        grad_u: npt.ArrayLike,
+        p: npt.ArrayLike = 0.0,
+        *,
+        parameters: Mapping[str, npt.ArrayLike] | npt.ArrayLike | None = None,
+    ) -> list[str]:
+        """Return for each of n flagged states which component drives it out; empty where it is not known."""
+        return self._law.reasons(self._states(grad_u, p, parameters))
+
+    def _at_rest(self, states: MacroState) -> Array:
+        """Return φ_f of the undeformed cell of each of n states."""
+        if not callable(self._porosity):
+            return np.full(len(states), self._porosity)
+        given = np.zeros((len(states), 0)) if states.parameters is None else states.parameters
+        return self._porosity(given)
+
+    def _states(
+        self,
+        grad_u: npt.ArrayLike,
+        p: npt.ArrayLike,
+        parameters: Mapping[str, npt.ArrayLike] | npt.ArrayLike | None,
+    ) -> MacroState:
+        states, names = given_states(grad_u, p), self.parameters
+        if not names and parameters is None:
+            return states
+        if parameters is None:
+            raise ConfigurationError(
+                f"parameters: missing; the law needs {', '.join(names)}: give them with the states, or bind them "
+                "by at()"
+            )
+        if isinstance(self._law, BoundLaw) and isinstance(parameters, Mapping):
+            require_known(parameters, names, self._law.bound)
+        values = values_of_states(names, parameters, len(states))
+        for name, column in zip(names, values.T, strict=True):
+            self._require_inside(name, column)
+        return states.with_parameters(values)
+
+    def _require_inside(self, name: str, values: Array) -> None:
+        if name in self._ranges and len(values):
+            for end in (values.min(), values.max()):
+                self._ranges[name].require_inside(float(end))
+
+
+def _tangent(columns: list[MacroTangent]) -> LawTangent:
+    """Return the derivatives from those under a unit gradient of the pressure along each axis."""
+    first = columns[0]
+    return LawTangent(
+        stress_grad_u=first.stress_grad_u,
+        stress_p=first.stress_p,
+        fluid_volume_grad_u=first.storage_grad_u,
+        fluid_volume_p=first.storage_p,
+        conductivity_grad_u=-np.stack([column.flux_grad_u for column in columns], axis=2),
+        conductivity_p=-np.stack([column.flux_p for column in columns], axis=2),
+    )

@@ -16,8 +16,8 @@ from porocore.core.echo import echo, reason
 from porocore.core.files.reading import obstacle
 from porocore.errors import ConfigurationError
 from porocore.plugins.kinds import FIRST_PARTY, KINDS, Kind, kind_of
-from porocore.plugins.kit_version import KIT_VERSION
 from porocore.plugins.registry import registry
+from porocore.plugins.table import KIT_VERSION
 
 NAME = re.compile(r"[a-z][a-z0-9]*(-[a-z0-9]+)*")
 LONGEST = 40

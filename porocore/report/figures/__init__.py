@@ -2,12 +2,15 @@
 
 from porocore.report.figures.body import body_figure
 from porocore.report.figures.cell import cell_picture
-from porocore.report.figures.history import history_figure
-from porocore.report.figures.profiles import PROFILE_FIELDS, profile_figure
-from porocore.report.figures.sampling import samples_figure, samples_of
-from porocore.report.figures.series import relaxation_figure, series_figure
+from porocore.report.figures.curves import (
+    PROFILE_FIELDS,
+    history_figure,
+    profile_figure,
+    relaxation_figure,
+    series_figure,
+)
+from porocore.report.figures.sampling import parity_figure, samples_figure, samples_of, training_figure
 from porocore.report.figures.style import png_bytes, svg_bytes
-from porocore.report.figures.surrogate import parity_figure, training_figure
 
 __all__ = [
     "PROFILE_FIELDS",

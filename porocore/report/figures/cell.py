@@ -1,6 +1,9 @@
-"""Picture of the cell's solid, shaded; surface triangles of a tetrahedral mesh."""
+"""Picture of the cell's solid, and figures over the parameters of a cell."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -10,8 +13,32 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from porocore.cell.meshing.tetrahedra import boundary_facets
-from porocore.report.figures.style import new_figure, styled
+from porocore.core.units import ResultUnits, spoken
+from porocore.report.figures.style import (
+    BLUE,
+    GREEN,
+    SKY,
+    VERMILLION,
+    axis_label,
+    legend_above,
+    lighter,
+    named,
+    new_figure,
+    styled,
+)
+from porocore.report.words.parameters import (
+    FamilySummary,
+    GroupErrors,
+    ParameterRange,
+    binned_rms,
+    group_errors,
+)
 from porocore.states import Array, IntArray
+
+if TYPE_CHECKING:
+    from porocore.report.context import ReportContext
+    from porocore.report.page import Picture, Pictures
+
 
 #: Pieces of each edge of a curved facet.
 PIECES = 4
@@ -106,3 +133,170 @@ def _on_box(triangles: Array, points: Array) -> npt.NDArray[np.bool_]:
     flat = (np.abs(triangles - low) < slack).all(axis=1) | (np.abs(triangles - high) < slack).all(axis=1)
     on_box: npt.NDArray[np.bool_] = flat.any(axis=1)
     return on_box
+
+
+#: Bins of errors, and of states, over the range of a parameter.
+ERROR_BINS, STATE_BINS = 6, 8
+#: Errors below this share of the largest shown one stand at the lower edge [% of % ].
+LEAST_ERROR = 1e-5
+
+
+@styled
+def rest_figure(family: FamilySummary, k: int) -> Figure:
+    """Draw the properties of the undeformed cell over one parameter.
+
+    The line is the surrogate with the other parameters in the middle of their ranges, the band with these anywhere in
+    them, the dots are the solved members, over a parameter for which these can be compared.
+    """
+    parameter, units = family.parameters[k], spoken()
+    rows = (len(family.fields) + 1) // 2
+    figure = new_figure(6.6, 0.6 + 2.3 * rows)
+    panels = figure.subplots(rows, 2, sharex=True, squeeze=False)
+    factor = units.factor(parameter.quantity)
+    x, members = family.points[k] * factor, family.members[:, k] * factor
+    alone = len(family.parameters) == 1
+    for axes, field in zip(panels.ravel(), family.fields, strict=False):
+        by = units.factor(field.quantity)
+        if not alone:
+            axes.fill_between(
+                x, field.low[k] * by, field.high[k] * by, color=lighter(SKY, 0.55), lw=0,
+                label="others anywhere in their ranges",
+            )  # fmt: skip
+        middle = "surrogate" if alone else "surrogate, others in the middle"
+        axes.plot(x, field.curves[k] * by, color=BLUE, label=middle)
+        if parameter.solved:
+            axes.plot(
+                members, field.members * by, "o", ms=3, mfc="white", mec=VERMILLION, mew=1.0, label="solved"
+            )
+        # On two lines, since the longest is longer than its panel.
+        axes.set_ylabel(axis_label(field.label, field.quantity, units).replace(" [", "\n["))
+        axes.set_ylim(bottom=min(0.0, float(np.nanmin(field.low[k])) * by))
+    for axes in panels.ravel()[len(family.fields) :]:
+        axes.set_visible(False)
+    for axes in panels[-1]:
+        axes.set_xlabel(parameter_label(parameter, units))
+    legend_above(figure, panels[0, 0], columns=3)
+    return figure
+
+
+@styled
+def error_figure(parameter: ParameterRange, k: int, errors: Sequence[GroupErrors]) -> Figure:
+    """Draw the errors on held-out states over parameter ``k``, one panel for each output, logarithmic."""
+    units = spoken()
+    factor = units.factor(parameter.quantity)
+    edges = np.linspace(parameter.lower, parameter.upper, ERROR_BINS + 1) * factor
+    figure = new_figure(5.4, 0.7 + 1.75 * len(errors))
+    panels = figure.subplots(len(errors), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, group in zip(panels, errors, strict=True):
+        x, percent = group.parameters[:, k] * factor, group.percent
+        shown = np.maximum(percent, LEAST_ERROR * percent.max(initial=0.0))
+        axes.semilogy(x, shown, "o", ms=4, mfc=BLUE, mec="white", mew=0.4, label="held-out states")
+        rms = binned_rms(x, percent, edges)
+        axes.hlines(
+            rms, edges[:-1], edges[1:], color=VERMILLION, lw=2.0, label="RMS of each sixth of the range"
+        )
+        axes.set_ylabel(f"error of {group.label}\n[% of range]")
+        axes.set_xlim(edges[0], edges[-1])
+        axes.set_ylim(_decades(shown))
+    panels[-1].set_xlabel(parameter_label(parameter, units))
+    legend_above(figure, panels[0], columns=2)
+    return figure
+
+
+@styled
+def spread_figure(
+    parameter: ParameterRange,
+    x: Array,
+    training: npt.NDArray[np.bool_],
+    body: tuple[Array, Array] | None = None,
+) -> Figure:
+    """Draw how the solved states are spread over a parameter, beside the use of it in the body.
+
+    Parameters
+    ----------
+    parameter
+        On the axis.
+    x : (n,)
+        Its value in the solved states.
+    training : (n,) bool
+        Those that the surrogate was trained on.
+    body
+        Values in the body and volumes that have them; None: not known.
+    """
+    units = spoken()
+    factor = units.factor(parameter.quantity)
+    edges = np.linspace(parameter.lower, parameter.upper, STATE_BINS + 1) * factor
+    figure = new_figure(5.4, 3.0)
+    axes = figure.add_subplot()
+    learned, left = (_shares(x[rows] * factor, None, edges, len(x)) for rows in (training, ~training))
+    widths = np.diff(edges)
+    axes.bar(edges[:-1], learned, widths, align="edge", color=BLUE, ec="white", lw=0.6, label="trained on")
+    if left.any():
+        axes.bar(
+            edges[:-1],
+            left,
+            widths,
+            learned,
+            align="edge",
+            color=VERMILLION,
+            ec="white",
+            lw=0.6,
+            label="without use",
+        )
+    if body is not None:
+        values, volumes = body
+        shares = _shares(values * factor, volumes, edges, float(volumes.sum()))
+        axes.stairs(shares, edges, color=GREEN, lw=2.0, label="volume of the body", zorder=3)
+    axes.set_xlim(edges[0], edges[-1])
+    axes.set_xlabel(parameter_label(parameter, units))
+    axes.set_ylabel("share of states, of the body [%]" if body is not None else "share of states [%]")
+    legend_above(figure, axes, columns=3)
+    return figure
+
+
+def _decades(values: Array) -> tuple[float, float]:
+    """Return the powers of ten between which positive values lie; about 1 without any."""
+    known = values[values > 0]
+    if not len(known):
+        return 0.1, 10.0
+    low, high = np.floor(np.log10(known.min())), np.ceil(np.log10(known.max()))
+    return float(10.0**low), float(10.0 ** max(high, low + 1))
+
+
+def parameter_label(parameter: ParameterRange, units: ResultUnits) -> str:
+    """Return the label of an axis of a parameter."""
+    return axis_label(named(parameter.name), parameter.quantity, units)
+
+
+def _shares(values: Array, weights: Array | None, edges: Array, whole: float) -> Array:
+    """Return the shares of the whole in each bin [%]; what lies beyond an end by round-off counts there."""
+    counts, _ = np.histogram(np.clip(values, edges[0], edges[-1]), edges, weights=weights)
+    return np.asarray(100 * counts / whole)
+
+
+def over_parameters(
+    context: ReportContext, family: FamilySummary, pictures: Pictures
+) -> list[tuple[str, list[Picture]]]:
+    """Return the name of each parameter with its pictures: undeformed cell, held-out errors, spread of the states."""
+    errors, sampling, found = group_errors(context.surrogate.outputs), context.sampling, []
+    for k, parameter in enumerate(family.parameters):
+        name = parameter.name
+        drawn = [
+            pictures.svg(f"cell_over_{name}", rest_figure(family, k), f"The undeformed cell over {name}"),
+            pictures.svg(
+                f"states_over_{name}",
+                spread_figure(
+                    parameter,
+                    sampling.x[:, sampling.inputs.names.index(name)],
+                    sampling.training,
+                    None if context.body is None else context.body.over(name),
+                ),
+                f"Solved states over {name}",
+            ),
+        ]
+        if errors:
+            members = len(np.unique(errors[0].parameters, axis=0))
+            text = f"Errors on held-out states over {name}, of {members} {'member' if members == 1 else 'members'}"
+            drawn.insert(1, pictures.svg(f"errors_over_{name}", error_figure(parameter, k, errors), text))
+        found.append((name, drawn))
+    return found

@@ -10,11 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from porocore.cell.stability.inertia import FAMILIES, WAVES
 from porocore.cell.stability.line import EVENTS, StabilityLine
 from porocore.cell.stability.map import MapPlan, eigenvalue_titled, input_factor
-from porocore.core.inputs.input_space import NAMES
-from porocore.core.units.results import spoken
+from porocore.cell.stability.modes import FAMILIES, WAVES
+from porocore.core.inputs import NAMES
+from porocore.core.units import spoken
 from porocore.report.figures.style import (
     BLACK,
     BLUE,

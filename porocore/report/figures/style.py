@@ -15,7 +15,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
-from porocore.core.units.results import ResultUnits
+from porocore.core.units import ResultUnits
 
 P = ParamSpec("P")
 T = TypeVar("T")

@@ -1,24 +1,81 @@
-"""Rows on the cell for the report: conductivity, linear coefficients, mesh; a sentence on the flux."""
+"""Rows on the cell for the report: conductivity, linear coefficients, mesh, names of components."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
-from porocore.core.units.results import spoken
+from porocore.core.units import spoken
 from porocore.interfaces.solution import Profile
-from porocore.macro.laws.effective import VOIGT, EffectiveProperties
-from porocore.macro.laws.pull_back import is_isotropic
+from porocore.macro.laws.closure import is_isotropic
+from porocore.macro.laws.linear import VOIGT, EffectiveProperties
 from porocore.report.context import CellSummary, Published
 from porocore.report.format import NONE, in_unit, measured, multiple, number, unit
 from porocore.report.metrics import LoadCase
-from porocore.report.words.body_cells import BodyCells
-from porocore.report.words.components import PAIRS, is_one, name_of, of_fourth_order, symmetric, together
+from porocore.report.words.parameters import BodyCells
 from porocore.states import Array
+
+#: What is printed of a value.
+Say = Callable[[float], str]
+
+#: A component off the diagonal below this share of the two diagonal ones is zero up to the mesh.
+NOTHING = 1e-3
+_SUBSCRIPTS = "₁₂₃"
+#: Pairs i ≠ j of a symmetric tensor.
+PAIRS = ((0, 1), (0, 2), (1, 2))
+
+
+def name_of(symbol: str, *axes: int) -> str:
+    """Return the name of a component, such as ``K₂₂``, or ``C_eff,1122`` of the symbol ``C_eff,``."""
+    digits = "123" if symbol.endswith(",") else _SUBSCRIPTS
+    return symbol + "".join(digits[i] for i in axes)
+
+
+def is_one(values: Sequence[float], say: Say = number) -> bool:
+    """Tell whether values along the axes are the same in the digits that are printed."""
+    return len({say(float(value)) for value in values}) == 1
+
+
+def together(names: Sequence[str], values: Sequence[float], say: Say = number) -> Iterator[tuple[str, float]]:
+    """Yield name and value of each component, or one row where all are printed as the same."""
+    if is_one(values, say):
+        yield " = ".join(names), float(values[0])
+    else:
+        yield from zip(names, map(float, values), strict=True)
+
+
+def symmetric(symbol: str, tensor: Array, say: Say = number) -> Iterator[tuple[str, float]]:
+    """Yield name and value of the components of a tensor (3, 3); those off the diagonal where they are not zero."""
+    entries = np.diag(tensor)
+    yield from together([name_of(symbol, i, i) for i in range(3)], list(entries), say)
+    least = np.finfo(float).eps ** 0.5 * np.abs(entries).max()
+    for i, j in PAIRS:
+        value = float(tensor[i, j])
+        if abs(value) > max(NOTHING * float(np.sqrt(abs(entries[i] * entries[j]))), least):
+            yield name_of(symbol, i, j), value
+
+
+def of_fourth_order(symbol: str, tensor: Array) -> Iterator[tuple[str, float]]:
+    """Yield name and value of the components iiii and iijj of a tensor (3, 3, 3, 3), iijj of both signs of i − j."""
+    yield from family(symbol, tensor, [(i, i, i, i) for i in range(3)])
+    mixed = [(i, i, j, j) for i in (1, 0, 2) for j in range(3) if i != j]
+    values = [float(tensor[at]) for at in mixed]
+    if is_one(values):
+        yield f"{name_of(symbol, *mixed[0])} and all other {symbol}_iijj", values[0]
+    else:
+        yield from zip([name_of(symbol, *at) for at in mixed], values, strict=True)
+
+
+def family(
+    symbol: str, tensor: Array, places: Sequence[tuple[int, ...]], say: Say = number
+) -> Iterator[tuple[str, float]]:
+    """Yield name and value of components of one kind."""
+    yield from together([name_of(symbol, *at) for at in places], [float(tensor[at]) for at in places], say)
+
 
 #: Ends of the names of facts on the mesh of a part, as a reader finds them.
 _PARTS = {"in the eighth": "in one eighth of the cell, by symmetry", "in the whole": "in the whole cell"}

@@ -31,7 +31,7 @@ class OutputCheck:
     outside_training_range : (m,) bool
         Held-out states beyond the sampled range; shown, but not counted in the error unless all of them are.
     quantity
-        Of :data:`porocore.core.units.scales.QUANTITIES`; '' is a plain number.
+        Of :data:`porocore.core.units.QUANTITIES`; '' is a plain number.
     in_body
         Least and largest value in the body at its kept times, by the surrogate; None: not known.
     parameters : (m, k)

@@ -1,19 +1,34 @@
-"""Checks of a dataset: file, arrays, and laws of every cell such as reciprocity and symmetry."""
+"""Checks of a dataset by laws of every cell; export as CSV or parquet; merging of several."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import import_module
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from porocore.core.fields.check import known_statuses, rows_as_declared
-from porocore.errors import DataError
+from porocore.core.field_check import known_statuses, rows_as_declared
+from porocore.core.fields import PARAMETER_AXIS
+from porocore.core.files.atomic import atomic_path
+from porocore.core.files.plain_data import write_csv
+from porocore.errors import ConfigurationError, DataError, PluginError, RunFolderError
+from porocore.interfaces.cell import CellField
 from porocore.interfaces.records import flatten_response
-from porocore.sampling.datasets.dataset import Dataset
-from porocore.sampling.datasets.layout import read_fields
-from porocore.sampling.warm_starts import OF_SAMPLES
+from porocore.sampling.campaign import OF_SAMPLES
+from porocore.sampling.datasets.dataset import (
+    Block,
+    Dataset,
+    Header,
+    describe,
+    read_fields,
+    sole_writer,
+    write_block,
+)
 from porocore.states import CELL_FIELDS, Array, CellResponse, MacroState, Status
 
 #: Largest misfit of a law, relative to the largest entry of what is compared.
@@ -132,3 +147,170 @@ def _all(name: str, good: npt.NDArray[np.bool_], keys: Array, what: str) -> Data
     if not len(wrong):
         return DatasetCheck(name, True, f"all {len(keys)}")
     return DatasetCheck(name, False, f"{len(wrong)} of {len(keys)} states have {what}, such as '{wrong[0]}'")
+
+
+#: Formats by the end of the file's name.
+FORMATS = (".csv", ".parquet")
+
+
+def export(dataset: Dataset, out: Path, *, derivatives: bool = False) -> Path:
+    """Write ``out`` in the format of its suffix; numbers lose no digit.
+
+    Parameters
+    ----------
+    derivatives
+        Also the first derivatives of the responses, 200 columns more, and those by the parameters.
+
+    Raises
+    ------
+    ConfigurationError
+        The name ends in none of :data:`FORMATS`.
+    PluginError
+        Parquet is asked for and pyarrow is missing.
+    RunFolderError
+        The file cannot be written.
+    """
+    if out.suffix not in FORMATS:
+        raise ConfigurationError(f"--out: expected a name that ends in {' or '.join(FORMATS)}, got {out}")
+    if out.suffix == ".csv":
+        columns = table(dataset, derivatives=derivatives)
+        cells = [map(_text, values) for values in columns.values()]
+        return write_csv(out, list(columns), zip(*cells, strict=True))
+    try:
+        arrow, parquet = import_module("pyarrow"), import_module("pyarrow.parquet")
+    except ImportError as error:
+        raise PluginError(
+            f"--out with .parquet needs pyarrow, which cannot be imported here ({error}); pip install pyarrow, "
+            "or choose .csv"
+        ) from error
+    columns = table(dataset, derivatives=derivatives)
+    with atomic_path(out) as part:
+        parquet.write_table(arrow.table(columns), part)
+    return out
+
+
+def table(dataset: Dataset, *, derivatives: bool = False) -> dict[str, list[Any]]:
+    """Return the columns by name: key, status, start, seconds, H11 … H33, p, the parameters, and the responses.
+
+    Entries of tensors have 1-based indices: ``stress_12``, ``mean_grad_31``, ``tangent_stress_grad_u_1122``; slopes end
+    with the name of the parameter: ``slopes_stress_12_radius``.
+    """
+    states = dataset.states()
+    columns: dict[str, list[Any]] = {
+        "key": dataset.keys,
+        "status": [],
+        "start": [start or "" for start in dataset.starts()],
+        "seconds": dataset.seconds().tolist(),
+    }
+    for i, j in product(range(3), repeat=2):
+        columns[f"H{i + 1}{j + 1}"] = states.grad_u[:, i, j].tolist()
+    columns["p"] = states.p.tolist()
+    parameters = dataset.inputs.parameters
+    if states.parameters is not None:
+        columns |= dict(zip(parameters, states.parameters.T.tolist(), strict=True))
+    if not len(dataset):
+        return columns
+    response = dataset.responses()
+    columns["status"] = [Status(int(status)).name for status in response.status]
+    for name, array in flatten_response(response).items():
+        if name.startswith(("tangent/", "slopes/")) and not derivatives:
+            continue
+        by_parameter = PARAMETER_AXIS in CELL_FIELDS[name].shape and len(parameters) == array.shape[-1]
+        for index in product(*map(range, array.shape[1:])):
+            end = "".join(str(i + 1) for i in (index[:-1] if by_parameter else index))
+            column = name.replace("/", "_") + (f"_{end}" if end else "")
+            column += f"_{parameters[index[-1]]}" if by_parameter else ""
+            entry: Any = (slice(None), *index)
+            columns[column] = np.asarray(array[entry]).tolist()
+    return columns
+
+
+def _text(value: Any) -> Any:
+    return repr(value) if isinstance(value, float) else value
+
+
+def merge(datasets: Sequence[Dataset], out: Path) -> Dataset:
+    """Write every state of ``datasets`` once.
+
+    Raises
+    ------
+    DataError
+        They differ in identity, inputs or kind of responses, or hold a state of the same key with different
+        results. Wall times do not count: of equal states the first is kept.
+    RunFolderError
+        ``out`` exists or cannot be written.
+    """
+    first = datasets[0]
+    rows: dict[str, tuple[Block, int]] = {}
+    provided = None
+    for dataset in datasets:
+        _check_same_kind(first, dataset)
+        if len(dataset):
+            names = frozenset(flatten_response(dataset.responses()))
+            if provided not in (None, names):
+                raise DataError(
+                    f"{dataset.path}: holds other responses than {first.path}; they cannot be merged"
+                )
+            provided = names
+        for key, row in zip(dataset.keys, dataset.rows(), strict=True):
+            if key in rows:
+                _check_equal(key, rows[key], row, dataset.path)
+            else:
+                rows[key] = row
+    with sole_writer(out):
+        if out.exists():
+            raise RunFolderError(f"{out} exists; choose another --out, or move it elsewhere")
+        ordered = [rows[key] for key in sorted(rows)]
+        merged = Block.join(out, ordered, first.inputs)
+        header = Header(first.inputs, first.identity, _provenance(datasets))
+        write_block(out, header, merged, read_fields(ordered))
+    return Dataset.open(out)
+
+
+def _check_same_kind(one: Dataset, other: Dataset) -> None:
+    if other.identity != one.identity:
+        raise DataError(
+            f"{other.path}: holds states of another cell or other settings than {one.path} (identity "
+            f"{other.identity}, not {one.identity}); they cannot be merged"
+        )
+    if other.inputs != one.inputs:
+        raise DataError(
+            f"{other.path}: holds states of other inputs ({describe(other.inputs)}) than {one.path} "
+            f"({describe(one.inputs)}); they cannot be merged"
+        )
+
+
+def _check_equal(key: str, one: tuple[Block, int], other: tuple[Block, int], path: Path) -> None:
+    (a, i), (b, j) = one, other
+    pairs = {"the inputs": (a.x[i], b.x[j]), "the status": (a.response.status[i], b.response.status[j])}
+    ours, theirs = a.states[i : i + 1].arrays(), b.states[j : j + 1].arrays()
+    pairs |= dict(zip(("H", "p", "the parameters"), zip(ours, theirs, strict=True), strict=False))
+    one_row, other_row = flatten_response(a.response[i : i + 1]), flatten_response(b.response[j : j + 1])
+    pairs |= {name: (one_row[name], other_row[name]) for name in one_row}
+    wrong = [name for name, (x, y) in pairs.items() if not np.array_equal(x, y, equal_nan=True)]
+    if a.starts[i] != b.starts[j]:
+        wrong.append("the start")
+    if not wrong and not _same_field(next(read_fields([one])), next(read_fields([other]))):
+        wrong.append("the field")
+    if wrong:
+        raise DataError(
+            f"{path}: state '{key}' differs from that of {a.path} in {', '.join(wrong)}, so one of the two is not what "
+            "its settings give; nothing was written"
+        )
+
+
+def _same_field(a: CellField | None, b: CellField | None) -> bool:
+    if a is None or b is None:
+        return a is b
+    same = a.domain == b.domain and a.p == b.p and np.array_equal(a.grad_u, b.grad_u)
+    return same and np.array_equal(a.u, b.u)
+
+
+def _provenance(datasets: Sequence[Dataset]) -> dict[str, str]:
+    """Return the provenance of all, each text once."""
+    said: dict[str, dict[str, None]] = {}
+    for dataset in datasets:
+        for name, text in dataset.provenance.items():
+            said.setdefault(name, {})[text] = None
+    found = {name: "\n".join(texts) for name, texts in said.items()}
+    return found | {"merged": ", ".join(dataset.path.name for dataset in datasets)}

@@ -1,4 +1,4 @@
-"""Workers of a dask.distributed scheduler, or of a local cluster (DaskBackend).
+"""Workers of a dask scheduler or a local cluster (DaskBackend), or of a caller's executor.
 
 States are not left to dask's scheduler to place: each worker is handed one at a time, so that a worker that dies or
 hangs is blamed for that state only, and none waits behind another.
@@ -9,26 +9,130 @@ from __future__ import annotations
 import logging
 import os
 import signal
+import socket
+import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from contextlib import ExitStack, suppress
 from importlib import import_module
 from importlib.metadata import version
-from typing import Any
+from typing import Any, Protocol
 from urllib.parse import urlsplit
 
+from porocore.core.echo import cut, echo
 from porocore.core.parallel.children import interrupts_blocked, script_left_out
-from porocore.core.parallel.threads import THREAD_VARIABLES, one_thread_in_children
-from porocore.errors import PluginError, PorocoreError
-from porocore.sampling.execution.address import check_reachable
-from porocore.sampling.execution.futures import ExecutorWorker
-from porocore.sampling.execution.tasks import Ready
-from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
+from porocore.core.parallel.memory import THREAD_VARIABLES, one_thread_in_children
+from porocore.errors import ConfigurationError, PluginError, PorocoreError
+from porocore.sampling.execution.tasks import Ready, Worker, WorkerBackend, release
+
+#: Protocols of addresses whose host and port are tried here; an address without one is tcp.
+SCHEMES = ("tcp", "tls", "ws", "wss")
+#: Protocols that only dask can try.
+OTHERS = ("inproc", "ucx", "ucxx")
+#: Seconds to wait for an answer.
+ANSWER_TIMEOUT = 3.0
+EXAMPLE = "expected the address of a dask scheduler such as tcp://node:8786"
+
+
+def check_reachable(address: str) -> None:
+    """Open a connection to the address of a scheduler and close it again.
+
+    Raises
+    ------
+    ConfigurationError
+        The text is no address, or no scheduler answers there.
+    """
+    scheme, between, _ = address.partition("://")
+    if between and scheme in OTHERS:
+        return
+    host, port = _host_and_port(address if between else f"tcp://{address}")
+    why = ["no answer in time"]
+    # The lookup of a name has no time limit of its own.
+    attempt = threading.Thread(target=_connect, args=(host, port, why), daemon=True)
+    attempt.start()
+    attempt.join(1.5 * ANSWER_TIMEOUT)
+    if why:
+        raise ConfigurationError(
+            f"sampling.scheduler: no dask scheduler answers at {cut(address)} ({why[-1]}); start one with "
+            "'dask scheduler', or leave the scheduler out to have workers on this machine"
+        )
+
+
+def _connect(host: str, port: int, why: list[str]) -> None:
+    """Open and close a connection; clear ``why``, or add the reason of the failure."""
+    try:
+        socket.create_connection((host, port), timeout=ANSWER_TIMEOUT).close()
+    except (OSError, UnicodeError) as error:
+        why.append(str(getattr(error, "strerror", None) or error))
+    else:
+        why.clear()
+
+
+def _host_and_port(address: str) -> tuple[str, int]:
+    refused = f"sampling.scheduler: {EXAMPLE}, got {echo(address.removeprefix('tcp://'))}"
+    try:
+        parts = urlsplit(address)
+        host, port = parts.hostname, parts.port
+    except ValueError:
+        raise ConfigurationError(f"{refused}, whose port is no number up to 65535") from None
+    if parts.scheme not in SCHEMES:
+        raise ConfigurationError(f"{refused}; of the protocols, dask knows {', '.join((*SCHEMES, *OTHERS))}")
+    if not host or not port or any(c.isspace() for c in host):
+        raise ConfigurationError(f"{refused}; host and port are needed")
+    return host, port
+
+
+class SubmitsFutures(Protocol):
+    """Executor that returns futures, such as :class:`concurrent.futures.Executor`."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Start a call."""
+
+
+class FuturesBackend(WorkerBackend):
+    """Given executor with a number of calls at a time; it is neither replaced nor shut down here.
+
+    Its workers cannot be told apart, so the recipe of the cell goes with every state, and each of its threads
+    prepares the cell once.
+    """
+
+    separate = False
+
+    def __init__(self, executor: SubmitsFutures, count: int, token: str) -> None:
+        super().__init__([ExecutorWorker(executor) for _ in range(count)])
+        self._token = token
+
+    def lost(self, worker: Worker) -> None:
+        """Raise, since the executor of the caller cannot be replaced."""
+        raise PorocoreError(
+            "the executor that was handed in is broken: one of its workers died (out of memory, or killed); "
+            "finished states are kept: make a new one and resume"
+        )
+
+    def close(self) -> None:
+        """Release the cells that its threads have prepared in this process."""
+        release(self._token)
+
+    abort = close
+
+
+class ExecutorWorker(Worker):
+    """One call at a time of an executor."""
+
+    def __init__(self, executor: SubmitsFutures, host: str = "") -> None:
+        super().__init__()
+        self._executor, self.host = executor, host
+
+    def submit(self, call: Callable[..., Any], *args: Any) -> Future[Any]:
+        """Start a call."""
+        return self._executor.submit(call, *args)
+
 
 #: Seconds between two queries of the workers.
 LOOK_INTERVAL = 0.5
 #: Time limit for reaching a scheduler [s].
-TIMEOUT = 20
+SCHEDULER_TIMEOUT = 20
 #: Time limit for the end of workers [s].
 FAREWELL = 10
 
@@ -81,7 +185,7 @@ class DaskBackend(WorkerBackend):
         try:
             with interrupts_blocked():
                 self._client = distributed.Client(
-                    self._address, timeout=TIMEOUT, set_as_default=False, name="porocore"
+                    self._address, timeout=SCHEDULER_TIMEOUT, set_as_default=False, name="porocore"
                 )
         except Exception as error:  # dask raises anything when another program answers
             raise PorocoreError(

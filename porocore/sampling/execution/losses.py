@@ -10,8 +10,7 @@ from dataclasses import dataclass, field
 from porocore.errors import PorocoreError
 from porocore.interfaces.cell import CellField
 from porocore.interfaces.records import failed_response
-from porocore.sampling.execution.tasks import FinishedSolve
-from porocore.sampling.execution.worker_backend import Worker
+from porocore.sampling.execution.tasks import FinishedSolve, Worker
 from porocore.states import CellResponse, MacroState, Status
 
 #: Times that a state is tried when workers die or hang over it.

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from porocore.core.fields.declaration import provided_fields
-from porocore.core.parallel.cycles import CycleCollection
+from porocore.core.fields import provided_fields
+from porocore.core.parallel.calls import CycleCollection
 from porocore.errors import ConfigurationError, MemberError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.law import UndeformedCells

@@ -1,26 +1,154 @@
-"""Pool of workers (CellPool): submit and wait for states, queue, replacement of dead workers."""
+"""Pool of workers (CellPool), worker processes on this machine, choice of the workers by name."""
 
 from __future__ import annotations
 
+import signal
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ProcessPoolExecutor, wait
 from functools import partial
+from multiprocessing import active_children, get_context
+from multiprocessing.process import BaseProcess
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Literal, Self
 from uuid import uuid4
 
-from porocore.core.parallel.failure import Failure
-from porocore.errors import PorocoreError
+from porocore.core.parallel.calls import Failure
+from porocore.core.parallel.children import begin_child, require_children, starting_children
+from porocore.errors import ConfigurationError, PorocoreError
 from porocore.interfaces.cell import CellField
 from porocore.sampling.execution import tasks
-from porocore.sampling.execution.choice import ExecutorChoice, check_choice, make_worker_backend
+from porocore.sampling.execution.dask_workers import FuturesBackend, SubmitsFutures
 from porocore.sampling.execution.losses import Losses, PendingState, means_death, next_for, place_of
 from porocore.sampling.execution.solved_store import SolvedStore
-from porocore.sampling.execution.tasks import SOLVER, Factory, FinishedSolve, Ready, Recipe, Unprepared
-from porocore.sampling.execution.worker_backend import Worker, WorkerBackend
+from porocore.sampling.execution.tasks import (
+    SOLVER,
+    Factory,
+    FinishedSolve,
+    Ready,
+    Recipe,
+    SerialBackend,
+    Unprepared,
+    Worker,
+    WorkerBackend,
+)
 from porocore.states import CellResponse, MacroState
+
+
+class ProcessBackend(WorkerBackend):
+    """Spawned processes, each an executor of its own, so that a dead one does not end the others.
+
+    They ignore Ctrl-C, which the parent handles, and end when the parent has gone, however it went.
+    """
+
+    _workers: list[_Process]
+
+    def __init__(self, count: int) -> None:
+        super().__init__([_Process() for _ in range(count)])
+
+    def lost(self, worker: Worker) -> None:
+        """Replace the process by a new one."""
+        place = next(i for i, known in enumerate(self._workers) if known is worker)
+        self._workers[place].close()
+        self._workers[place] = _Process()
+
+    def close(self) -> None:
+        """Finish what runs and end the processes."""
+        for worker in self._workers:
+            worker.close()
+
+    def abort(self) -> None:
+        """End the processes."""
+        for worker in self._workers:
+            worker.terminate()
+        self.close()
+
+
+class _Process(Worker):
+    """Process that starts with its first call."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._process: BaseProcess | None = None
+        self._executor = ProcessPoolExecutor(1, get_context("spawn"), initializer=begin_child)
+
+    def submit(self, call: Callable[..., Any], *args: Any) -> Future[Any]:
+        if self._process is not None:
+            return self._executor.submit(call, *args)
+        require_children()
+        others = set(active_children())
+        with starting_children():
+            future = self._executor.submit(call, *args)
+        self._process = next(iter(set(active_children()) - others), None)
+        return future
+
+    def close(self) -> None:
+        self._executor.shutdown(cancel_futures=True)
+
+    def terminate(self) -> None:
+        if self._process is not None:
+            self._process.terminate()
+
+
+ExecutorName = Literal["auto", "serial", "processes", "dask"]
+#: ``auto`` is dask where a scheduler is named, this process for one worker without time limit, else processes.
+EXECUTORS: tuple[ExecutorName, ...] = ("auto", "serial", "processes", "dask")
+ExecutorChoice = ExecutorName | SubmitsFutures
+
+
+def contradiction(executor: str, scheduler: str | None, state_seconds: float | None) -> str | None:
+    """Return why these settings exclude each other, or None."""
+    if scheduler is not None and executor not in ("auto", "dask"):
+        return f"executor '{executor}' has no scheduler; leave out the scheduler, or choose executor 'dask'"
+    if state_seconds is not None and executor == "serial":
+        return (
+            "executor 'serial' cannot end a solve that takes too long; leave out state_seconds, or choose "
+            "'processes' or 'dask'"
+        )
+    return None
+
+
+def check_choice(
+    executor: ExecutorChoice, workers: int, scheduler: str | None, state_seconds: float | None
+) -> None:
+    """Refuse settings that cannot be used together.
+
+    Raises
+    ------
+    ConfigurationError
+        The executor is unknown, the settings exclude each other, or this system has no time limits.
+    """
+    if workers < 1:
+        raise ValueError(f"expected at least one worker, got {workers}")
+    if state_seconds is not None and not hasattr(signal, "setitimer"):
+        raise ConfigurationError("sampling.state_seconds: this system cannot end a solve that takes too long")
+    if not isinstance(executor, str):
+        if scheduler is not None or state_seconds is not None:
+            raise ConfigurationError(
+                "an executor that is handed in has its own workers, whose solves cannot be ended from here: leave "
+                "out scheduler and state_seconds"
+            )
+    elif executor not in EXECUTORS:
+        raise ConfigurationError(f"unknown executor '{executor}'; the executors are {', '.join(EXECUTORS)}")
+    elif fault := contradiction(executor, scheduler, state_seconds):
+        raise ConfigurationError(fault)
+
+
+def make_worker_backend(
+    executor: ExecutorChoice, workers: int, scheduler: str | None, state_seconds: float | None, token: str
+) -> WorkerBackend:
+    """Return the workers of a pool for checked settings; see :class:`porocore.sampling.execution.CellPool`."""
+    if not isinstance(executor, str):
+        return FuturesBackend(executor, workers, token)
+    if executor == "dask" or scheduler is not None:
+        from porocore.sampling.execution.dask_workers import DaskBackend
+
+        return DaskBackend(scheduler, workers)
+    if executor == "serial" or (executor == "auto" and workers == 1 and state_seconds is None):
+        return SerialBackend(token)
+    return ProcessBackend(workers)
+
 
 #: Seconds between two checks of workers and interrupts while nothing is finished.
 PATIENCE = 0.2

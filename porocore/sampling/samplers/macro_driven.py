@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.sampling.samplers.active import LearningSampler
 from porocore.sampling.samplers.candidates import (
     corner_count,
@@ -18,7 +18,7 @@ from porocore.sampling.samplers.candidates import (
     spread_out,
 )
 from porocore.sampling.samplers.designs import sobol_points
-from porocore.sampling.samplers.options import positive, refuse_unknown, whole
+from porocore.sampling.samplers.rounds import positive, refuse_unknown, whole
 from porocore.states import Array
 
 #: Visited states are put on a lattice of so many steps for each input: near ones are one, and round-off moves none.

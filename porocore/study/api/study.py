@@ -12,32 +12,38 @@ from typing import Any, Literal
 
 from porocore.core.console import Console
 from porocore.core.echo import echo
-from porocore.core.parallel.threads import one_blas_thread
-from porocore.core.units.results import ResultUnits
+from porocore.core.parallel.memory import one_blas_thread
+from porocore.core.units import ResultUnits
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import Surrogate
-from porocore.macro.laws.point_law import Law
+from porocore.macro.laws.macro_law import Law
 from porocore.sampling.datasets.dataset import Dataset
-from porocore.study.api.settings import configured, of_named_cell, values_over
-from porocore.study.api.solved import LawsSolved, Samples, Solutions, Solved
+from porocore.study.api.solved import (
+    LawsSolved,
+    Samples,
+    Solutions,
+    Solved,
+    configured,
+    of_named_cell,
+    values_over,
+)
 from porocore.study.config.config import RunConfig
 from porocore.study.config.errors import located
-from porocore.study.outline.at_rest import at_rest
-from porocore.study.outline.outline import outline
-from porocore.study.preflight.checks import check_backends
-from porocore.study.run_folder.folder import RunFolder
+from porocore.study.notes.at_rest import at_rest
+from porocore.study.notes.checks import check_backends
+from porocore.study.notes.outline import outline
+from porocore.study.run_folder import RunFolder
 from porocore.study.stages import pipeline
-from porocore.study.stages.laws import USUAL_LAWS, LawKind, macro_laws, porosity_of, require_laws
+from porocore.study.stages.solving import USUAL_LAWS, LawKind, macro_laws, porosity_of, require_laws
 from porocore.study.stages.stage_files import load_reference, load_solution, load_surrogate
 from porocore.study.store import chosen_store
 from porocore.study.sweep.plan import SweepPlan
 from porocore.study.sweep.results import ParameterSweep
 from porocore.study.sweep.run import require_sweep_laws, run_sweep
-from porocore.study.tuning.candidates import DEPTHS, WIDTHS, candidates
-from porocore.study.tuning.tune import Tuning, tune
+from porocore.study.tuning import DEPTHS, WIDTHS, Tuning, candidates, tune
 
 #: Module and function that read a section ``calibration:``. Calibrations stand upon studies, which do not import them.
-READER_OF_CALIBRATIONS = ("porocore.calibration.config.loading", "read_plan")
+READER_OF_CALIBRATIONS = ("porocore.calibration.loading", "read_plan")
 
 
 class Study:

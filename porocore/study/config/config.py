@@ -1,4 +1,4 @@
-"""The configuration as a whole (RunConfig): identities of stages, copies with other backends, differences.
+"""The configuration as a whole (RunConfig): its sections, its cells, values in the body.
 
 Every stage has an identity, a hash of what its result depends on, so that a change of the macroscale does not
 invalidate the samples.
@@ -7,34 +7,516 @@ invalidate the samples.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+import math
+import os
+import re
+from collections import OrderedDict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
+import numpy as np
 import yaml
-from pydantic import AfterValidator, Field, PrivateAttr, ValidationInfo, field_validator
+from pydantic import AfterValidator, Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
 from porocore.cell.cell import Cell
 from porocore.core.echo import cut, echo, suggestion
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.yaml_document import Location, dotted
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import MOST, InputSpace, farthest
+from porocore.core.models.bounds import LARGEST_NUMBER, LARGEST_SEED, MOST_STATES, MOST_WORKERS
 from porocore.core.models.name import Name
 from porocore.core.models.strict import StrictModel
-from porocore.core.units.results import OutputUnits, ResultUnits
-from porocore.core.units.scales import Scales
-from porocore.errors import ConfigurationError
-from porocore.macro.laws import CLOSURES
-from porocore.macro.laws.pull_back import ConductivityLaw
-from porocore.sampling.execution.choice import contradiction
-from porocore.study.config.body_parameters import used_parameters
-from porocore.study.config.cells import of_one_cell, well_named
-from porocore.study.config.sections import (
-    FemSettings,
-    MacroSettings,
-    SamplingSettings,
-    SurrogateSettings,
+from porocore.core.units import (
+    ByKey,
+    Carried,
+    Dimension,
+    OutputUnits,
+    ResultUnits,
+    Scales,
+    Unit,
+    length_text,
+    spoken,
 )
+from porocore.errors import ConfigurationError
+from porocore.macro.boundary.symmetry import part_problem
+from porocore.macro.composition.axes import AXES
+from porocore.macro.composition.body_fields import BodyFields, CellRanges, field_times
+from porocore.macro.composition.regions import regions_of_cell
+from porocore.macro.laws import CLOSURES
+from porocore.macro.laws.closure import ConductivityLaw
+from porocore.macro.problem import MacroProblem, MacroSetup, body_mesh
+from porocore.sampling.execution.pool import ExecutorName, contradiction
+from porocore.states import Array, IntArray
+
+InputName = Literal["H11", "H12", "H13", "H21", "H22", "H23", "H31", "H32", "H33", "p"]
+InRange = Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)]
+Positive = Annotated[float, Field(gt=0)]
+
+
+#: Held-out states of one member of a family: a member is a mesh and its factors more.
+STATES_TOGETHER = 4
+#: Members that errors over the parameters are judged by, four for each third of a range, unless there are fewer states.
+LEAST_MEMBERS = 12
+
+
+class FemSettings(StrictModel):
+    """The finite-element backend, of the cell and of the macroscale alike, and its own options."""
+
+    backend: str = "skfem"
+    """Backend of the cell, and of the macroscale unless ``macro.backend`` is given; ``porocore run --fem NAME``
+    overrides it."""
+    options: dict[str, Any] = Field(default={})
+    """Options of the backend's cell solver."""
+
+
+class SweptInput(StrictModel):
+    """Closed range of one input and the sampler's default step in it."""
+
+    range: Annotated[tuple[InRange, InRange], Carried()]
+    """[lower, upper], closed; for ``density-sweep`` it includes 0."""
+    step: Annotated[Positive | None, Carried()] = None
+    """Default step; ``density-sweep`` needs it for every input, the other samplers take none."""
+
+    @model_validator(mode="after")
+    def _not_empty(self) -> SweptInput:
+        low, high = self.range
+        if not low < high:
+            # It is not known here that the input is p, whose numbers would be without the unit that was written.
+            ends = "" if spoken().given else f" [{low:g}, {high:g}]"
+            raise ValueError(f"range{ends} is empty; give [lower, upper] with lower < upper")
+        return self
+
+
+#: Inputs by name.
+SweptInputs = Annotated[dict[InputName, SweptInput], Field(min_length=1), ByKey({"p": Dimension("pressure")})]
+
+
+class CellSampling(StrictModel):
+    """Inputs of one of several cells."""
+
+    inputs: SweptInputs
+    """Components that move over other ranges than under ``sampling.inputs``, or do not move there."""
+
+
+class HeldOutSettings(StrictModel):
+    """Random states that no surrogate is trained on; its error is measured there."""
+
+    count: Annotated[int, Field(ge=1, le=MOST_STATES)] = 100
+    """Random states with values that no surrogate is trained on; the surrogate's error is measured there."""
+    seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 0
+    """Seed of their draw."""
+    states_per_member: Annotated[int, Field(ge=1, le=MOST_STATES)] | None = None
+    """Held-out states in a row with the same parameters of the cell; null: 4, but fewer where the states would be of
+    less than 12 members, which tell little about errors over the parameters; without parameters it does nothing."""
+
+    @property
+    def together(self) -> int:
+        """Number of states in a row with the same parameters of the cell."""
+        if self.states_per_member is not None:
+            return self.states_per_member
+        return min(STATES_TOGETHER, max(1, self.count // LEAST_MEMBERS))
+
+
+class SamplingSettings(StrictModel):
+    """States of the cell that are solved to learn from."""
+
+    sampler: str = "density-sweep"
+    """Name of the sampler; ``porocore plugins`` lists those that are installed."""
+    inputs: SweptInputs
+    """The components that move, H11 … H33 and p, in the order of the sweeps: the first is swept alone, the next from
+    every value of it."""
+    tolerance: Positive | None = None
+    """Tolerance of the samplers that have one; null leaves it to the sampler."""
+    options: dict[str, Any] = Field(default={})
+    """Further options of the sampler."""
+    workers: Literal["auto"] | Annotated[int, Field(ge=1, le=MOST_WORKERS)] = "auto"
+    """Processes that solve cells, and bodies where there are several to solve; ``auto`` is one for each core; the
+    result does not depend on it."""
+    executor: ExecutorName = "auto"
+    """Place where the cells are solved: this process, processes of this machine, or the workers of dask; ``auto`` is
+    ``dask`` with a scheduler, ``serial`` for one worker without a time limit, else ``processes``; the result does not
+    depend on it."""
+    scheduler: Annotated[str, Field(min_length=1, max_length=300)] | None = None
+    """Address of a dask scheduler, such as ``tcp://node:8786``; null: dask starts workers on this machine."""
+    state_seconds: Annotated[Positive | None, Unit("s")] = None
+    """Time limit for the solve of one state, after which its worker is ended; the state is tried once more, then
+    recorded as ``lost``; null: none."""
+    parameters: Literal["body", "ranges"] = "body"
+    """Values of the parameters of a cell at which states are solved, held-out ones too: those that the ``body`` has
+    somewhere at some time, or their whole ``ranges``, for sweeps and for a law that is asked at any of them."""
+    test: HeldOutSettings = HeldOutSettings()
+    """States apart from the training."""
+    cells: dict[str, CellSampling] = Field(default={})
+    """Inputs of some of the ``cells`` by name, where they differ from ``inputs``."""
+
+    @model_validator(mode="after")
+    def _executor_fits(self) -> SamplingSettings:
+        if fault := contradiction(self.executor, self.scheduler, self.state_seconds):
+            raise ValueError(fault)
+        return self
+
+    def input_space(
+        self,
+        parameters: Mapping[str, tuple[float, float]] | None = None,
+        used: tuple[tuple[float, ...], ...] = (),
+    ) -> InputSpace:
+        """Return the inputs and their ranges, those of the cell's parameters last, and the values that are used."""
+        return InputSpace.from_ranges(
+            {name: swept.range for name, swept in self.inputs.items()}, parameters, used
+        )
+
+    def sampler_options(self) -> dict[str, Any]:
+        """Return the keyword arguments of the sampler, as far as set: ``step`` by input, ``tolerance``, ``options``."""
+        options: dict[str, Any] = {}
+        steps = {name: swept.step for name, swept in self.inputs.items() if swept.step is not None}
+        if steps:
+            options["step"] = steps
+        if self.tolerance is not None:
+            options["tolerance"] = self.tolerance
+        return options | self.options
+
+    def worker_count(self) -> int:
+        """Return the number of processes; 'auto' is one for each core that this process may use."""
+        if self.workers != "auto":
+            return self.workers
+        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+    def pool_options(self) -> dict[str, Any]:
+        """Return the keyword arguments of :class:`porocore.sampling.execution.CellPool`."""
+        others = self.model_dump(include={"executor", "scheduler", "state_seconds"})
+        return {"workers": self.worker_count(), **others}
+
+
+class SurrogateSettings(StrictModel):
+    """The surrogate's backend, its seed and its own options."""
+
+    backend: str = "torch"
+    """Name of the surrogate; ``porocore run --surrogate NAME`` overrides it."""
+    model: Literal["auto", "mlp", "potential"] = "auto"
+    """Model: ⟨∇u¹⟩ by the paper's network (``mlp``), or the potential W and all that follows from it
+    (``potential``); ``auto`` is what the closure needs."""
+    seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 0
+    """Seed of the first weights and of the split into training and validation states."""
+    tolerance: Annotated[float, Field(gt=0, le=1)] = 0.01
+    """Share of the range of what is learned; a state is flagged whose error is estimated to be larger."""
+    options: dict[str, Any] = Field(default={})
+    """Options of the surrogate."""
+
+
+class MacroSettings(MacroSetup):
+    """The macroscale set-up and the loads under which it is solved."""
+
+    loads: Annotated[tuple[float, ...], Field(min_length=1, max_length=1000)]
+    """Each, none of them 0, is solved with the cell's law and with linear poroelasticity; it multiplies every
+    prescribed value."""
+    backend: str | None = None
+    """Backend of the macroscale; null: that of ``fem.backend``; ``porocore run --macro NAME`` overrides it."""
+    options: dict[str, Any] = Field(default={})
+    """Options of the backend's macro solver; they change how the equations are solved, not the solution."""
+
+    @field_validator("loads")
+    @classmethod
+    def _useful(cls, loads: tuple[float, ...]) -> tuple[float, ...]:
+        if 0.0 in loads:
+            raise ValueError("a load of 0 moves nothing; remove it")
+        if len(set(loads)) < len(loads):
+            raise ValueError("a load is listed twice; keep one")
+        return loads
+
+    def specification(self) -> dict[str, Any]:
+        """Return the settings that a solution depends on; a backend only if it is not the cell's."""
+        said = super().specification()
+        return {name: value for name, value in said.items() if name != "backend" or value is not None}
+
+    def problem(self, load: float) -> MacroProblem:
+        """Return the problem under one load, of the part of a symmetric body that is solved."""
+        whole = MacroProblem(load=load, **{name: getattr(self, name) for name in MacroSetup.model_fields})
+        return part_problem(whole)
+
+
+#: Name of a cell, which is that of a folder too.
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,39}")
+#: Largest difference of two lengths of one cell, relative to them.
+SAME_LENGTH = 1e-6
+NO_REST = (
+    "cell: missing; with 'cells:' the rest of the body needs a cell too: give one of the cells here, at the top level, "
+    "and leave 'cell:' of its regions out"
+)
+
+
+def well_named(cells: dict[str, Cell]) -> dict[str, Cell]:
+    """Return the cells after a check of their names.
+
+    Raises
+    ------
+    ValueError
+        A name is none of a folder, or the same as another but for capitals.
+    """
+    known: dict[str, str] = {}
+    for name in cells:
+        if not _NAME.fullmatch(name):
+            raise ValueError(
+                "expected names of up to 40 letters, digits, '-' and '_', which are folders of the run, got "
+                + echo(name)
+            )
+        other = known.setdefault(name.lower(), name)
+        if other != name:
+            raise ValueError(f"the cells '{other}' and '{name}' differ by capitals alone; rename one")
+    return cells
+
+
+def cell_faults(config: RunConfig) -> Iterator[tuple[Location, str]]:
+    """Yield the faults of cells and regions that name one another."""
+    cells = config.cells
+    if cells and "cell" not in config.model_fields_set:
+        yield ("cell",), NO_REST
+    named: list[tuple[Location, str]] = [
+        (("macro", "regions", name, "cell"), region.cell)
+        for name, region in config.macro.regions.items()
+        if region.cell is not None
+    ]
+    used = {cell for _, cell in named}
+    named += [(("sampling", "cells", name), name) for name in config.sampling.cells]
+    for at, cell in named:
+        if cell not in cells:
+            known = suggestion(cell, cells, "the cells are", "there are none; add it under 'cells:'")
+            yield at, f"{dotted(at)}: there is no cell {echo(cell)}; {known}"
+    for name in cells if used <= cells.keys() else ():  # else one of them may be meant
+        if name not in used:
+            at = ("cells", name)
+            yield (
+                at,
+                f"{dotted(at)}: no region has this cell; write 'cell: {name}' under a region of macro.regions, or "
+                "remove it",
+            )
+    yield from other_lengths(config)
+
+
+def other_lengths(config: RunConfig) -> Iterator[tuple[Location, str]]:
+    """Yield faults of images whose edge is not that of the other cells, in multiples of which all of them are."""
+    edge = config.cell.geometry.length if config.scales is None else config.scales.pore
+    for name, cell in config.cells.items():
+        own = cell.geometry.length
+        if own is not None and edge is not None and not math.isclose(own, edge, rel_tol=SAME_LENGTH):
+            at = ("cells", name, "geometry", "voxel_size")
+            yield (
+                at,
+                f"{dotted(at)}: expected a cell of {length_text(edge)}, which is the edge of the others, got "
+                f"{length_text(own)}; all cells of a study have one edge",
+            )
+
+
+def of_one_cell(config: RunConfig, name: str | None) -> RunConfig:
+    """Return the study of a body of one cell, with its own inputs; None names the cell of the rest of the body."""
+    if not config.cells:
+        return config
+    own = None if name is None else config.sampling.cells.get(name)
+    sampling = {"cells": {}, "inputs": config.sampling.inputs | ({} if own is None else own.inputs)}
+    macro = with_fields_of(config, name)
+    regions = {
+        region: settings.model_copy(update={"cell": None})
+        for region, settings in macro.regions.items()
+        if settings.cell == name
+    }
+    part = config.model_copy(
+        update={
+            "cell": cell_of(config, name),
+            "cells": {},
+            "sampling": config.sampling.model_copy(update=sampling),
+            "macro": macro.model_copy(update={"regions": regions}),
+        }
+    )
+    part._part_of = config, name
+    return part
+
+
+def cell_of(config: RunConfig, name: str | None) -> Cell:
+    """Return the cell of this name; None names that of the rest of the body."""
+    return config.cell if name is None else config.cells[name]
+
+
+def cell_ranges(config: RunConfig) -> CellRanges:
+    """Return the ranges of the parameters of the cell of each region."""
+    ranges = {
+        name: {each.name: (each.lower, each.upper) for each in cell_of(config, name).parameters}
+        for name in config.cell_names
+    }
+    return CellRanges([ranges[None], *(ranges[region.cell] for region in config.macro.regions.values())])
+
+
+def with_fields_of(config: RunConfig, name: str | None) -> MacroSettings:
+    """Return the body with fields of the parameters of one cell alone, and with all material axes."""
+    macro = config.macro
+    known = {AXES, *(parameter.name for parameter in cell_of(config, name).parameters)}
+    regions = {
+        region: settings.model_copy(
+            update={"fields": _known(settings.fields, known if settings.cell == name else {AXES})}
+        )
+        for region, settings in macro.regions.items()
+    }
+    return macro.model_copy(update={"regions": regions, "fields": _known(macro.fields, known)})
+
+
+def _known(fields: Mapping[str, Any], names: set[str]) -> dict[str, Any]:
+    return {name: field for name, field in fields.items() if name in names}
+
+
+@contextmanager
+def keys_of(config: RunConfig, name: str | None) -> Iterator[None]:
+    """Name the keys of a cell where the block complains about those of a study of this cell alone.
+
+    ``config`` is the whole study, and ``name`` that of the cell; None: the cell of the rest of the body.
+    """
+    try:
+        yield
+    except ConfigurationError as error:
+        if name is None:
+            raise
+        keys = {"cell.": f"cells.{name}.", "cell:": f"cells.{name}:"}
+        if name in config.sampling.cells:
+            own = config.sampling.cells[name].inputs
+            keys |= {f"sampling.inputs.{each}.": f"sampling.cells.{name}.inputs.{each}." for each in own}
+            keys["sampling.inputs:"] = f"sampling.cells.{name}.inputs:"
+        raise ConfigurationError(
+            "\n".join(_renamed(line, keys) for line in str(error).splitlines())
+        ) from None
+
+
+def _renamed(line: str, keys: Mapping[str, str]) -> str:
+    for key, other in keys.items():
+        if line.startswith(key):
+            return other + line.removeprefix(key)
+    return line
+
+
+def lines_of_cell(name: str | None, lines: Iterable[str]) -> Iterator[str]:
+    """Yield lines with the name of the cell that they are about, where it has one."""
+    for line in lines:
+        head = next(head for head in ("note: ", "  ", "") if line.startswith(head))
+        yield line if name is None else f"{head}cell {name}: {line.removeprefix(head)}"
+
+
+#: A parameter that varies is told apart in so many steps of its range, so that another mesh gives the same values.
+LATTICE = 40
+#: Digits of a share of a range to which a value that is one everywhere is kept.
+DIGITS = 9
+#: Answers that are kept.
+KEPT = 16
+#: The last answers, by all that they depend on.
+_known_parameters: OrderedDict[str, tuple[tuple[float, ...], ...]] = OrderedDict()
+
+
+def used_parameters(config: RunConfig, cell: str | None) -> tuple[tuple[float, ...], ...]:
+    """Return values of all parameters, one row for each combination, near which the body has some cell.
+
+    A parameter that is one number everywhere keeps it; one that varies is told apart in steps of its range. Of more
+    than :data:`~porocore.core.inputs.MOST` the farthest are kept.
+
+    Parameters
+    ----------
+    config
+        The whole study.
+    cell
+        Name of the family; None names that of the rest of the body.
+
+    Raises
+    ------
+    ConfigurationError
+        Fields do not suit the body.
+    """
+    family = cell_of(config, cell)
+    ranges = {each.name: (each.lower, each.upper) for each in family.parameters}
+    if not _given_everywhere(config, cell, ranges):
+        return ()  # a check of the fields tells which one is missing
+    all_ranges = [sorted(each.items()) for each in cell_ranges(config).by_region]
+    grounds = json.dumps([config.macro.specification(), cell, all_ranges], default=str, sort_keys=True)
+    if grounds not in _known_parameters:
+        times = field_times(config.macro, config.macro.time.end)
+        _known_parameters[grounds] = told_apart(values_in_body(config, cell, times), ranges)
+        while len(_known_parameters) > KEPT:
+            _known_parameters.popitem(last=False)
+    _known_parameters.move_to_end(grounds)
+    return _known_parameters[grounds]
+
+
+def _given_everywhere(config: RunConfig, cell: str | None, names: Mapping[str, object]) -> bool:
+    """Return True if the body has a field of each parameter, or each region with the cell has."""
+    own = [region for region in config.macro.regions.values() if region.cell == cell]
+    return all(
+        name in config.macro.fields or (own and all(name in region.fields for region in own))
+        for name in names
+    )
+
+
+def values_in_body(config: RunConfig, cell: str | None, times: Sequence[float]) -> Iterator[Array]:
+    """Yield the parameters (n, m) of a cell at the n points of the body that have it, at ``times``.
+
+    Where no field changes they are yielded once. None names the cell of the rest of the body.
+
+    Raises
+    ------
+    ConfigurationError
+        Fields do not suit the body.
+    """
+    fields = BodyFields(config.macro, body_mesh(config.macro), cell_ranges(config))
+    columns = [fields.names.index(each.name) for each in cell_of(config, cell).parameters]
+    regions = regions_of_cell(config.macro.regions, cell)
+    for time in times if fields.varies else (0.0,):
+        at = fields.at(time)
+        assert at.parameters is not None
+        assert at.place is not None
+        yield at.parameters[np.isin(at.place.region, regions)][:, columns]
+
+
+def told_apart(
+    values: Iterable[Array], ranges: Mapping[str, tuple[float, float]]
+) -> tuple[tuple[float, ...], ...]:
+    """Return the rows that differ by steps of the ``ranges`` among values (n, m) at one time after the other.
+
+    Between two times values go on a line from one to the other.
+    """
+    low, high = np.array(list(ranges.values())).T
+    rows, varies = np.zeros((0, len(low)), dtype=np.int64), np.zeros(len(low), dtype=bool)
+    first: Array | None = None
+    before: IntArray | None = None
+    for each in values:
+        if not len(each):
+            continue
+        # Round-off decides nothing, not even half-way between two steps.
+        unit = np.clip((each - low) / (high - low), 0, 1).round(DIGITS)
+        first = unit[0] if first is None else first
+        varies |= (unit != first).any(axis=0)
+        here = np.round(unit * LATTICE).astype(np.int64)
+        more = here if before is None else _between(before, here)
+        rows, before = _distinct(np.concatenate([rows, _distinct(more)])), here
+    if first is None:
+        return ()
+    shares = np.where(varies, rows / LATTICE, first)
+    shares = np.unique(shares, axis=0)
+    if len(shares) > MOST:
+        shares = shares[np.sort(farthest(shares, MOST))]
+    found = np.clip(low + (high - low) * shares, low, high)
+    return tuple(tuple(float(f"{value:.12g}") for value in row) for row in found.tolist())
+
+
+def _between(before: IntArray, here: IntArray) -> IntArray:
+    """Return the steps (k, m) from ``before`` (n, m) to ``here`` (n, m), both included."""
+    m = before.shape[1]
+    lines = _distinct(np.concatenate([before, here], axis=1))
+    start, end = lines[:, :m], lines[:, m:]
+    count = max(int(np.abs(end - start).max(initial=0)), 1)
+    shares = np.arange(count + 1)[:, None, None] / count
+    steps: IntArray = np.round(start + shares * (end - start)).astype(np.int64)
+    return steps.reshape(-1, m)
+
+
+def _distinct(rows: IntArray) -> IntArray:
+    """Return the different rows (k, m) of numbers below 256, as np.unique but for large bodies."""
+    packed = np.ascontiguousarray(rows.astype(np.uint8)).view(f"V{rows.shape[1]}").reshape(-1)
+    found: IntArray = np.unique(packed).view(np.uint8).reshape(-1, rows.shape[1]).astype(np.int64)
+    return found
 
 
 def _printable(text: str) -> str:

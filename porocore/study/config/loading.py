@@ -1,13 +1,14 @@
-"""Reading of a configuration from YAML or nested settings: scales, units, unknown surfaces, one error."""
+"""Reading of a configuration from YAML or nested settings; configurations that come with porocore."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import yaml
 from pydantic import ValidationError
 
 from porocore.cell.cell import Cell
@@ -16,14 +17,92 @@ from porocore.core.echo import echo, suggestion
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted, leaves
 from porocore.core.models.bounds import LARGEST_NUMBER
 from porocore.core.models.strict import StrictModel
-from porocore.core.units.results import OutputUnits, ResultUnits, length_text, speaking
-from porocore.core.units.scales import Scales
-from porocore.core.units.texts import resolved
+from porocore.core.units import OutputUnits, ResultUnits, Scales, length_text, resolved, speaking
+from porocore.errors import ConfigurationError
 from porocore.macro.body.kinds import Box, Cylinder, QuarterCylinder, Wedge
-from porocore.study.config.cells import SAME_LENGTH, cell_faults, other_lengths
-from porocore.study.config.config import RunConfig
+from porocore.study.config.config import SAME_LENGTH, RunConfig, cell_faults, other_lengths
 from porocore.study.config.errors import faults, located, refusal, switched, unexpected
-from porocore.study.config.examples import benchmark_path
+
+#: File of the benchmark of Dehghani & Zilian.
+BENCHMARK = "dehghani2022.yaml"
+SCHEMA_FILE = "porocore.schema.json"
+MODELINE = f"# yaml-language-server: $schema=./{SCHEMA_FILE}"
+_HEAD = f"""{MODELINE}
+# An editor with a YAML language server completes and checks the keys by this schema; write it beside this file with
+#     porocore schema --to {SCHEMA_FILE}
+#
+"""
+
+
+@dataclass(frozen=True)
+class Example:
+    """One configuration to start from.
+
+    Attributes
+    ----------
+    name
+        Name of the kind and of the file.
+    title
+        What it computes.
+    path
+        The file.
+    """
+
+    name: str
+    title: str
+    path: Path
+
+    def start(self, to: Path) -> str:
+        """Return the text with which a new configuration ``to`` begins."""
+        text = self.path.read_text(encoding="utf-8")
+        return _HEAD + text.replace(f"examples/{self.path.name}", str(to))
+
+
+def packaged(name: str) -> Path:
+    """Return the path of a configuration in the installed package, or in the repository."""
+    package = Path(__file__).parents[2]
+    installed = package / "data" / name
+    return installed if installed.is_file() else package.parent / "examples" / name
+
+
+def benchmark_path() -> Path:
+    """Return the path of the benchmark of Dehghani & Zilian."""
+    return packaged(BENCHMARK)
+
+
+def as_stated_path() -> Path:
+    """Return the path of the benchmark with the channel radius of the paper's text."""
+    return packaged("dehghani2022-as-stated.yaml")
+
+
+def crosscheck_path() -> Path:
+    """Return the path of the small case on which backends are compared."""
+    return packaged("crosscheck.yaml")
+
+
+def examples() -> dict[str, Example]:
+    """Return the examples by name, the benchmark first."""
+    benchmark = benchmark_path()
+    found = {}
+    for path in (benchmark, *sorted(set(benchmark.parent.glob("*.yaml")) - {benchmark})):
+        title = str(yaml.safe_load(path.read_text(encoding="utf-8")).get("title", ""))
+        found[path.stem] = Example(path.stem, title, path)
+    return found
+
+
+def example(name: str) -> Example:
+    """Return the example of a name.
+
+    Raises
+    ------
+    ConfigurationError
+        There is none of this name.
+    """
+    known = examples()
+    if name not in known:
+        raise ConfigurationError(f"no example {echo(name)}; {suggestion(name, known, 'the examples are')}")
+    return known[name]
+
 
 NO_VISCOSITY = (
     "missing; with scales the fluid has no default viscosity: add 'viscosity: 1 mPa s', which is water, under"

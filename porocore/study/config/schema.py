@@ -15,9 +15,8 @@ from pydantic.fields import FieldInfo
 from pydantic.json_schema import GenerateJsonSchema
 
 from porocore.cell.cell import Cell
-from porocore.core.models.walk import bare, is_section
-from porocore.core.units.dimensions import MULTIPLES, Carried, Dimension, Unit
-from porocore.core.units.scales import QUANTITIES
+from porocore.core.models.strict import bare, is_section
+from porocore.core.units import MULTIPLES, QUANTITIES, Carried, Dimension, Unit
 from porocore.study.config.config import RunConfig
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"

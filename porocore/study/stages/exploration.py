@@ -8,10 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from porocore.errors import ConfigurationError, SolveError
-from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
-from porocore.interfaces.law_wrapper import LawWrapper
+from porocore.interfaces.law import LawMemory, LawWrapper, MacroLaw, MacroResponse
 from porocore.interfaces.macro import MacroSolver
-from porocore.interfaces.rest_data import RestData
+from porocore.interfaces.records import RestData
 from porocore.interfaces.sampler import (
     Exploration,
     Remember,
@@ -22,18 +21,15 @@ from porocore.interfaces.sampler import (
 )
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.macro.body.kinds import Body
-from porocore.macro.composition.region_law import RegionLaw
-from porocore.macro.composition.regions import region_numbers
+from porocore.macro.composition.regions import RegionLaw, region_numbers
 from porocore.macro.laws import CLOSURES, ClosedLaw
 from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.macro.reference import CellReference
 from porocore.plugins.border import body_solution_of
 from porocore.states import MacroState
 from porocore.study.backends import make_backend
-from porocore.study.config.config import RunConfig
-from porocore.study.config.sections import MacroSettings
-from porocore.surrogates.polynomial.committee import judge
-from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
+from porocore.study.config.config import MacroSettings, RunConfig
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate, judge
 
 
 @dataclass(frozen=True, eq=False)

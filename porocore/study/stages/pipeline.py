@@ -14,15 +14,13 @@ from porocore.core.files.store import ResultStore
 from porocore.core.parallel.calls import Call, CallProcesses
 from porocore.plugins.registry import registry
 from porocore.study.config.config import RunConfig
-from porocore.study.preflight.guess import processes_here, starts_early, trains_beside
-from porocore.study.run_folder.folder import RunFolder
-from porocore.study.run_folder.stage_times import cut_short_timed
+from porocore.study.notes.guess import processes_here, starts_early, trains_beside
+from porocore.study.run_folder import RunFolder, cut_short_timed
 from porocore.study.stages import reference, sampling, training
-from porocore.study.stages.laws import USUAL_LAWS, LawKind, law_names
 from porocore.study.stages.reference import solve_cell
 from porocore.study.stages.reporting import kept_report, report
 from porocore.study.stages.sampling import cell_pool
-from porocore.study.stages.solving import solve
+from porocore.study.stages.solving import USUAL_LAWS, LawKind, law_names, solve
 from porocore.study.stages.training import begin_training, training_stage
 
 __all__ = ["learn", "report", "run", "sample", "solve", "solve_cell", "solve_reference", "train"]

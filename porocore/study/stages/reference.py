@@ -11,21 +11,19 @@ from typing import Any
 import numpy as np
 
 from porocore.cell.cell import Cell
-from porocore.cell.family.parameters import base_values
-from porocore.cell.family.undeformed import UnstressedFamily
+from porocore.cell.family.family import base_values
+from porocore.cell.family.mesh import UnstressedFamily
 from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
 from porocore.macro.boundary.drainage import undrained
-from porocore.macro.laws.effective import EffectiveProperties
+from porocore.macro.laws.linear import EffectiveProperties
 from porocore.macro.reference import CellReference, porosity_at_rest
 from porocore.plugins.border import conductivity_of, solution_of
 from porocore.sampling.execution.solved_store import StoringSolver
 from porocore.states import Array, CellResponse, CellSlopes, MacroState, Status
-from porocore.study.config.config import RunConfig, cell_identity
-from porocore.study.config.sections import FemSettings
-from porocore.study.preflight.symmetry_notes import broken_by_the_mesh
-from porocore.study.run_folder.folder import RunFolder
-from porocore.study.run_folder.stage_times import StageClock, timed
+from porocore.study.config.config import FemSettings, RunConfig, cell_identity
+from porocore.study.notes.abilities import broken_by_the_mesh
+from porocore.study.run_folder import RunFolder, StageClock, timed
 from porocore.study.stages.stage_files import load_reference, prepare_cell
 from porocore.study.store import cell_key, fetch_files, keep_files, solved_states, told
 

@@ -14,9 +14,7 @@ from porocore.macro.reference import CellReference
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.study.backends import with_closure
 from porocore.study.config.config import RunConfig
-from porocore.study.run_folder.files import LINEAR
-from porocore.study.run_folder.folder import RunFolder
-from porocore.study.run_folder.stage_times import StageTime, stage_times
+from porocore.study.run_folder import LINEAR, RunFolder, StageTime, stage_times
 from porocore.study.stages.stage_files import (
     linear_coefficients,
     load_reference,

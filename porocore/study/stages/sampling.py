@@ -10,22 +10,19 @@ from contextlib import ExitStack
 
 from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
-from porocore.core.units.results import speaking
+from porocore.core.units import speaking
 from porocore.errors import DataError
 from porocore.interfaces.sampler import Sampler
-from porocore.sampling.campaign import CampaignProgress, CampaignSummary, run_campaign
+from porocore.sampling.campaign import CampaignProgress, CampaignSummary, WarmStarts, run_campaign
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.execution.interrupts import listening
 from porocore.sampling.forecast import Guess
-from porocore.sampling.warm_starts import WarmStarts
 from porocore.states import Array, Status
 from porocore.study.config.config import RunConfig
-from porocore.study.preflight.guess import guessed_times
-from porocore.study.preflight.symmetry_notes import uncovered
-from porocore.study.run_folder.folder import RunFolder
-from porocore.study.run_folder.provenance import versions
-from porocore.study.run_folder.stage_times import timed
+from porocore.study.notes.abilities import uncovered
+from porocore.study.notes.guess import guessed_times
+from porocore.study.run_folder import RunFolder, timed, versions
 from porocore.study.stages.stage_files import (
     drop_misplaced,
     factory_of,

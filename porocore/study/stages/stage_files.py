@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 
 from porocore.cell.cell import Cell
-from porocore.cell.family.undeformed import UnstressedFamily, rest_data, undeformed_count
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.inputs.sampled_range import SampledRange
+from porocore.cell.family.mesh import UnstressedFamily, rest_data, undeformed_count
+from porocore.core.inputs import InputSpace, SampledRange
 from porocore.errors import DataError
 from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.law import MacroLaw
-from porocore.interfaces.rest_data import RestData
+from porocore.interfaces.records import RestData
 from porocore.interfaces.sampler import Sampler
 from porocore.interfaces.solution import MacroSolution
 from porocore.interfaces.surrogate import MORE_STATES, Surrogate, TrainingSet, least_states
@@ -22,8 +21,7 @@ from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.macro.reference import CellReference
 from porocore.plugins.registry import registry
 from porocore.sampling.campaign import is_complete
-from porocore.sampling.datasets.dataset import Dataset
-from porocore.sampling.datasets.parts import describe
+from porocore.sampling.datasets.dataset import Dataset, describe
 from porocore.sampling.execution.members import (
     MOST_MEMBERS,
     MemberSolver,
@@ -31,14 +29,12 @@ from porocore.sampling.execution.members import (
     UndeformedMemberSolver,
 )
 from porocore.sampling.execution.tasks import Factory
-from porocore.sampling.samplers.random_states import RandomStates
-from porocore.sampling.samplers.undeformed_members import UndeformedMembers
+from porocore.sampling.samplers.candidates import UndeformedMembers
+from porocore.sampling.samplers.designs import RandomStates
 from porocore.study.backends import make_backend
-from porocore.study.config.cells import with_fields_of
-from porocore.study.config.config import RunConfig
-from porocore.study.preflight.abilities import require_conductivity
-from porocore.study.run_folder.folder import RunFolder
-from porocore.study.run_folder.provenance import versions
+from porocore.study.config.config import RunConfig, with_fields_of
+from porocore.study.notes.abilities import require_conductivity
+from porocore.study.run_folder import RunFolder, versions
 from porocore.study.stages.exploration import BodyAround, inform
 
 

@@ -17,19 +17,18 @@ from porocore.macro.boundary.drainage import undrained
 from porocore.macro.composition.linearised_law import RestCoefficients
 from porocore.macro.composition.regions import regions_of_cell
 from porocore.macro.laws import CLOSURES, ClosedLaw
-from porocore.macro.laws.closure_error import ClosureError, closure_error
+from porocore.macro.laws.closure import ClosureError, closure_error
 from porocore.macro.laws.linear import LinearCoefficients
-from porocore.macro.oscillation import diffusion_time, unresolved
-from porocore.macro.reference import CellReference
+from porocore.macro.reference import CellReference, diffusion_time, unresolved
 from porocore.report.context import (
     CellSummary,
+    LoadingMode,
     ReportContext,
     SamplingSummary,
     Stage,
     SurrogateSummary,
     TrainingCurve,
 )
-from porocore.report.loading_mode import LoadingMode
 from porocore.report.metrics import LoadCase
 from porocore.report.words.parameters import FamilySummary
 from porocore.sampling.datasets.dataset import Dataset
@@ -37,15 +36,12 @@ from porocore.sampling.samplers.active import LearningSampler
 from porocore.states import MacroState
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
-from porocore.study.findings.body_cells import body_cells, rest_of_body
-from porocore.study.findings.costs import direct_costs, fallbacks_done
-from porocore.study.findings.held_out import output_checks
-from porocore.study.findings.parameters import family_summary
-from porocore.study.findings.publication import crease_line, published_values
-from porocore.study.findings.reach import MORE, flagged_place, left_out_shear, shears
-from porocore.study.outline.at_rest import edges
-from porocore.study.run_folder.files import LINEAR
-from porocore.study.run_folder.provenance import versions
+from porocore.study.notes.at_rest import edges
+from porocore.study.notes.members import body_cells, direct_costs, fallbacks_done, rest_of_body
+from porocore.study.notes.parameters import family_summary, output_checks
+from porocore.study.notes.publication import crease_line, published_values
+from porocore.study.notes.reach import MORE, flagged_place, left_out_shear, shears
+from porocore.study.run_folder import LINEAR, versions
 from porocore.study.stages.results import RunResults, times_of_all_cells
 from porocore.study.stages.stage_files import load_undeformed
 from porocore.study.stages.training import read_training_curve

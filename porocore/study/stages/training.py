@@ -16,14 +16,13 @@ from porocore.core.echo import reason
 from porocore.core.files.reading import read_text, set_aside
 from porocore.core.files.store import ResultStore
 from porocore.core.parallel.calls import Call, CallProcesses, Tell
-from porocore.core.units.results import speaking
+from porocore.core.units import speaking
 from porocore.errors import DataError, RunFolderError
 from porocore.interfaces.surrogate import Surrogate, TrainingProgress, TrainingSet
 from porocore.states import Array
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
-from porocore.study.run_folder.folder import RunFolder
-from porocore.study.run_folder.stage_times import StageClock, timed
+from porocore.study.run_folder import RunFolder, StageClock, timed
 from porocore.study.stages.stage_files import load_surrogate, training_set
 from porocore.study.store import fetch_files, keep_files, training_key
 

@@ -1,4 +1,4 @@
-"""Figure of a sweep: curves against time and results against one parameter, or results over the plane of two."""
+"""Table and picture of a sweep: sweep.csv, sweep.png and sweep.svg."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from porocore.core.files.atomic import atomic_path
+from porocore.core.files.plain_data import write_csv
 from porocore.interfaces.solution import MacroSolution
 from porocore.report.figures.style import (
     BLACK,
@@ -27,10 +29,12 @@ from porocore.report.figures.style import (
     axis_label,
     named,
     new_figure,
+    png_bytes,
     styled,
+    svg_bytes,
 )
 from porocore.states import Array
-from porocore.study.run_folder.files import LINEAR as LINEAR_LAW
+from porocore.study.run_folder import LINEAR as LINEAR_LAW
 from porocore.study.sweep.results import ParameterSweep
 
 #: Labels of the results.
@@ -289,3 +293,25 @@ def plane(sweep: ParameterSweep, figure: Figure, axes: Axes, name: str) -> None:
     axes.set_xlabel(parameter_label(sweep, 0))
     axes.set_ylabel(parameter_label(sweep, 1))
     axes.grid(visible=False)
+
+
+def write_sweep(sweep: ParameterSweep) -> None:
+    """Write the table, with one row a point, and the picture.
+
+    Raises
+    ------
+    RunFolderError
+        A file cannot be written.
+    """
+    units, swept = sweep.units, sweep.plan.swept
+    header = [units.titled(each.name, each.quantity) for each in swept]
+    header += [units.titled(name, sweep.quantity(name)) for name in sweep.figures]
+    values = zip(sweep.values.T, swept, strict=True)
+    columns = [[units.value(float(x), each.quantity) for x in column] for column, each in values]
+    columns += [column.tolist() for column in sweep.figures.values()]
+    rows = zip(*columns, strict=True)
+    write_csv(sweep.table, header, ([x if np.isfinite(x) else "" for x in row] for row in rows))
+    figure = sweep_figure(sweep)
+    for path, made in zip(sweep.pictures, (png_bytes, svg_bytes), strict=True):
+        with atomic_path(path) as part:
+            part.write_bytes(made(figure))

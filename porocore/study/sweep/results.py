@@ -9,20 +9,20 @@ from pathlib import Path
 
 import numpy as np
 
-from porocore.cell.family.parameters import number, require_known
+from porocore.cell.family.family import number, require_known
 from porocore.core.echo import joined
 from porocore.core.files.atomic import file_stem
-from porocore.core.units.results import ResultUnits
+from porocore.core.units import ResultUnits
 from porocore.errors import ConfigurationError
 from porocore.interfaces.solution import MacroSolution
 from porocore.interfaces.surrogate import Surrogate
+from porocore.report.context import LoadingMode, reactions
 from porocore.report.dimensional import FIGURES
-from porocore.report.loading_mode import LoadingMode, reactions
 from porocore.report.metrics import solution_metrics, time_within
-from porocore.report.words.settlement import ROUND_OFF
+from porocore.report.words.results import ROUND_OFF
 from porocore.states import Array
 from porocore.study.api.solved import LawsSolved, Solutions, Solved
-from porocore.study.run_folder.folder import RunFolder
+from porocore.study.run_folder import RunFolder
 from porocore.study.stages.stage_files import load_solution, load_surrogate
 from porocore.study.sweep.plan import FOLDER, SweepPlan, SweepPoint
 

@@ -11,17 +11,24 @@ from porocore.core.console import Console, Task
 from porocore.core.echo import echo
 from porocore.core.files.store import ResultStore
 from porocore.core.parallel.calls import CallProcesses
-from porocore.core.units.results import speaking
+from porocore.core.units import speaking
 from porocore.errors import ConfigurationError, SolveError
 from porocore.interfaces.solution import StepReport
 from porocore.sampling.samplers.macro_driven import MacroDriven
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
-from porocore.study.preflight.guess import bodies_at_once, macro_time
-from porocore.study.run_folder.folder import RunFolder
+from porocore.study.notes.guess import bodies_at_once, macro_time
+from porocore.study.run_folder import RunFolder
 from porocore.study.stages import pipeline
-from porocore.study.stages.laws import USUAL_LAWS, LawKind, law_names, macro_laws, require_laws
-from porocore.study.stages.solving import prepared_body, solve_body
+from porocore.study.stages.solving import (
+    USUAL_LAWS,
+    LawKind,
+    law_names,
+    macro_laws,
+    prepared_body,
+    require_laws,
+    solve_body,
+)
 from porocore.study.sweep.plan import SweepPlan, SweepPoint
 from porocore.study.sweep.results import ParameterSweep, point_files
 
@@ -71,7 +78,7 @@ def run_sweep(
     SolveError
         The body could be solved for no value.
     """
-    from porocore.study.sweep.files import write_sweep  # matplotlib is slow to import
+    from porocore.study.sweep.figure import write_sweep  # matplotlib is slow to import
 
     require_sweep_laws(laws)
     for note in plan.notes:

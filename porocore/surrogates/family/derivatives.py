@@ -16,8 +16,8 @@ import numpy as np
 from porocore.errors import DataError
 from porocore.states import Array, CellResponse, MacroState
 from porocore.surrogates.family.coordinates import ParameterMap
-from porocore.surrogates.potential.data import unrotated, variables
-from porocore.surrogates.stretch.log_stretch import LogStretch
+from porocore.surrogates.potential import unrotated, variables
+from porocore.surrogates.stretch import LogStretch
 
 #: Responses from which the potential is learned.
 NEEDED = ("potential", "stress", "fluid_volume", "tangent")

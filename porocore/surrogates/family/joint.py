@@ -9,13 +9,12 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from porocore.core.inputs.point_coordinates import Coordinates
+from porocore.core.inputs import Coordinates
 from porocore.states import Array, IntArray
 from porocore.surrogates.network.network import Derivatives
 from porocore.surrogates.network.separable import FactoredNetwork
 from porocore.surrogates.polynomial.composition import TermSum
-from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to
-from porocore.surrogates.polynomial.terms import VARIABLES, Terms
+from porocore.surrogates.polynomial.monomials import VARIABLES, Polynomial, Terms, exponents_up_to
 from porocore.surrogates.polynomial.varying import BoundPolynomial, VaryingPolynomial
 
 K = TypeVar("K")

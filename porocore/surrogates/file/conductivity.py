@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.states import Array
-from porocore.surrogates.conductivity.model import ConductivityModel, triangle
+from porocore.surrogates.conductivity import ConductivityModel, triangle
 from porocore.surrogates.file import estimates, parts
 
 

@@ -11,10 +11,9 @@ from porocore.states import Array
 from porocore.surrogates.error_estimate.estimate import ErrorEstimate
 from porocore.surrogates.family.model import FamilyModel
 from porocore.surrogates.file.parts import pack_polynomial, unpack_polynomial
-from porocore.surrogates.mean_gradient.model import AnchoredModel
-from porocore.surrogates.polynomial.monomials import Polynomial
-from porocore.surrogates.polynomial.terms import VARIABLES
-from porocore.surrogates.potential.model import PotentialModel
+from porocore.surrogates.mean_gradient import AnchoredModel
+from porocore.surrogates.polynomial.monomials import VARIABLES, Polynomial
+from porocore.surrogates.potential import PotentialModel
 
 #: Polynomials and judged quantities at most, in a file that is worth reading.
 MOST_MEMBERS = 1000

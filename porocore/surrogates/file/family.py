@@ -6,10 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.inputs.sampled_range import SampledRange
-from porocore.core.tensors.point_group import PointGroup
-from porocore.interfaces.rest_data import KINDS
+from porocore.core.inputs import InputSpace, SampledRange
+from porocore.core.tensors import PointGroup
+from porocore.interfaces.records import KINDS
 from porocore.states import Array
 from porocore.surrogates.family.conductivity import FamilyConductivity
 from porocore.surrogates.family.coordinates import ParameterMap

@@ -10,13 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.inputs.sampled_range import SampledRange
+from porocore.core.inputs import InputSpace, SampledRange
 from porocore.states import Array
 from porocore.surrogates.network.network import Network
-from porocore.surrogates.polynomial.monomials import Polynomial
-from porocore.surrogates.polynomial.terms import VARIABLES, Terms, plain
-from porocore.surrogates.potential.training_box import TrainingBox
+from porocore.surrogates.polynomial.monomials import VARIABLES, Polynomial, Terms, plain
+from porocore.surrogates.potential import TrainingBox
 
 #: Largest exponent of a polynomial, and the number of its monomials' divisors: far beyond any that was fitted.
 MOST_EXPONENT, MOST_DIVISORS = 32, 1_000_000

@@ -1,4 +1,4 @@
-"""Regression of the network of a family's potential: values, first and second derivatives by y and θ̂.
+"""Network of a family's potential: its regression by values and derivatives, its training.
 
 As in :mod:`porocore.surrogates.network.sobolev` the loss is written once, in operations that torch and jax.numpy share.
 The weights have a normal prior around the first ones, at which the network adds nothing to the polynomial. Without it
@@ -9,17 +9,42 @@ seeds, and between the last bits of two numbers of threads.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from porocore.interfaces.surrogate import OnProgress, TrainingSet
 from porocore.states import Array
-from porocore.surrogates.family.regression import JointData
-from porocore.surrogates.network.network import Network
-from porocore.surrogates.network.sobolev import Loss, activate, first_weights, layered_network, unpack_layers
-from porocore.surrogates.polynomial.terms import Terms
-from porocore.surrogates.potential.model import low_orders
+from porocore.surrogates.family.fit import (
+    FamilyData,
+    JointData,
+    Weights,
+    assembled,
+    equation_scales,
+    fit_joint,
+    symmetry_of,
+    terms_of,
+)
+from porocore.surrogates.family.joint import design
+from porocore.surrogates.family.model import FamilyModel
+from porocore.surrogates.network.network import Evaluator, Network
+from porocore.surrogates.network.options import PotentialOptions
+from porocore.surrogates.network.separable import SeparableNetwork
+from porocore.surrogates.network.sobolev import (
+    Autodiff,
+    Loss,
+    activate,
+    first_weights,
+    layered_network,
+    minimised,
+    unpack_layers,
+)
+from porocore.surrogates.polynomial.fit import ANCHOR_DEGREE
+from porocore.surrogates.polynomial.monomials import Polynomial, Terms
+from porocore.surrogates.potential import low_orders
+from porocore.surrogates.potential_training import coordinates_for
 
 #: Square of the noise as a share of the mean square that the polynomial leaves; the weights' prior has unit width. The
 #: errors on held-out states were the same, within their spread over seeds, from 0.003 to 0.01.
@@ -118,7 +143,7 @@ class FamilyProblem:
             R and its derivatives.
         divisors
             Spread of each kind of equation, (1, …), as of
-            :func:`porocore.surrogates.family.regression.equation_scales`.
+            :func:`porocore.surrogates.family.fit.equation_scales`.
         terms
             Of which those that no state moves are left out.
         active
@@ -254,3 +279,73 @@ def _hessian(layers: Layers, hidden: list[tuple[Any, Any, Any]], factors: Any) -
         found = found + ((delta * curvature)[:, :, None] * J).swapaxes(1, 2) @ J
         delta = (delta * slope) @ W
     return found
+
+
+#: Weights where values alone are learned.
+VALUES = Weights(by_y=0.0, by_x=0.0, by_yy=0.0, by_yx=0.0)
+
+
+def train_family(
+    training: TrainingSet,
+    options: PotentialOptions,
+    seed: int,
+    autodiff: Autodiff,
+    make_evaluator: Callable[[Network], Evaluator],
+    on_progress: OnProgress | None = None,
+) -> tuple[FamilyModel, FamilyData, dict[str, float]]:
+    """Return the model, the data, and the remaining errors of ∂W/∂y on the training states as shares of their ranges.
+
+    Raises
+    ------
+    DataError
+        Undeformed members, a response or a derivative are missing, or too few states are stable.
+    ConfigurationError
+        Cubic symmetry is asked for and the cell has none.
+    """
+    data = FamilyData.from_training_set(training)
+    terms, group, joint = terms_of(data), data.rest.symmetry, data.potential
+    coordinates, l = coordinates_for(terms, group, data.active, options), len(joint.x)
+    # A network of the sampled variables cannot describe stresses across them.
+    anchor = terms if options.anchor == "polynomial" else terms.across()
+    polynomial = Polynomial.zero(len(terms.weights) + l, 1)
+    if options.anchor == "polynomial" or terms.once:
+        tied = symmetry_of(anchor, l, group)
+        polynomial = fit_joint(
+            joint, anchor, 3, tied=tied, weights=Weights(), highest=ANCHOR_DEGREE
+        ).polynomial
+    divisors = equation_scales(
+        joint, Weights() if options.derivatives else VALUES, symmetry_of(terms, l, group)
+    )
+    problem = FamilyProblem.from_data(_beyond(joint, terms, polynomial), divisors, coordinates, data.active)
+    layout = Layout.from_widths(len(problem.terms.weights), l, options.hidden, options.activation)
+    start = layout.first_weights(seed)
+    function = autodiff.compile(problem.loss(autodiff.xp, layout), problem.constants(start))
+    theta = minimised(function, start, options.iterations, on_progress)
+    network, factors = problem.networks(theta, layout)
+    part = SeparableNetwork(make_evaluator(network), factors, problem.terms)
+    model = assembled(training, data, terms, polynomial, network=part)
+    return model, data, {"slopes of W on the training states": _error(model, data)}
+
+
+def _beyond(data: JointData, terms: Terms, polynomial: Polynomial) -> JointData:
+    """Return what a polynomial leaves of one function and its derivatives."""
+    if not len(polynomial.exponents):
+        return data
+    columns = design(terms, polynomial.exponents, data.y, data.x, second=True)
+    c = polynomial.coefficients[0]
+
+    def left(kind: str) -> Array:
+        found: Array = getattr(data, kind) - np.tensordot(c, getattr(columns, kind), 1)[None]
+        return found
+
+    return JointData(data.y, data.x, *(left(kind) for kind in ("value", "by_y", "by_x", "by_yy", "by_yx")))
+
+
+def _error(model: FamilyModel, data: FamilyData) -> float:
+    """Return the largest root mean square error of ∂R/∂y, as a share of the range of ∂w/∂y."""
+    active = list(data.active)
+    found = model.beyond_rest(data.potential.y, data.potential.x)[1]
+    wrong = (found - data.potential.by_y[0]) * data.scale
+    spread = np.ptp(data.stress[active], axis=1)
+    share = np.sqrt((wrong[active] ** 2).mean(axis=1)) / np.where(spread > 0, spread, 1.0)
+    return float(share.max())

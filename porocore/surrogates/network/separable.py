@@ -15,8 +15,8 @@ import numpy as np
 
 from porocore.states import Array, IntArray
 from porocore.surrogates.network.network import Derivatives, Evaluator, Network
-from porocore.surrogates.polynomial.terms import Terms
-from porocore.surrogates.potential.model import low_orders
+from porocore.surrogates.polynomial.monomials import Terms
+from porocore.surrogates.potential import low_orders
 
 
 @dataclass(frozen=True, eq=False)

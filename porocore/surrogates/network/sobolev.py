@@ -18,9 +18,8 @@ from scipy.optimize import minimize
 from porocore.interfaces.surrogate import OnProgress, TrainingProgress
 from porocore.states import Array
 from porocore.surrogates.network.network import Network
-from porocore.surrogates.polynomial.terms import Terms
-from porocore.surrogates.potential.data import PotentialData
-from porocore.surrogates.potential.model import low_orders
+from porocore.surrogates.polynomial.monomials import Terms
+from porocore.surrogates.potential import PotentialData, low_orders
 
 #: L-BFGS keeps 50 steps.
 STOPPING = {"maxcor": 50, "ftol": 1e-14, "gtol": 1e-9}

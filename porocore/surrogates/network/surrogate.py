@@ -6,21 +6,20 @@ from abc import abstractmethod
 from pathlib import Path
 from typing import Any
 
-from porocore.core.inputs.sampled_range import SampledRange
+from porocore.core.inputs import SampledRange
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import OnProgress, TrainingSet
-from porocore.surrogates.error_estimate.models import with_mean_gradient_error, with_potential_error
-from porocore.surrogates.family.error import with_family_error
+from porocore.surrogates.error_estimate.fit import with_mean_gradient_error, with_potential_error
+from porocore.surrogates.family.conductivity import with_family_error
 from porocore.surrogates.file.file import Model
-from porocore.surrogates.mean_gradient.data import ScaledData
-from porocore.surrogates.mean_gradient.model import AnchoredModel
-from porocore.surrogates.network.adam import AutodiffTraining, MlpTraining
-from porocore.surrogates.network.family_training import train_family
+from porocore.surrogates.mean_gradient import AnchoredModel, ScaledData
+from porocore.surrogates.network.family_problem import train_family
 from porocore.surrogates.network.network import Network
 from porocore.surrogates.network.options import MlpOptions, PotentialOptions
 from porocore.surrogates.network.sobolev import Autodiff
+from porocore.surrogates.network.training import AutodiffTraining, MlpTraining
 from porocore.surrogates.portable import ModelSurrogate
-from porocore.surrogates.potential.training import train_potential
+from porocore.surrogates.potential_training import train_potential
 
 
 class NetworkSurrogate(ModelSurrogate):
@@ -29,11 +28,11 @@ class NetworkSurrogate(ModelSurrogate):
     ``mlp`` is the paper's: a sigmoid network (three layers of 40) for <∇u¹>_s, trained with Adam on the mean
     squared error. It follows Dehghani & Zilian but for the anchor: the linear limit M:H + Q p of the cell is added
     exactly and the network describes only what goes beyond it
-    (:class:`porocore.surrogates.mean_gradient.model.AnchoredModel`). A component of H that was not
+    (:class:`porocore.surrogates.mean_gradient.AnchoredModel`). A component of H that was not
     sampled enters through M only, and a state that moves such a component is flagged as ``outside_training_range``.
 
     ``potential`` is a network for W(ln U, p), trained with L-BFGS on W and its first derivatives; stress, fluid volume
-    and all tangents are its derivatives (:class:`porocore.surrogates.potential.model.PotentialModel`). It learns cells
+    and all tangents are its derivatives (:class:`porocore.surrogates.potential.PotentialModel`). It learns cells
     with parameters too: W(ln U, p; θ), exact at rest for every θ
     (:class:`porocore.surrogates.family.model.FamilyModel`).
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from porocore.states import Array
 from porocore.surrogates.network.network import Derivatives
-from porocore.surrogates.polynomial.monomials import Polynomial
-from porocore.surrogates.polynomial.terms import VARIABLES, Terms
+from porocore.surrogates.polynomial.monomials import VARIABLES, Polynomial, Terms
 from porocore.surrogates.polynomial.varying import BoundPolynomial
 
 

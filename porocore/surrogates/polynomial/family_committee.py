@@ -1,7 +1,7 @@
 """Committee of polynomials for a cell with parameters: its members are functions of the state and of θ.
 
 They are polynomials in y and the coordinates θ̂ for the remainder beyond rest, as those of the family's surrogate
-(:mod:`porocore.surrogates.family.regression`), with its equations and its prior: one for each fifth of the states that
+(:mod:`porocore.surrogates.family.fit`), with its equations and its prior: one for each fifth of the states that
 is left out.
 """
 
@@ -15,20 +15,24 @@ from scipy.linalg import cho_factor, cho_solve
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import Array, IntArray, MacroState
 from porocore.surrogates.family.derivatives import Scaling
-from porocore.surrogates.family.fit import MEAN_WEIGHTS, FamilyData, symmetry_of, terms_of, turning
-from porocore.surrogates.family.joint import MonomialDerivatives, design, joint_exponents
-from porocore.surrogates.family.regression import (
+from porocore.surrogates.family.fit import (
+    MEAN_WEIGHTS,
+    FamilyData,
     JointData,
     SharedEquations,
     Weights,
     chosen_prior,
     equation_scales,
+    symmetry_of,
+    terms_of,
+    turning,
 )
+from porocore.surrogates.family.joint import MonomialDerivatives, design, joint_exponents
 from porocore.surrogates.family.rest import RestModel
 from porocore.surrogates.polynomial.judgement import Committee, Target
-from porocore.surrogates.polynomial.terms import VARIABLES, Terms, plain
-from porocore.surrogates.potential.data import variables
-from porocore.surrogates.stretch.log_stretch import LogStretch
+from porocore.surrogates.polynomial.monomials import VARIABLES, Terms, plain
+from porocore.surrogates.potential import variables
+from porocore.surrogates.stretch import LogStretch
 
 #: Degree in the coordinates beyond what the total degree leaves.
 MORE = 1

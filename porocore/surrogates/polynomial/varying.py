@@ -14,7 +14,7 @@ from math import factorial, prod
 
 import numpy as np
 
-from porocore.core.inputs.point_coordinates import Coordinates, PointSets
+from porocore.core.inputs import Coordinates, PointSets
 from porocore.states import Array, IntArray
 from porocore.surrogates.polynomial.monomials import (
     LARGEST_BLOCK,
@@ -22,8 +22,9 @@ from porocore.surrogates.polynomial.monomials import (
     Entry,
     Place,
     Polynomial,
+    Rows,
+    Term,
 )
-from porocore.surrogates.polynomial.rows import Rows, Term
 
 #: Numbers in a block of points with coefficients of their own.
 BLOCK = 1 << 20

@@ -1,7 +1,12 @@
-"""Laws on cells with known responses: rest, uniform pressure, conductivity, an overlap."""
+"""Laws that hold exactly: identities, closed forms, self-contact of the pore wall.
+
+Misfits are relative to the largest entry of what is compared, unless said otherwise.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import permutations, product
 from typing import Any
 
 import numpy as np
@@ -10,10 +15,11 @@ import pytest
 from porocore.cell.cell import Cell
 from porocore.cell.contact.settings import ContactSettings
 from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.cell.materials.material import Material
-from porocore.cell.materials.neo_hookean import NeoHookean
 from porocore.interfaces.cell import CellSolver
-from porocore.states import Array, MacroState, Status
+from porocore.macro.laws.linear import LinearCoefficients
+from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
 from porocore.testing.cell_laws.suite import CellSuite
 from porocore.testing.expect import holds, near, require, same, state_text
 
@@ -200,3 +206,240 @@ class ExactCells(CellSuite):
         if accuracy is None:
             pytest.skip("accuracy = None: it is an estimate, which is held to no exact value")
         return accuracy
+
+
+#: Steps of a central difference of fourth order, and its weights.
+STEPS, WEIGHTS = (-2, -1, 1, 2), (1 / 12, -2 / 3, 2 / 3, -1 / 12)
+
+
+def misfit(found: Array, expected: Array) -> float:
+    """Largest difference over the largest entry of ``expected``."""
+    return float(np.abs(np.asarray(found) - expected).max() / np.abs(expected).max())
+
+
+def uniform_pressure(tangent: CellTangent, poisson_ratio: float) -> float:
+    """Q_ii = (1 − 2ν)(M_iiii + M_iijj + M_iikk) at rest, for pores of any shape in a homogeneous isotropic solid.
+
+    A pressure on solid and pore alike, uniform, compresses both alike.
+    """
+    M, Q = _require(tangent.mean_grad_grad_u), _require(tangent.mean_grad_p)
+    return misfit(np.diag(Q), (1 - 2 * poisson_ratio) * np.einsum("iikk->i", M))
+
+
+def biot_forms(linear: LinearCoefficients) -> float:
+    """φ_f I − I:M = φ_f I − C:Q: what pressure takes of the stress is what strain sets free of the fluid."""
+    return misfit(linear.biot_of_stress, linear.biot)
+
+
+def biot_modulus(linear: LinearCoefficients, porosity: float, poisson_ratio: float) -> float:
+    """M_B of :func:`biot_forms` [E], K_s/(α − φ_f) with K_s = 1/(3(1 − 2ν)), against which −1/tr Q can be held."""
+    alpha = float(np.trace(linear.biot)) / 3
+    return 1 / (3 * (1 - 2 * poisson_ratio) * (alpha - porosity))
+
+
+def cubic_symmetry(M: Array) -> float:
+    """Return the worst change of M (3, 3, 3, 3) of a cubic cell under mirrors and permutations of the axes."""
+    worst = 0.0
+    for order in permutations(range(3)):
+        for signs in product((1.0, -1.0), repeat=3):
+            Q = np.diag(signs)[list(order)]
+            worst = max(worst, misfit(np.einsum("ai,bj,ck,dl,ijkl->abcd", Q, Q, Q, Q, M), M))
+    return worst
+
+
+def major_symmetry(tangent: CellTangent) -> float:
+    """∂P_E/∂H = (∂P_E/∂H)ᵀ: there is a potential."""
+    A = _require(tangent.stress_grad_u).reshape(9, 9)
+    return misfit(A.T, A)
+
+
+def reciprocity(tangent: CellTangent) -> float:
+    """∂P_E/∂p = −∂φ/∂H: there is a potential of H and p."""
+    return misfit(-_require(tangent.fluid_volume_grad_u), _require(tangent.stress_p))
+
+
+def objectivity(straight: CellResponse, turned: CellResponse, R: Array) -> dict[str, float]:
+    """One row each, at F and at R F: W and φ do not feel the rotation, P_E and <∇u¹> turn with it."""
+    return {
+        name: misfit(_require(getattr(turned, name)), turn @ value if turn.size else value)
+        for name, turn, value in (
+            ("potential", np.empty(0), _require(straight.potential)),
+            ("fluid_volume", np.empty(0), _require(straight.fluid_volume)),
+            ("stress", R, _require(straight.stress)),
+            ("mean_grad", R, straight.mean_grad[0]),
+        )
+    }
+
+
+def linear_changes(at: CellResponse, dH: Array, dp: float) -> dict[str, Array]:
+    """Change of each response of one row in a direction, by its derivatives; that of W is P_E:dH − φ dp."""
+    t = at.tangent
+    assert t is not None
+
+    def slope(by_H: Array | None, by_p: Array | None) -> Array:
+        total: Array = np.tensordot(_require(by_H), dH, axes=2) + _require(by_p) * dp
+        return total
+
+    assert at.fluid_volume is not None
+    return {
+        "mean_grad": slope(t.mean_grad_grad_u, t.mean_grad_p),
+        "stress": slope(t.stress_grad_u, t.stress_p),
+        "fluid_volume": slope(t.fluid_volume_grad_u, t.fluid_volume_p),
+        "potential": slope(at.stress, -at.fluid_volume),
+    }
+
+
+def stencil_states(H: Array, p: float, dH: Array, dp: float, h: float) -> list[MacroState]:
+    """Return the states of the stencil of :func:`difference_quotients`."""
+    return [MacroState.single(H + k * h * dH, p + k * h * dp) for k in STEPS]
+
+
+def difference_quotients(steps: Sequence[CellResponse], h: float) -> dict[str, Array]:
+    """Return the derivative of each response in a direction, by differences at :func:`stencil_states`."""
+    found = {}
+    for name in ("mean_grad", "stress", "fluid_volume", "potential"):
+        values = [_require(getattr(step, name)) for step in steps]
+        found[name] = np.asarray(sum(w * v for w, v in zip(WEIGHTS, values, strict=True)) / h)
+    return found
+
+
+def _require(array: Array | None) -> Array:
+    """The one row of a response that must be provided."""
+    assert array is not None
+    row: Array = array[0]
+    return row
+
+
+#: In contact with the mirror planes and stable; all four loads that keep the planes mirrors differ.
+TOUCHING = MacroState.single(np.diag([0.01, -0.26, -0.005]), 0.02)
+#: In words.
+IN_CONTACT = f"in contact ({state_text(TOUCHING.grad_u[0], TOUCHING.p[0])})"
+#: Of differences; the contact's energy has jumps in its second derivatives, so that the step is small.
+STEP = 3e-5
+#: The loads that keep the planes mirrors: H_11, H_22, H_33 and p.
+LOADS = {"H11": 0, "H22": 4, "H33": 8, "p": 9}
+
+
+class CellContactSuite(CellSuite):
+    """Subclass it, name the class ``Test…`` and give it ``make_solver``; for solvers that declare ``contact``."""
+
+    @pytest.fixture(scope="class", autouse=True)
+    @classmethod
+    def _contact(cls, solver: CellSolver) -> None:
+        cls.needs(type(solver).contact, "contact = False: it does not hold the pore wall against itself")
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def touching(cls, solver: CellSolver, prepared: Any) -> Any:
+        """The solution at ``TOUCHING``, with its field."""
+        return solver.solve(prepared, TOUCHING, fields=True)
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def differences(cls, solver: CellSolver, prepared: Any, touching: Any) -> dict[str, Any]:
+        """Central differences of the responses by each load."""
+        found = {}
+        for name, load in LOADS.items():
+            theta = np.zeros((2, 10))
+            theta[:, load] = STEP, -STEP
+            states = MacroState(TOUCHING.grad_u + theta[:, :9].reshape(2, 3, 3), TOUCHING.p + theta[:, 9])
+            ends = solver.solve(prepared, states, start=2 * touching.fields, tangent=False).response
+            same("status", ends.status, [int(Status.contact)] * 2, f"{IN_CONTACT}, steps of {name}")
+            responses = {field: getattr(ends, field) for field in ("potential", "stress", "fluid_volume")}
+            found[name] = {field: (values[0] - values[1]) / (2 * STEP) for field, values in responses.items()}
+        return found
+
+    def test_says_so(self, touching: Any) -> None:
+        """The status ``contact``, stable, with the share of the wall that touches."""
+        response = touching.response
+        status = Status(int(response.status[0]))
+        holds(status is Status.contact, IN_CONTACT, "the status contact", status.name)
+        holds(response.valid[0] and response.stable[0], IN_CONTACT, "a stable row with values", "none")
+        share = response.extrema.contact_share[0]
+        holds(0 < share < 0.2, IN_CONTACT, "contact_share between 0 and 0.2", share)
+        # Relative to a distance that vanishes towards the planes, so no measure of how deep the penetration is.
+        gap, pivots = response.extrema.min_gap[0], response.extrema.negative_pivots[0]
+        holds(gap < 0, IN_CONTACT, "a negative min_gap, since a penalty gives way", gap)
+        holds(pivots <= 0, IN_CONTACT, "no negative pivots", pivots)
+
+    def test_stress_and_fluid_volume_derive_from_the_potential(
+        self, touching: Any, differences: dict[str, Any]
+    ) -> None:
+        response = touching.response
+        for name, load in LOADS.items():
+            slope = response.stress[0].ravel()[load] if load < 9 else -response.fluid_volume[0]
+            near(f"dW/d{name} by differences,", slope, differences[name]["potential"], IN_CONTACT, rel=1e-5)
+
+    def test_derivatives_match_differences(self, touching: Any, differences: dict[str, Any]) -> None:
+        tangent = touching.response.tangent
+        by_H = tangent.stress_grad_u[0].reshape(3, 3, 9)
+        for name, load in LOADS.items():
+            stress = by_H[:, :, load] if load < 9 else tangent.stress_p[0]
+            within = 1e-5 * np.abs(stress).max()
+            near(
+                f"dP_E/d{name} by differences,",
+                stress,
+                differences[name]["stress"],
+                IN_CONTACT,
+                within=within,
+            )
+            volume = tangent.fluid_volume_grad_u[0].ravel()[load] if load < 9 else tangent.fluid_volume_p[0]
+            found = differences[name]["fluid_volume"]
+            near(f"dφ/d{name} by differences,", [volume], found, IN_CONTACT, rel=1e-5)
+
+    def test_reciprocity(self, touching: Any) -> None:
+        """∂P_E/∂p = −∂φ/∂H, and ∂P_E/∂H has major symmetry."""
+        tangent = touching.response.tangent
+        A = tangent.stress_grad_u.reshape(9, 9)
+        near("∂P_E/∂H, with major symmetry,", A, A.T, IN_CONTACT, within=1e-8 * np.abs(A).max())
+        near("∂P_E/∂p = −∂φ/∂H", tangent.stress_p, -tangent.fluid_volume_grad_u, IN_CONTACT, within=1e-8)
+
+    @pytest.mark.parametrize("factor", [0.5, 2.0])
+    def test_the_stiffness_hardly_matters(self, solver: CellSolver, touching: Any, factor: float) -> None:
+        """The stress with half and twice the contact's stiffness."""
+        settings = ContactSettings(stiffness=factor * ContactSettings().stiffness)
+        other = solver.solve(
+            solver.prepare(Cell(mesh=self.mesh, contact=settings)), TOUCHING, tangent=False
+        ).response
+        state = f"{IN_CONTACT}, with {factor} times the stiffness"
+        same("status", other.status, [int(Status.contact)], state)
+        near(
+            "stress[1, 1]",
+            require("stress", other.stress, state)[0, 1, 1],
+            touching.response.stress[0, 1, 1],
+            state,
+            rel=1e-2,
+        )
+
+    @pytest.mark.parametrize("contact", [ContactSettings(kind="none"), ContactSettings(stiffness=1e-6)])
+    def test_a_wall_that_gives_way_overlaps(self, solver: CellSolver, contact: ContactSettings) -> None:
+        """Without contact as soon as the wall passes a plane, and with too soft a one when it has passed it far."""
+        prepared = solver.prepare(Cell(mesh=self.mesh, contact=contact))
+        deep = MacroState.single(np.diag([0.0, -0.36, 0.0]))
+        response = solver.solve(prepared, deep, tangent=False).response
+        state = f"{state_text(deep.grad_u[0])}, {contact!r}"
+        status = Status(int(response.status[0]))
+        holds(status is Status.overlap, state, "the status overlap", status.name)
+        holds(
+            np.isnan(require("stress", response.stress, state)).all(),
+            state,
+            "NaN for stress",
+            response.stress,
+        )
+
+    def test_a_start_in_contact_changes_the_way_and_not_the_answer(
+        self, solver: CellSolver, prepared: Any, touching: Any
+    ) -> None:
+        """And what was solved in contact leaves nothing behind for the states after it."""
+        light = MacroState.single(np.diag([0.0, -0.1, 0.0]), 0.02)
+        cold: Any = solver.solve(prepared, light).response
+        others: list[Any] = [
+            solver.solve(prepared, light, start=touching.fields).response,
+            solver.solve(solver.prepare(Cell(mesh=self.mesh)), light).response,
+        ]
+        for other in others:
+            state = f"{state_text(light.grad_u[0], light.p[0])}, after a state in contact"
+            same("status", other.status, [int(Status.converged)], state)
+            near("stress", other.stress, cold.stress, state, within=1e-9, rel=1e-7)
+            slope, before = other.tangent.stress_grad_u, cold.tangent.stress_grad_u
+            near("∂P_E/∂H", slope, before, state, within=1e-8, rel=1e-7)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.interfaces.sensitivities import (
     HISTORY_SERIES,
     BoundaryChange,
@@ -23,8 +23,8 @@ from porocore.interfaces.solution import MacroSolution
 from porocore.macro.laws import ClosedLaw, make_closure
 from porocore.macro.problem import MacroProblem
 from porocore.testing.expect import holds, near
-from porocore.testing.macro_laws.solving import SIDES, Solving
-from porocore.testing.synthetic.porous_law import PorousFamilyLaw
+from porocore.testing.macro_laws.runs import SIDES, Solving
+from porocore.testing.synthetic.porous_family import PorousFamilyLaw
 from porocore.testing.synthetic.response import confined_column
 
 #: Unknowns: change, value, and by how much the value differs on either side of the differences.
@@ -42,7 +42,7 @@ STATE = "a column of the made-up family of porous cells, all unknowns along one 
 
 
 class RunDerivatives(Solving):
-    """Part of :class:`porocore.testing.macro_laws.base.MacroSolverSuite`."""
+    """Part of :class:`porocore.testing.macro_laws.states.MacroSolverSuite`."""
 
     law = ClosedLaw(
         PorousFamilyLaw("radius", "viscosity"), make_closure("potential", 0.6, NeoHookean(), np.eye(3))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from porocore.states import Array, CellResponse, MacroState
-from porocore.testing.compare import RESPONSES, with_derivatives
+from porocore.testing.expect import RESPONSES, with_derivatives
 
 #: Names of the functions and methods that read a pickle.
 READ = ("load", "loads")

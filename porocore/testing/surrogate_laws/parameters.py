@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.states import Array, MacroState
-from porocore.testing.compare import RESPONSES
-from porocore.testing.expect import holds, near, refused, require, states_text
-from porocore.testing.surrogate_laws.fitting import Fitting
+from porocore.testing.expect import RESPONSES, holds, near, refused, require, states_text
+from porocore.testing.surrogate_laws.training import Fitting
 from porocore.testing.synthetic.porous_family import INPUTS, PARAMETERS, porous_training_set, respond
 
 NAMES = tuple(PARAMETERS)

@@ -7,8 +7,7 @@ import pytest
 
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.states import Array, MacroState
-from porocore.testing.compare import RESPONSES, with_derivatives
-from porocore.testing.expect import holds, near, require, states_text
+from porocore.testing.expect import RESPONSES, holds, near, require, states_text, with_derivatives
 from porocore.testing.surrogate_laws.base import SurrogateSuite
 
 

@@ -17,9 +17,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.tensors.cofactors import cofactor, cofactor_tangent, determinant
+from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.core.inputs import InputSpace
+from porocore.core.tensors import cofactor, cofactor_tangent, determinant
 from porocore.errors import ConfigurationError, MemberError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.records import failed_response

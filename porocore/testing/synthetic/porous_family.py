@@ -1,4 +1,4 @@
-"""Made-up family of porous cells in closed form, which depends on θ as cells do; training sets of it.
+"""Made-up family of porous cells in closed form, training sets of it, its law (PorousFamilyLaw).
 
 With the radius r of three channels, φ_f = 3π r² − 8√2 r³, and moduli K_d, G_d close to the bounds of Hashin and
 Shtrikman for the solid of K_s(ν), G_s(ν), Fₚ = F exp(p/(3 K_s)) and E = (FₚᵀFₚ − I)/2
@@ -22,9 +22,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.tensors.point_group import CUBIC
-from porocore.interfaces.rest_data import ParameterKind, RestData
+from porocore.core.inputs import InputSpace
+from porocore.core.tensors import CUBIC
+from porocore.interfaces.law import CellLaw, UndeformedCells
+from porocore.interfaces.records import ParameterKind, RestData
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import Array, CellResponse, CellSlopes, CellTangent, MacroState, Status
 
@@ -248,3 +249,65 @@ def hessian_slopes(respond: Callable[[MacroState], CellResponse], states: MacroS
         a, b, c, d = hessians
         found.append((a - 8 * b + 8 * c - d) / (12 * h[:, None, None]))
     return np.stack(found, axis=-1)
+
+
+class PorousFamilyLaw(CellLaw):
+    """Law of the family in closed form, with the parameters that are named; the others have their usual values.
+
+    Parameters
+    ----------
+    parameters
+        Names.
+    deformed
+        Predict the conductivity of the deformed pore, too.
+    """
+
+    identity = IDENTITY
+
+    def __init__(self, *parameters: str, deformed: bool = False) -> None:
+        self.parameters, self.deformed = parameters, deformed
+
+    def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
+        """Return the responses with their derivatives."""
+        names = self.parameters
+        if not tangent:
+            return self._without_derivatives(states)
+        found = respond(self._named(states), names)
+        gradients, K = found.tangent, found.conductivity if self.deformed else None
+        if self.deformed and gradients is not None:
+            z = inputs_of(self._named(states))
+            by = complex_steps(z, lambda at: {"K": values_at(at, names)["conductivity"]})["K"]
+            by_H = by[..., :9].reshape(-1, 3, 3, 3, 3)
+            gradients = replace(gradients, conductivity_grad_u=by_H, conductivity_p=by[..., 9])
+        return replace(found, conductivity=K, slopes=None, tangent=gradients)
+
+    def _without_derivatives(self, states: MacroState) -> CellResponse:
+        values: dict[str, Any] = values_at(inputs_of(self._named(states)), self.parameters)
+        if not self.deformed:
+            del values["conductivity"]
+        converged = np.full(len(states), int(Status.converged), dtype=np.int64)
+        return CellResponse(status=converged, **{name: value.real for name, value in values.items()})
+
+    def slopes(self, states: MacroState) -> CellSlopes:
+        """Return the derivatives by the parameters."""
+        found = respond(self._named(states), self.parameters).slopes
+        assert found is not None
+        if self.deformed:
+            return found
+        n, z = len(states), inputs_of(self._named(states))
+        K = complex_steps(
+            z, lambda at: {"K": undeformed_conductivity(with_defaults(at, self.parameters), n)}
+        )["K"]
+        return replace(found, conductivity=K[:, None, None, 10:] * np.eye(3)[..., None])
+
+    @staticmethod
+    def _named(states: MacroState) -> MacroState:
+        """Return the states with parameters, none of which there may be."""
+        return states if states.parameters is not None else states.with_parameters(np.zeros(0))
+
+    def undeformed(self, parameters: Array) -> UndeformedCells:
+        """Return φ_f, and K before the solid swells."""
+        at: dict[str, Any] = {**DEFAULTS, **dict(zip(self.parameters, parameters.T, strict=True))}
+        r, n = at["radius"], len(parameters)
+        K = undeformed_conductivity(at, n)
+        return UndeformedCells(np.broadcast_to(np.asarray(porosity(r)), n), K[:, None, None] * np.eye(3))

@@ -13,10 +13,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from porocore.cell.materials.neo_hookean import NeoHookean
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.tensors.cofactors import cofactor, cofactor_tangent, determinant
-from porocore.core.tensors.point_group import CUBIC
+from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.core.inputs import InputSpace
+from porocore.core.tensors import CUBIC, cofactor, cofactor_tangent, determinant
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
 from porocore.macro.laws import ClosedLaw, LinearCellLaw, MeanGradientClosure
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity

@@ -1,7 +1,6 @@
 """Every installed backend on one case, each held against the others."""
 
-from porocore.verification.crosscheck.backend_selection import BackendSelection, select_backends
 from porocore.verification.crosscheck.check import CrossCheck, crosscheck
-from porocore.verification.crosscheck.comparison import Comparison
+from porocore.verification.crosscheck.comparison import BackendSelection, Comparison, select_backends
 
 __all__ = ["BackendSelection", "Comparison", "CrossCheck", "crosscheck", "select_backends"]

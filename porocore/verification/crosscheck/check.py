@@ -7,16 +7,25 @@ from dataclasses import dataclass
 from porocore.core.console import Console
 from porocore.interfaces.law import MacroLaw
 from porocore.study.config.config import RunConfig
-from porocore.verification.crosscheck.backend_selection import BackendSelection
-from porocore.verification.crosscheck.bodies import BodyRun, compare_bodies, make_laws, run_body
-from porocore.verification.crosscheck.cells import CellRun, compare_cells, make_meshes, run_cell
-from porocore.verification.crosscheck.compared_states import SharedSamples, share_samples
-from porocore.verification.crosscheck.comparison import Comparison
-from porocore.verification.crosscheck.surrogates import (
+from porocore.verification.crosscheck.bodies import (
+    BodyRun,
+    CellRun,
     SurrogateRun,
+    compare_bodies,
+    compare_cells,
     compare_surrogates,
     load_libraries,
+    make_laws,
+    make_meshes,
+    run_body,
+    run_cell,
     train,
+)
+from porocore.verification.crosscheck.comparison import (
+    BackendSelection,
+    Comparison,
+    SharedSamples,
+    share_samples,
 )
 
 

@@ -9,12 +9,11 @@ from typing import Any
 from porocore.core.files.atomic import atomic_path
 from porocore.core.files.plain_data import json_ready, write_json
 from porocore.states import CellResponse, Status
-from porocore.study.run_folder.provenance import versions
-from porocore.verification.crosscheck.bodies import BodyRun
-from porocore.verification.crosscheck.cells import DERIVATIVES, RESPONSES, CellRun
+from porocore.study.run_folder import versions
+from porocore.verification.crosscheck.bodies import DERIVATIVES, RESPONSES, BodyRun, CellRun
 from porocore.verification.crosscheck.check import CrossCheck
 from porocore.verification.crosscheck.comparison import Comparison
-from porocore.verification.crosscheck.html import render
+from porocore.verification.crosscheck.page import render
 
 FORMAT, VERSION = "porocore-crosscheck", 1
 

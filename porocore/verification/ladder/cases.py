@@ -11,15 +11,9 @@ from porocore.errors import ConfigurationError, PluginError
 from porocore.plugins.kinds import Kind
 from porocore.plugins.registry import registry
 from porocore.verification.backends import FEM, advice, find_backends
-from porocore.verification.crosscheck.attempt import attempt
-from porocore.verification.ladder import (
-    cell_cases,
-    consolidation,
-    permeability,
-    small_strain,
-    unconfined,
-    xie_leo,
-)
+from porocore.verification.crosscheck.comparison import attempt
+from porocore.verification.ladder import cell_cases, consolidation, small_strain, unconfined, xie_leo
+from porocore.verification.ladder import cell_cases as permeability
 from porocore.verification.ladder.case import Check, Solve, VerificationCase
 
 CASES: dict[str, VerificationCase] = {

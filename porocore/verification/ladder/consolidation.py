@@ -13,13 +13,12 @@ from typing import Any
 import numpy as np
 
 from porocore.interfaces.macro import MacroSolver
-from porocore.macro.analytic.mandel import Mandel
-from porocore.macro.analytic.terzaghi import Terzaghi
+from porocore.macro.analytic import Mandel, Terzaghi
 from porocore.macro.laws.linear import LinearPoroelasticity
 from porocore.macro.problem import MacroProblem
 from porocore.testing.synthetic.response import confined_column
-from porocore.verification.ladder.biot import isotropic_coefficients, relative_l2
 from porocore.verification.ladder.case import Check, VerificationCase, observed_order
+from porocore.verification.ladder.small_strain import isotropic_coefficients, relative_l2
 
 #: A load cannot act at once: it is there after this share of the first step.
 SUDDEN = 1e-6

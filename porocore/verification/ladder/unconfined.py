@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from porocore.interfaces.macro import MacroSolver
-from porocore.macro.analytic.armstrong import UnconfinedCompression
-from porocore.macro.body.surfaces import Facets
+from porocore.macro.analytic import UnconfinedCompression
+from porocore.macro.body.mesh import Facets
 from porocore.macro.laws.linear import LinearPoroelasticity
 from porocore.macro.problem import MacroProblem, body_mesh
-from porocore.verification.ladder.biot import isotropic_coefficients
 from porocore.verification.ladder.case import Check, VerificationCase, observed_order
+from porocore.verification.ladder.small_strain import isotropic_coefficients
 
 #: Of the largest value of each quantity over time.
 ALLOWED = 0.01

@@ -1,4 +1,4 @@
-"""One state of the cell solved and written with local fields; states of the paper; names of files."""
+"""One state of the cell solved and written with its local fields, as a .vtu file for ParaView."""
 
 from __future__ import annotations
 
@@ -7,26 +7,67 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from porocore.cell.cell import Cell
 from porocore.core.files.atomic import new_folder
 from porocore.core.files.store import ResultStore
-from porocore.core.inputs.given_states import named_state
-from porocore.core.inputs.input_space import value_text
-from porocore.core.inputs.possible_states import require_possible
-from porocore.core.units.results import speaking
+from porocore.core.inputs import named_state, require_possible, value_text
+from porocore.core.units import ResultUnits, speaking, spoken
 from porocore.errors import ConfigurationError, PorocoreError
 from porocore.plugins.border import solution_of
 from porocore.report.text import MEANINGS
+from porocore.report.vtk import write_vtu
 from porocore.sampling.execution.solved_store import StoringSolver
 from porocore.states import Array, CellResponse, MacroState, Status
-from porocore.study.config.config import RunConfig
-from porocore.study.config.sections import FemSettings
-from porocore.study.preflight.checks import find_backends
+from porocore.study.config.config import FemSettings, RunConfig
+from porocore.study.notes.checks import find_backends
 from porocore.study.stages.stage_files import prepare_cell
 from porocore.study.store import chosen_store, solved_states, told
-from porocore.verification.local_fields.nodal import NodalFields
-from porocore.verification.local_fields.points import PointFields
-from porocore.verification.local_fields.vtu import write_fields
+from porocore.verification.local_fields.points import NodalFields, PointFields
+
+
+def write_fields(path: Path, nodal: NodalFields) -> Path:
+    """Write one .vtu file of the solid of the whole cell, atomically; returns its path.
+
+    Linear or quadratic tetrahedra (VTK types 10 and 24) on the undeformed cell. At the nodes: ``u1`` (u¹) and
+    ``u1_magnitude`` [–]; ``displacement`` (H X + u¹), by which ParaView's filter Warp By Vector deforms the cell;
+    ``grad_u1`` (∇u¹) and ``F``, ``P`` (first Piola–Kirchhoff) and ``cauchy`` [E], tensors of 9 components, row by row;
+    ``J``, ``energy`` (Ψ) and ``von_mises`` [E]. In the elements: ``mean_energy``, ``mean_J`` and ``max_energy``, of the
+    quadrature points, which no recovery has touched. In a study with scales what is in E has its unit of stress, with
+    which its name ends, ``P [kPa]``; lengths stay in edges of the cell.
+
+    Raises
+    ------
+    RunFolderError
+        The file cannot be written.
+    """
+    points = nodal.points
+    share = points.volume / points.volume.sum(axis=1, keepdims=True)
+    units = spoken()
+    at_nodes = {
+        "u1": points.u,
+        "u1_magnitude": np.linalg.norm(points.u, axis=1),
+        "displacement": nodal.displacement,
+        "grad_u1": nodal.grad,
+        "F": nodal.F,
+        "J": nodal.J,
+        **_measured({"energy": nodal.energy}, "energy-density", units),
+        **_measured(
+            {"P": nodal.stress, "cauchy": nodal.cauchy, "von_mises": nodal.von_mises}, "stress", units
+        ),
+    }
+    energies = {"mean_energy": (share * points.energy).sum(axis=1), "max_energy": points.energy.max(axis=1)}
+    in_elements = {
+        "mean_J": (share * points.J).sum(axis=1),
+        **_measured(energies, "energy-density", units),
+    }
+    return write_vtu(path, points.mesh.points, points.mesh.cells, at_nodes, in_elements)
+
+
+def _measured(fields: Mapping[str, Array], quantity: str, units: ResultUnits) -> dict[str, Array]:
+    return {units.titled(name, quantity): units.factor(quantity) * values for name, values in fields.items()}
+
 
 #: The loads of the paper's figures disp_pressure to energy_shear. It does not give their magnitudes; these lie within
 #: the ranges that it samples, in equilibrium without contact.

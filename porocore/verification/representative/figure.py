@@ -24,8 +24,7 @@ from porocore.report.figures.style import (
     styled,
     svg_bytes,
 )
-from porocore.verification.representative.results import RepresentativeVolume
-from porocore.verification.representative.settling import QUANTITIES
+from porocore.verification.representative.results import QUANTITIES, RepresentativeVolume
 from porocore.verification.representative.tables import edge_columns, factor, titled
 
 #: Shift of what lies beside another at one size, as a share of the width.

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from porocore.cell.meshing.estimate import MOST
+from porocore.cell.geometry.pore_geometry import MOST
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.states import Array
-from porocore.study.preflight.cost import LIBRARIES, costs, process_memory
-from porocore.study.preflight.limits import memory_here
-from porocore.study.preflight.workload import as_time, nodes_of
+from porocore.study.notes.abilities import memory_here
+from porocore.study.notes.cost import LIBRARIES, costs, process_memory
+from porocore.study.notes.workload import as_time, nodes_of
 from porocore.verification.representative.plan import SubvolumePlan
 from porocore.verification.representative.scan import Corner, Scan
 

@@ -12,9 +12,8 @@ from porocore.core.files.atomic import new_folder
 from porocore.errors import ConfigurationError
 from porocore.plugins.kinds import KINDS
 from porocore.study.config.config import RunConfig
-from porocore.study.config.examples import as_stated_path, benchmark_path
-from porocore.study.config.loading import load_config
-from porocore.study.preflight.checks import find_backends
+from porocore.study.config.loading import as_stated_path, benchmark_path, load_config
+from porocore.study.notes.checks import find_backends
 from porocore.verification.reproduce.catalogue import select_figures
 
 #: Publications that can be recomputed.

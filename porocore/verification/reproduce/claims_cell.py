@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from porocore.cell.geometry.kinds import OrthogonalChannels
-from porocore.cell.materials.neo_hookean import NeoHookean
+from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.report.format import number, plain
 from porocore.states import Array
 from porocore.verification.reproduce.claims import Claim, Claims, Finding, compare_number, judge_statement

@@ -7,8 +7,7 @@ import numpy as np
 from porocore.macro.body.kinds import make_body
 from porocore.report.format import duration, number, plain
 from porocore.verification.reproduce.claims import Claims, Finding
-from porocore.verification.reproduce.column import LARGE, Column
-from porocore.verification.reproduce.study import Results
+from porocore.verification.reproduce.study import LARGE, Column, Results
 
 #: Of the element of the macro problem; every Newton iteration asks for all.
 POINTS_OF_ELEMENT = 27

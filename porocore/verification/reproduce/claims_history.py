@@ -6,11 +6,10 @@ import numpy as np
 
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.kinds import make_body
-from porocore.report.figures.profiles import profile_at
+from porocore.report.figures.curves import profile_at
 from porocore.report.format import number, percent, plain
 from porocore.verification.reproduce.claims import Claims, Finding, judge_statement
-from porocore.verification.reproduce.column import LARGE, SMALL, Column
-from porocore.verification.reproduce.study import Results
+from porocore.verification.reproduce.study import LARGE, SMALL, Column, Results
 
 CLAIMS = Claims()
 

@@ -9,15 +9,14 @@ from typing import TypeAlias
 
 import numpy as np
 
-from porocore.core.units.scales import SCENARIOS
+from porocore.core.units import SCENARIOS
 from porocore.interfaces.solution import Profile
-from porocore.report.figures.profiles import ColumnAxis, profile_at
+from porocore.report.figures.curves import ColumnAxis, profile_at
 from porocore.report.format import number, percent, plain
 from porocore.states import Array
 from porocore.verification.reproduce.claims import Claim, Claims, Finding, compare_number, judge_statement
-from porocore.verification.reproduce.column import LARGE, Column
 from porocore.verification.reproduce.column_figures import paper_velocity
-from porocore.verification.reproduce.study import Results
+from porocore.verification.reproduce.study import LARGE, Column, Results
 
 #: A field of element means.
 Take: TypeAlias = Callable[[Profile], Array]

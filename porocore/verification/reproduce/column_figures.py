@@ -9,14 +9,15 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from porocore.interfaces.solution import MacroSolution, Profile
-from porocore.report.figures.history import OTHERS
-from porocore.report.figures.profiles import (
+from porocore.report.figures.curves import (
+    OTHERS,
     PROFILE_FIELDS,
     ColumnAxis,
     ProfileField,
     profile_at,
     profile_figure,
 )
+from porocore.report.figures.sampling import parity_figure
 from porocore.report.figures.style import (
     DASHED,
     LINEAR,
@@ -26,10 +27,8 @@ from porocore.report.figures.style import (
     new_figure,
     styled,
 )
-from porocore.report.figures.surrogate import parity_figure
 from porocore.states import Array
-from porocore.verification.reproduce.column import LARGE
-from porocore.verification.reproduce.study import Results
+from porocore.verification.reproduce.study import LARGE, Results
 
 HISTORIES = {
     "settlement": r"largest settlement $\max(-u_2)$ [–]",

@@ -15,7 +15,7 @@ from porocore.core.files.plain_data import write_json
 from porocore.core.files.reading import read_json
 from porocore.errors import DataError, RunFolderError
 from porocore.report.figures.style import png_bytes
-from porocore.study.run_folder.stage_times import stage_times, timed
+from porocore.study.run_folder import stage_times, timed
 from porocore.verification.reproduce import claims_cell, claims_cost, claims_history, claims_profiles
 from porocore.verification.reproduce.catalogue import PaperFigure, Stage
 from porocore.verification.reproduce.claims import check_claims

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from porocore.core.files.atomic import atomic_path
-from porocore.core.units.results import spoken
+from porocore.core.units import spoken
 from porocore.report.figures.style import (
     BLACK,
     BLUE,
@@ -30,8 +30,7 @@ from porocore.report.figures.style import (
     styled,
 )
 from porocore.states import Status
-from porocore.verification.sensitivity.plan import load_quantity
-from porocore.verification.sensitivity.quantities import quantity_of
+from porocore.verification.sensitivity.plan import load_quantity, quantity_of
 from porocore.verification.sensitivity.results import LoadResponses, Sensitivity, line_name
 
 TITLES = {

@@ -12,24 +12,20 @@ from porocore.cell.cell import Cell
 from porocore.core.files.atomic import new_folder
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.store import ResultStore
-from porocore.core.inputs.input_space import value_text
-from porocore.core.inputs.possible_states import require_possible
-from porocore.core.units.results import speaking
+from porocore.core.inputs import require_possible, value_text
+from porocore.core.units import speaking
 from porocore.errors import DataError, RunFolderError
-from porocore.macro.laws.pull_back import ConductivityLaw
+from porocore.macro.laws.closure import ConductivityLaw
 from porocore.macro.reference import CellReference
 from porocore.sampling.execution import CellPool
 from porocore.sampling.execution.solved_store import StoringSolver
 from porocore.states import Status
-from porocore.study.config.config import RunConfig
-from porocore.study.config.sections import FemSettings
-from porocore.study.preflight.checks import find_backends
+from porocore.study.config.config import FemSettings, RunConfig
+from porocore.study.notes.checks import find_backends
 from porocore.study.stages.stage_files import prepare_cell
 from porocore.study.store import chosen_store, solved_states, told
-from porocore.verification.sensitivity.file import load, save
-from porocore.verification.sensitivity.line import HalfLine, HalfLineSolve
-from porocore.verification.sensitivity.plan import LOADS, StudyPlan, states_of
-from porocore.verification.sensitivity.results import Sensitivity, line_name, write_table
+from porocore.verification.sensitivity.plan import LOADS, HalfLine, HalfLineSolve, StudyPlan, states_of
+from porocore.verification.sensitivity.results import Sensitivity, line_name, load, save, write_table
 
 FILE = "sensitivity.h5"
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from calibration_models import Consolidation, Formula, misfit_of
 
-from porocore.calibration.inference.derived import derived_intervals
-from porocore.calibration.inference.infer import infer
+from porocore.calibration.entries import derived_intervals
+from porocore.calibration.infer import infer
 from porocore.calibration.problem import NormalPrior, Unknown
 
 T = np.geomspace(0.02, 6, 24)

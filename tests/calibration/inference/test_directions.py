@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from porocore.calibration.inference.directions import unseen_directions
-from porocore.calibration.inference.rule import IdentifiabilityRule
-from porocore.calibration.inference.words import direction_words
+from porocore.calibration.minimum import unseen_directions
 from porocore.calibration.problem import Unknown
-from porocore.macro.analytic.terzaghi import Terzaghi
+from porocore.calibration.suggestions import IdentifiabilityRule, direction_words
+from porocore.macro.analytic import Terzaghi
 
 RULE = IdentifiabilityRule()
 #: Radius, Poisson's ratio, modulus and viscosity as in a study of cartilage.

@@ -7,14 +7,11 @@ import pytest
 from calibration_models import Formula, misfit_of
 from curve_experiment import model_of, planned, starts
 
-from porocore.calibration.inference.combination import seen_product
-from porocore.calibration.inference.directions import exact_directions, unseen_directions
-from porocore.calibration.inference.infer import infer
-from porocore.calibration.inference.minimise import Objective, minimise
+from porocore.calibration.combination import seen_product
+from porocore.calibration.figures import correlation_figure, plane_figure, profile_figure
+from porocore.calibration.infer import infer
+from porocore.calibration.minimum import Objective, exact_directions, minimise, unseen_directions
 from porocore.calibration.problem import Unknown
-from porocore.calibration.report.correlation_figure import correlation_figure
-from porocore.calibration.report.plane_figure import plane_figure
-from porocore.calibration.report.profile_figure import profile_figure
 
 T = np.linspace(0.1, 3, 30)
 NOISE = np.random.default_rng(4).normal(size=30)

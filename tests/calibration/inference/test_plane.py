@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from calibration_models import Formula, misfit_of
 
-from porocore.calibration.inference.infer import infer
+from porocore.calibration.infer import infer
 from porocore.calibration.problem import Unknown
 
 T = np.linspace(0.1, 2.0, 15)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from calibration_models import Formula, data_of, misfit_of
 
-from porocore.calibration.inference.infer import infer
-from porocore.calibration.inference.suggestions import FurtherData, experiment, ranked, repeated_parts
+from porocore.calibration.infer import infer
 from porocore.calibration.problem import Misfit, Unknown
+from porocore.calibration.suggestions import FurtherData, experiment, ranked, repeated_parts
 
 T = np.linspace(0.1, 2.0, 16)
 PAIR = (Unknown("a", 2.0, 0.1, 50.0, "log"), Unknown("b", 3.0, 0.1, 50.0, "log"))

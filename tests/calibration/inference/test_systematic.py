@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from calibration_models import Formula, data_of, misfit_of
 
-from porocore.calibration.inference.infer import infer
-from porocore.calibration.inference.systematic import SMALL, SystematicError
-from porocore.calibration.inference.words import shift_words
+from porocore.calibration.infer import infer
 from porocore.calibration.problem import Misfit, NormalPrior, Unknown
+from porocore.calibration.suggestions import SMALL, SystematicError, shift_words
 
 T = np.linspace(0.1, 2.0, 40)
 TRUTH, DEVIATION = np.array([2.0, 1.3]), 0.02

@@ -4,9 +4,13 @@ import numpy as np
 import pytest
 from calibration_models import Formula, misfit_of
 
-from porocore.calibration.posterior.check import LARGEST_ERROR, broader_draws, checked
-from porocore.calibration.posterior.ensemble import ensemble_draws
-from porocore.calibration.posterior.interpolant import ResidualInterpolant
+from porocore.calibration.posterior import (
+    LARGEST_ERROR,
+    ResidualInterpolant,
+    broader_draws,
+    checked,
+    ensemble_draws,
+)
 from porocore.calibration.problem import Unknown
 
 T = np.linspace(0.5, 1.0, 4)

@@ -7,12 +7,10 @@ import pytest
 from calibration_models import Formula, misfit_of
 from scipy.integrate import quad
 
-from porocore.calibration.config.settings import PosteriorSettings
-from porocore.calibration.inference.infer import infer
-from porocore.calibration.posterior.ensemble import require_emcee
-from porocore.calibration.posterior.interpolant import ResidualInterpolant
-from porocore.calibration.posterior.posterior import sample_posterior
+from porocore.calibration.infer import infer
+from porocore.calibration.posterior import ResidualInterpolant, require_emcee, sample_posterior
 from porocore.calibration.problem import NormalPrior, Unknown
+from porocore.calibration.settings import PosteriorSettings
 from porocore.errors import ConfigurationError
 
 T = np.linspace(0.1, 2.0, 15)

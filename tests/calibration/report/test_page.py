@@ -9,20 +9,24 @@ from calibration_models import Consolidation, Formula, data_of, misfit_of
 from curve_experiment import planned
 from report_page import ODD, Page
 
-from porocore.calibration.config.settings import PosteriorSettings
+from porocore.calibration.contents import CalibrationContents, CurveAxes
 from porocore.calibration.derived import DerivedCell
-from porocore.calibration.inference.infer import infer
-from porocore.calibration.inference.suggestions import experiment
+from porocore.calibration.figures import (
+    correlation_figure,
+    field_figure,
+    fit_figure,
+    plane_figure,
+    profile_figure,
+    smooth_profile,
+    smooth_rim,
+)
+from porocore.calibration.infer import infer
+from porocore.calibration.page import render, write_report
 from porocore.calibration.plan import FittedField
-from porocore.calibration.posterior.posterior import sample_posterior
+from porocore.calibration.posterior import sample_posterior
 from porocore.calibration.problem import CurveData, Misfit, NormalPrior, Unknown
-from porocore.calibration.report.contents import CalibrationContents, CurveAxes
-from porocore.calibration.report.correlation_figure import correlation_figure
-from porocore.calibration.report.field_figure import field_figure
-from porocore.calibration.report.fit_figure import fit_figure
-from porocore.calibration.report.page import render, write_report
-from porocore.calibration.report.plane_figure import plane_figure, smooth_rim
-from porocore.calibration.report.profile_figure import profile_figure, smooth_profile
+from porocore.calibration.settings import PosteriorSettings
+from porocore.calibration.suggestions import experiment
 
 T = np.geomspace(0.02, 6, 24)
 SEEN = (

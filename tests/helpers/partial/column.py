@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from porocore.core.formulas.time_function import TimeFunction
+from porocore.core.formulas import TimeFunction
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import History, MacroSolution, Profile, StepReport
 from porocore.macro.integration.stepping import Stepper

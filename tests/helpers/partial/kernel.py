@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from porocore.core.inputs.input_space import InputSpace
-from porocore.core.inputs.sampled_range import SampledRange
+from porocore.core.inputs import InputSpace, SampledRange
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import Surrogate, TrainingProgress
 from porocore.states import CellResponse, CellTangent
-from porocore.surrogates.file.archive import read_archive, write_archive
+from porocore.surrogates.file.file import read_archive, write_archive
 from porocore.testing import SurrogateSuite
 
 FORMAT, VERSION = "kernels", 1

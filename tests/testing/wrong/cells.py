@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from porocore.core.tensors.polar import polar_rotation
+from porocore.core.tensors import polar_rotation
 from porocore.interfaces.cell import CellField, CellSolution
 from porocore.states import CellResponse, MacroState, Status
 from porocore.testing import CellSolverSuite

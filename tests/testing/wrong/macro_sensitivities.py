@@ -9,10 +9,9 @@ from unittest.mock import patch
 
 import numpy as np
 
-from porocore.interfaces.law_changes import ResponseChanges
-from porocore.macro.sensitivities.directions import Directions
-from porocore.macro.sensitivities.point_weights import MemoryWeights
-from porocore.macro.sensitivities.unit_changes import UnitDerivatives
+from porocore.interfaces.law import ResponseChanges
+from porocore.macro.sensitivities.changes import Directions, UnitDerivatives
+from porocore.macro.sensitivities.equations import MemoryWeights
 
 sys.path.insert(0, str(Path(__file__).parent))
 from skfem_macro import Altered, Law, with_history

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from porocore.core.tensors.polar import polar_rotation
+from porocore.core.tensors import polar_rotation
 from porocore.interfaces.records import failed_response
 from porocore.states import Status
 

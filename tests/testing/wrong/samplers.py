@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from porocore.core.inputs.input_space import InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.errors import ConfigurationError
 from porocore.interfaces.sampler import Request, Sampler
 from porocore.testing import SamplerSuite

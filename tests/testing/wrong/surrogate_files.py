@@ -62,14 +62,14 @@ class TestNoChecksum(Law):
 
     class surrogate(Altered):
         def save(self, path):
-            with patch("porocore.surrogates.file.archive._checksum", return_value="none"):
+            with patch("porocore.surrogates.file.file._checksum", return_value="none"):
                 super().save(path)
 
         @classmethod
         def load(cls, path):
             with (
-                patch("porocore.surrogates.file.archive._checksum", return_value="none"),
-                patch("porocore.core.hdf5.contents.check_ends", return_value=True),
+                patch("porocore.surrogates.file.file._checksum", return_value="none"),
+                patch("porocore.core.hdf5.check_ends", return_value=True),
             ):
                 return super().load(path)
 

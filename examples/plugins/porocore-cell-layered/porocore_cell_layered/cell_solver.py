@@ -18,7 +18,7 @@ from porocore import (
     Status,
     failed_response,
 )
-from porocore.core.tensors.cofactors import cofactor, cofactor_tangent, determinant
+from porocore.core.tensors import cofactor, cofactor_tangent, determinant
 from porocore_cell_layered.laminate import Laminate
 from porocore_cell_layered.layers import Layers, layers_of
 

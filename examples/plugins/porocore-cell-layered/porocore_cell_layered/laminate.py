@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from porocore import Status
-from porocore.core.tensors.cofactors import cofactor, cofactor_tangent, determinant
+from porocore.core.tensors import cofactor, cofactor_tangent, determinant
 
 #: Of a_k, at which Newton's iteration has converged: the next correction would be its square.
 SMALL = 1e-9

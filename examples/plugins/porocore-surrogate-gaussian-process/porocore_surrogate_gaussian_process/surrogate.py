@@ -18,7 +18,7 @@ from porocore import (
     TrainingProgress,
     TrainingSet,
 )
-from porocore.surrogates.file.archive import read_archive, write_archive
+from porocore.surrogates.file.file import read_archive, write_archive
 from porocore_surrogate_gaussian_process.kernel import covariance, slopes, variance
 
 FORMAT, VERSION = "porocore-surrogate-gaussian-process", 1

@@ -1,0 +1,493 @@
+"""Cells of a calibration (FamilyCells), shared by its experiments; measurements that were not made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from porocore.calibration.experiment import ExperimentModel, RelativeScales
+from porocore.calibration.observations import MeasuredSeries
+from porocore.calibration.plan import CalibrationPlan, Experiment, PlannedUnknown
+from porocore.calibration.problem import CurvePrediction
+from porocore.calibration.settings import AXES, StudyNumber
+from porocore.calibration.suggestions import FurtherData
+from porocore.core.console import Console
+from porocore.core.echo import reason
+from porocore.core.files.plain_data import json_hash, write_json
+from porocore.core.files.reading import read_json, set_aside
+from porocore.core.files.store import ResultStore
+from porocore.core.parallel.calls import CallProcesses, Tell, results_of
+from porocore.core.units import ResultUnits, speaking
+from porocore.errors import DataError, RunFolderError, SolveError
+from porocore.interfaces.law import MacroLaw
+from porocore.macro.composition.linearised_law import LinearisedLaw
+from porocore.macro.laws import AdaptiveLaw, ClosedLaw
+from porocore.macro.laws.linear import PROPERTIES, EffectiveProperties
+from porocore.plugins.border import body_solution_of
+from porocore.sampling.datasets.dataset import Dataset
+from porocore.states import Array, MacroState
+from porocore.study.backends import make_backend
+from porocore.study.config.config import RunConfig
+from porocore.study.run_folder import RunFolder
+from porocore.study.stages import pipeline
+from porocore.study.stages.solving import RunLaw, body_progress, macro_laws, porosity_of, prepared_body
+from porocore.study.stages.stage_files import load_reference
+
+#: Record of the further cells that each round has solved, in the folder of a family.
+ROUNDS = "rounds.json"
+
+
+class FamilyCells:
+    """Cells that some experiments share, in a run folder.
+
+    Parameters
+    ----------
+    folder
+        The run folder, which is locked.
+    config
+        Study of the first of these experiments.
+    experiments
+        Names of all of them.
+    console, store
+        Progress, and results of other studies.
+    """
+
+    def __init__(
+        self,
+        folder: RunFolder,
+        config: RunConfig,
+        experiments: Sequence[str],
+        console: Console,
+        store: ResultStore | None,
+    ) -> None:
+        self.folder, self.config, self.experiments = folder, config, tuple(experiments)
+        self._console, self._store = console, store
+
+    def learn(self) -> None:
+        """Solve and learn the cells that the folder does not hold."""
+        with speaking(self.config.result_units):
+            pipeline.learn(self.folder, self.config, console=self._console, store=self._store)
+
+    def keep_rounds(self, count: int) -> None:
+        """Keep the further cells of so many rounds, and forget those of one that was not finished."""
+        if self.rounds > count:
+            write_json(self.folder.path / ROUNDS, self._rounds()[:count])
+        further, kept = self._further(), set(self._known())
+        if further is not None and (unfinished := [key for key in further.keys if key not in kept]):
+            further.drop(unfinished)
+
+    def _known(self) -> list[str]:
+        """Return the keys of the further cells of all rounds."""
+        return [key for keys in self._rounds() for key in keys]
+
+    def _rounds(self) -> list[list[str]]:
+        """Return the keys of the further cells of each round."""
+        path = self.folder.path / ROUNDS
+        if not path.exists():
+            return []
+        try:
+            return [[str(key) for key in keys] for keys in read_json(path)]
+        except (OSError, ValueError, TypeError) as error:
+            raise RunFolderError(
+                f"{path} is damaged ({reason(error)}); {set_aside(path, 'start again')}"
+            ) from error
+
+    def _further(self) -> Dataset | None:
+        path = self.folder.fallback
+        return Dataset.open(path) if path.exists() else None
+
+    @property
+    def rounds(self) -> int:
+        """Number of rounds in which further cells were solved."""
+        return len(self._rounds())
+
+    @property
+    def identity(self) -> str:
+        """Hash of all cells that the present law has learned from."""
+        return self.identity_after(self.rounds)
+
+    def identity_after(self, round_: int) -> str:
+        """Return the hash of the cells that are known after so many rounds."""
+        known = [key for keys in self._rounds()[:round_] for key in keys]
+        return json_hash([self.config.stages.training, self.config.closure, *known])
+
+    def law(self) -> MacroLaw:
+        """Return the law that knows the further cells of all rounds."""
+        with ExitStack() as stack:
+            if self._known():
+                return _fixed(self._adaptive(stack)[1], self.identity)
+            (run,) = macro_laws(self.folder, self.config, stack, ("surrogate",)).values()
+            return run.law
+
+    def at_rest(self) -> Callable[[Array], EffectiveProperties] | None:
+        """Return the properties of the undeformed cell by the values (m,) of its parameters, as they were learned.
+
+        None where the body has several cells.
+        """
+        config = self.config
+        if config.cells:
+            return None
+        reference = load_reference(self.folder, config)
+        if not config.cell.is_family:
+            return lambda parameters: reference.properties(config.cell, config.conductivity)
+        law, names = self.law(), [each.name for each in config.cell.parameters]
+        porosity = porosity_of(law, reference)
+        assert callable(porosity)
+
+        def of(parameters: Array) -> EffectiveProperties:
+            points = MacroState.zeros(1).with_parameters(parameters[None])
+            given = dict(zip(names, parameters, strict=True))
+            viscosity = float(given.get("viscosity", config.cell.viscosity))
+            found = LinearisedLaw(law).coefficients(points).at(0)
+            return EffectiveProperties.of(found, float(porosity(parameters[None])[0]), viscosity)
+
+        return of
+
+    def _adaptive(self, stack: ExitStack) -> tuple[RunLaw, AdaptiveLaw]:
+        """Return the law that learns on the way, with its solves, and the same as what it is."""
+        (run,) = macro_laws(self.folder, self.config, stack, ("fallback",), store=self._store).values()
+        law = run.law
+        if not isinstance(law, AdaptiveLaw):
+            raise DataError(
+                "the body has several cells, beyond whose sampled states none are solved; sample wider ranges"
+            )
+        return run, law
+
+    def extend(self, models: Sequence[ExperimentModel], values: Array) -> list[str]:
+        """Solve cells where bodies with these values of the unknowns leave the sampled states; return their keys."""
+        before = set(self._known())
+        with ExitStack() as stack:
+            run, law = self._adaptive(stack)
+            for model in models:
+                units, body = model.config.result_units, model.body(values)
+                stack.enter_context(speaking(units))
+                solver, problem = make_backend("macro solver", model.config), body.problem
+                prepared, name = prepared_body(solver, model.config, problem), model.experiment.name
+                title = f"further cells{f' of {name}' if name else ''}"
+                with body_progress(self._console, title, problem, units, scale=body.scales.factor) as (
+                    show,
+                    say,
+                ):
+                    run.tell_work(say)
+                    body_solution_of(solver, prepared, law, problem, on_step=show)
+        further = self._further()
+        new = [] if further is None else [key for key in further.keys if key not in before]
+        return new
+
+    def end_round(self, new: Sequence[str]) -> None:
+        """Record the further cells of a round, by which it is finished."""
+        write_json(self.folder.path / ROUNDS, [*self._rounds(), [*new]])
+
+    @property
+    def solves(self) -> int:
+        """Number of cells that were solved for the family, whether now or, by the store, for another study."""
+        folder = self.folder
+        count = 0
+        for path in (folder.undeformed, folder.dataset, folder.test_dataset, folder.fallback):
+            count += len(Dataset.open(path)) if path.exists() else 0
+        return count
+
+
+def _fixed(law: AdaptiveLaw, identity: str) -> ClosedLaw:
+    """Return the law with what it has learned so far, which learns no more."""
+    return ClosedLaw(law.cell_law, law.closure, identity=identity, name=law.name)
+
+
+def families(
+    plan: CalibrationPlan, out: Path, stack: ExitStack, console: Console, store: ResultStore | None
+) -> list[FamilyCells]:
+    """Return the families of a calibration, each in a folder below ``out`` that is held until ``stack`` ends.
+
+    Experiments with the same cells, samples, surrogate and closure share one.
+
+    Raises
+    ------
+    RunFolderError
+        A folder holds other cells.
+    """
+    groups: dict[tuple[str, str, str], list[int]] = {}
+    for k, experiment in enumerate(plan.experiments):
+        config = experiment.config
+        key = (config.stages.training, config.closure, config.conductivity)
+        groups.setdefault(key, []).append(k)
+    found = []
+    for number, members in enumerate(groups.values()):
+        config = plan.experiments[members[0]].config
+        name = "cells" if len(groups) == 1 else f"cells-{number + 1}"
+        folder = RunFolder.claim(out / name, config, resume=True)
+        stack.enter_context(folder)
+        names = [plan.experiments[k].name for k in members]
+        found.append(FamilyCells(folder, config, names, console, store))
+    return found
+
+
+#: Factors of a larger load, tried in this order until the surrogate is trusted in the body.
+LOADS = (10.0, 3.0, 1.5)
+#: Size of a curve, a share of the largest one of its test, below which there is nothing to be measured.
+NOTHING = 1e-6
+
+
+def further_data(
+    models: Sequence[ExperimentModel],
+    plan: CalibrationPlan,
+    values: Array,
+    processes: CallProcesses | None = None,
+    tell: Callable[[str], None] = lambda text: None,
+) -> list[FurtherData]:
+    """Return data of measurements that were not made, to be ranked beside those that were.
+
+    Each test is computed once with all quantities, and once under a larger load if the surrogate is trusted there. The
+    standard deviations are the same share of the largest value as those of the measured curves; where all of these are
+    zero there is no such share, and nothing is proposed.
+
+    Parameters
+    ----------
+    models
+        Of all experiments.
+    plan
+        Has the measured curves.
+    values : (k,)
+        Best values.
+    processes
+        Compute the tests side by side; None: this process computes one after the other.
+    tell
+        Called with what is computed next.
+    """
+    measured = {experiment.name: experiment for experiment in plan.experiments}
+    variants = [
+        _Variants(model, plan.unknowns, values, share)
+        for model in models
+        if (share := _noise(measured[model.experiment.name])) is not None
+    ]
+    if processes is None or len(variants) < 2:
+        found = [_further_of(tell, each) for each in variants]
+    else:
+        tell("other quantities and larger loads")
+        what = "while it solved the experiment '{}' under a larger load"
+        found = results_of(
+            [
+                processes.submit(what.format(each.model.experiment.name), further_elsewhere, each)
+                for each in variants
+            ]
+        )
+    return [data for one in found for data in one]
+
+
+def further_elsewhere(tell: Tell, variants: _Variants) -> list[FurtherData]:
+    """Return the further data of a test in this process."""
+    return _further_of(lambda words: None, variants)
+
+
+def _further_of(tell: Callable[[str], None], variants: _Variants) -> list[FurtherData]:
+    model = variants.model
+    of = f" in the test '{model.experiment.name}'" if model.experiment.name else ""
+    tell(f"other quantities{of}")
+    found = [FurtherData(f"{words}{of}", rows) for words, rows in variants.other_quantities()]
+    if all(number.kind != "load" for _, number, _ in model.numbers):
+        tell(f"larger load{of}")
+        found += variants.larger_load()
+    return found
+
+
+def _noise(experiment: Experiment) -> float | None:
+    """Return the standard deviation of the measured curves as a share of their largest values, that of the worst.
+
+    Curves of zeros do not count; None: there are no others.
+    """
+    sizes = [(c, float(np.abs(c.measured).max())) for c in experiment.curves if c.measured is not None]
+    return max((float(np.mean(c.deviations)) / size for c, size in sizes if size > 0), default=None)
+
+
+def _other_quantities(model: ExperimentModel) -> Experiment:
+    """Return the experiment with all quantities that were not measured, at the times of the first curve."""
+    measured = {curve.series for curve in model.experiment.curves}
+    first = model.experiment.curves[0]
+    curves = [
+        replace(first, name=words, series=series, factor=1.0)
+        for series, words in _quantities(model)
+        if series not in measured
+    ]
+    return replace(model.experiment, curves=tuple(curves))
+
+
+def _quantities(model: ExperimentModel) -> Iterator[tuple[MeasuredSeries, str]]:
+    yield MeasuredSeries("settlement"), "the settlement"
+    yield MeasuredSeries("pressure"), "the largest pore pressure"
+    yield MeasuredSeries("drained"), "the drained volume"
+    for probe in model.config.macro.probes:
+        yield MeasuredSeries("pressure", probe=probe), f"the pore pressure of the probe '{probe}'"
+        for i in (1, 2, 3):
+            series = MeasuredSeries("displacement", probe=probe, component=i)
+            yield series, f"the displacement {i} of the probe '{probe}'"
+
+
+class _Variants:
+    """Variants of one test, each computed at the best values.
+
+    Parameters
+    ----------
+    model
+        Of the test.
+    unknowns, values
+        All unknowns, and their best values.
+    share
+        Standard deviation of a curve as a share of its largest value.
+    """
+
+    def __init__(
+        self, model: ExperimentModel, unknowns: Sequence[PlannedUnknown], values: Array, share: float
+    ) -> None:
+        self.model, self.unknowns, self.values, self._share = model, unknowns, values, share
+        ones = [each.unknown for each in unknowns]
+        places = [one.coordinate(float(x)) for one, x in zip(ones, values, strict=True)]
+        self._by_coordinate = np.array([one.value_slope(x) for one, x in zip(ones, places, strict=True)])
+
+    def other_quantities(self) -> list[tuple[str, Array]]:
+        """Return words and rows of the quantities that were not measured."""
+        experiment = _other_quantities(self.model)
+        prediction = self._computed(experiment)
+        return [] if prediction is None else self._rows(experiment, prediction)
+
+    def larger_load(self) -> list[FurtherData]:
+        """Return the measured curves under the largest of some loads at which the surrogate is trusted."""
+        for factor in LOADS:
+            name = self.model.experiment.name
+            experiment = replace(self.model.experiment, load=factor * self.model.experiment.load)
+            prediction = self._computed(experiment)
+            if prediction is not None and not prediction.flagged:
+                rows = np.concatenate([rows for _, rows in self._rows(experiment, prediction)])
+                test = f"the test '{name}'" if name else "the same test"
+                return [FurtherData(f"{test} under {factor:g} times the load, too", rows)]
+        return []
+
+    def _computed(self, experiment: Experiment) -> CurvePrediction | None:
+        """Return the curves of a variant in the same steps of time; None: it cannot be computed."""
+        if not experiment.curves:
+            return None
+        try:
+            return ExperimentModel(experiment, self.unknowns, self.model.law, self.model.chosen_steps).curves(
+                self.values
+            )
+        except SolveError:
+            return None
+
+    def _rows(self, experiment: Experiment, prediction: CurvePrediction) -> list[tuple[str, Array]]:
+        """Return name and weighted derivatives by the coordinates of each curve that does not stay zero."""
+        ends = np.cumsum([len(curve) for curve in experiment.curves])[:-1]
+        values, slopes = np.split(prediction.values, ends), np.split(prediction.slopes, ends)
+        sizes = [float(np.abs(each).max()) for each in values]
+        return [
+            (curve.name, by * self._by_coordinate / (self._share * size))
+            for curve, by, size in zip(experiment.curves, slopes, sizes, strict=True)
+            if size > NOTHING * max(sizes)
+        ]
+
+
+@dataclass(frozen=True, eq=False)
+class CellAtRest:
+    """Undeformed cell of some experiments, as a function of the k unknowns.
+
+    Attributes
+    ----------
+    experiments
+        Names of the experiments.
+    place
+        Coordinate of the body, such as ``y = 0.5 mm``, where a parameter is fitted as a field; else empty.
+    units
+        Of the first of the experiments.
+    of : (k,) to :class:`EffectiveProperties`
+        Dimensionless properties in the units of the study, by the values of the unknowns.
+    """
+
+    experiments: tuple[str, ...]
+    place: str
+    units: ResultUnits
+    of: Callable[[Array], EffectiveProperties]
+
+
+def cells_at_rest(plan: CalibrationPlan, families: Sequence[FamilyCells]) -> tuple[CellAtRest, ...]:
+    """Return the undeformed cells of all experiments, those that are the same once.
+
+    A body whose cells differ in another way than by the fitted fields has none.
+    """
+    found: dict[object, CellAtRest] = {}
+    for k, family in enumerate(families):
+        properties = family.at_rest()
+        for experiment in plan.experiments:
+            if experiment.name in family.experiments and properties is not None:
+                for key, cell in _cells(plan, experiment, properties):
+                    key = (k, experiment.config.scales, experiment.config.output_units, *key)
+                    known = found.get(key, replace(cell, experiments=()))
+                    found[key] = replace(known, experiments=(*known.experiments, experiment.name))
+    return tuple(found.values())
+
+
+def _cells(
+    plan: CalibrationPlan, experiment: Experiment, properties: Callable[[Array], EffectiveProperties]
+) -> Iterator[tuple[tuple[object, ...], CellAtRest]]:
+    """Yield the cells of one experiment, each with what tells it from others of the same family."""
+    config = experiment.config
+    numbers = {
+        j: (each.numbers[experiment.name], each.dimensionless(experiment))
+        for j, each in enumerate(plan.unknowns)
+        if experiment.name in each.numbers
+    }
+    hats = {number.hat for number, _ in numbers.values() if number.hat is not None}
+    lines = {(hat.axis, hat.places) for hat in hats}
+    if len(lines) > 1 or any(
+        not _is_one_value(config, each.name, numbers) for each in config.cell.parameters
+    ):
+        return
+    for place in range(len(next(iter(lines))[1])) if lines else (None,):
+        here = {
+            j: (number, factor)
+            for j, (number, factor) in numbers.items()
+            if number.hat is None or number.hat.index == place
+        }
+        of = _at_values(config, here, properties)
+        text = ""
+        if place is not None:
+            ((axis, places),) = lines
+            text = f"{AXES[axis]} = {config.result_units.text(places[place], 'displacement')}"
+        kinds = ("cell", "modulus", "viscosity", "pore")
+        same = tuple((j, number.name) for j, (number, _) in here.items() if number.kind in kinds)
+        fixed = tuple(sorted((name, str(value)) for name, value in config.macro.fields.items()))
+        yield (text, same, fixed), CellAtRest((), text, config.result_units, of)
+
+
+def _is_one_value(config: RunConfig, name: str, numbers: dict[int, tuple[StudyNumber, float]]) -> bool:
+    """Tell whether a parameter is fitted, or a number that holds in the whole body."""
+    fitted = any(number.kind == "cell" and number.name == name for number, _ in numbers.values())
+    inside = any(name in region.fields for region in config.macro.regions.values())
+    return not inside and (fitted or isinstance(config.macro.fields.get(name), float | int))
+
+
+def _at_values(
+    config: RunConfig,
+    numbers: dict[int, tuple[StudyNumber, float]],
+    properties: Callable[[Array], EffectiveProperties],
+) -> Callable[[Array], EffectiveProperties]:
+    """Return the function that gives the properties at values of the unknowns."""
+
+    def of(values: Array) -> EffectiveProperties:
+        given = {name: value for name, value in config.macro.fields.items() if isinstance(value, float | int)}
+        scales = RelativeScales()
+        for j, (number, factor) in numbers.items():
+            value = float(values[j]) * factor
+            if number.kind == "cell":
+                given[number.name] = value
+            elif number.kind in ("modulus", "viscosity", "pore"):
+                scales = replace(scales, **{number.kind: value / number.value})
+        found = properties(np.array([given[each.name] for each in config.cell.parameters], dtype=float))
+        scaled = {
+            name: getattr(found, name) * scales.factor(quantity)
+            for name, quantity in PROPERTIES.items()
+            if quantity
+        }
+        return replace(found, **scaled)
+
+    return of

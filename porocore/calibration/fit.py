@@ -1,0 +1,682 @@
+"""Fit of the unknowns (fit): search, rounds in which further cells are solved, its record and quality."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from porocore.calibration.cells import FamilyCells
+from porocore.calibration.experiment import ExperimentModel, StudiesModel, error_of_steps
+from porocore.calibration.plan import CalibrationFolder, CalibrationPlan
+from porocore.calibration.problem import CurveData, CurveModel, CurvePrediction, Fitted, Misfit
+from porocore.calibration.settings import FitSettings
+from porocore.core.console import Console, Task
+from porocore.core.echo import reason
+from porocore.core.files.plain_data import json_hash, write_json
+from porocore.core.files.reading import read_json, read_text, set_aside
+from porocore.core.parallel.calls import CallProcesses
+from porocore.errors import RunFolderError, SolveError
+from porocore.states import Array
+
+FORMAT = "porocore-evaluations"
+#: Size of a record that is read [bytes].
+LARGEST = 1 << 30
+
+
+class EvaluationRecord:
+    """Evaluations of one model in a file of JSON lines, each written when it is made.
+
+    Parameters
+    ----------
+    path
+        The file, made where there is none. A last line that is incomplete is removed.
+    identity
+        Hash of all that the curves depend on beside the values of the unknowns.
+
+    Raises
+    ------
+    RunFolderError
+        The file is of another model, damaged, or cannot be written.
+    """
+
+    def __init__(self, path: Path, identity: str) -> None:
+        self.path, self.identity = path, identity
+        self._known: dict[tuple[float, ...], dict[str, Any]] = {}
+        try:
+            text = read_text(path, LARGEST) if path.exists() else ""
+            whole = text[: text.rfind("\n") + 1]
+            if whole != text:
+                path.write_text(whole, encoding="utf-8")
+            self._read(whole.splitlines())
+        except OSError as error:
+            raise self._unusable(f"cannot be used: {error.strerror or error}") from None
+        if not whole:
+            self._append({"format": FORMAT, "identity": identity})
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+    def __iter__(self) -> Iterator[tuple[Array, CurvePrediction | None]]:
+        """Yield values (k,) and curves of every evaluation, None where there were none, in the order they were made."""
+        for values, line in self._known.items():
+            yield np.array(values), None if "failed" in line else _prediction(line)
+
+    def find(self, values: Array) -> CurvePrediction | None:
+        """Return the curves for values (k,) of the unknowns; None where they are not known.
+
+        Raises
+        ------
+        SolveError
+            They could not be computed there.
+        """
+        line = self._known.get(tuple(values.tolist()))
+        if line is None:
+            return None
+        if "failed" in line:
+            raise SolveError(line["failed"])
+        return _prediction(line)
+
+    def keep(self, values: Array, found: CurvePrediction | SolveError) -> None:
+        """Append the outcome of one evaluation.
+
+        Raises
+        ------
+        RunFolderError
+            The file cannot be written.
+        """
+        line: dict[str, Any] = {"unknowns": values.tolist()}
+        if isinstance(found, SolveError):
+            line["failed"] = str(found)
+        else:
+            line |= {
+                "values": found.values.tolist(),
+                "slopes": found.slopes.tolist(),
+                "flagged": found.flagged,
+            }
+        self._append(line)
+        self._known[tuple(values.tolist())] = line
+
+    def _read(self, lines: list[str]) -> None:
+        if not lines:
+            return
+        try:
+            head, *rest = (json.loads(line) for line in lines)
+            if (head["format"], head["identity"]) != (FORMAT, self.identity):
+                raise self._unusable(
+                    "holds evaluations of another calibration; choose another --out, or undo the change of the "
+                    "configuration, data or version"
+                )
+            self._known = {tuple(line["unknowns"]): line for line in rest}
+        except (ValueError, KeyError, TypeError) as error:
+            raise self._unusable(
+                f"is damaged ({reason(error)}); {set_aside(self.path, 'start again')}"
+            ) from error
+
+    def _append(self, line: dict[str, Any]) -> None:
+        try:
+            with self.path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(line) + "\n")
+                file.flush()
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise self._unusable(f"cannot be written: {error.strerror or error}") from None
+
+    def _unusable(self, why: str) -> RunFolderError:
+        return RunFolderError(f"{self.path} {why}")
+
+
+def _prediction(line: dict[str, Any]) -> CurvePrediction:
+    values = np.array(line["values"], dtype=float)
+    slopes = np.array(line["slopes"], dtype=float).reshape(len(values), len(line["unknowns"]))
+    return CurvePrediction(values, slopes, bool(line["flagged"]))
+
+
+class RecordedModel(CurveModel):
+    """A model whose evaluations are kept, and not made again.
+
+    Parameters
+    ----------
+    model
+        Computes the curves.
+    record
+        Knows them.
+    on_evaluation
+        Called after each evaluation that was made.
+    """
+
+    def __init__(
+        self, model: CurveModel, record: EvaluationRecord, on_evaluation: Callable[[], None] = lambda: None
+    ) -> None:
+        self.model, self.record, self.on_evaluation = model, record, on_evaluation
+        self.unknowns = model.unknowns
+
+    def curves(self, values: Array) -> CurvePrediction:
+        """Return the curves; see :class:`~porocore.calibration.problem.CurveModel`."""
+        known = self.record.find(values)
+        if known is not None:
+            return known
+        try:
+            found = self.model.curves(values)
+        except SolveError as error:
+            self.record.keep(values, error)
+            raise
+        self.record.keep(values, found)
+        self.on_evaluation()
+        return found
+
+
+#: Data are not explained where the reduced chi-square is above this, and so large a one comes by chance less often.
+LARGE, CHANCE = 2.0, 1e-6
+#: So near to a bound, as a share of the distance of both, an unknown lies at it.
+CLOSE = 1e-6
+
+
+@dataclass(frozen=True)
+class FitQuality:
+    """Quality of the best point: chi-square and the distances of each curve.
+
+    Attributes
+    ----------
+    chi_square
+        Sum of the squares of (predicted − measured)/deviation.
+    freedom
+        Number of values less that of unknowns, 1 at least.
+    deviations_off
+        Root mean square of (predicted − measured)/deviation of each curve, by its name.
+    chance
+        Probability of a chi-square at least as large, if the model is right and the standard deviations are.
+    """
+
+    chi_square: float
+    freedom: int
+    deviations_off: dict[str, float]
+    chance: float
+
+    @classmethod
+    def of_fit(cls, misfit: Misfit, best: Fitted) -> FitQuality:
+        """Return the quality of a point."""
+        from scipy.stats import chi2
+
+        data: CurveData = misfit.data
+        residuals: Array = best.residuals[: len(data.values)]
+        freedom = max(1, len(residuals) - len(misfit.unknowns))
+        off = {
+            name: float(np.sqrt(np.mean(residuals[data.curve == k] ** 2)))
+            for k, name in enumerate(data.names)
+        }
+        total = float(residuals @ residuals)
+        return cls(total, freedom, off, float(chi2.sf(total, freedom)))
+
+    @property
+    def reduced(self) -> float:
+        """Chi-square by the degrees of freedom, about 1 where the model explains the data."""
+        return self.chi_square / self.freedom
+
+    @property
+    def explains(self) -> bool:
+        """False where the data are farther from every prediction than their standard deviations allow."""
+        return self.reduced <= LARGE or self.chance >= CHANCE
+
+    @property
+    def complaint(self) -> str:
+        """One sentence where the data are not explained; empty where they are."""
+        if self.explains:
+            return ""
+        name, off = max(self.deviations_off.items(), key=lambda each: each[1])
+        return (
+            f"no values of the unknowns explain the data: the reduced chi-square is {self.reduced:.3g}, expected about "
+            f"1; the curve '{name}' is off by {off:.3g} standard deviations (root mean square). Check its clock (at "
+            "t = 0 the load of the study begins; an unknown 'of: time_shift' moves the data), units, signs and zero of "
+            "its columns ('offset:' is subtracted), the standard deviations, the bounds, and what the study leaves out"
+        )
+
+
+def at_bounds(misfit: Misfit, coordinates: Array) -> list[str]:
+    """Return a sentence for each unknown that lies at a bound of the search, at coordinates (k,)."""
+    lower, upper = misfit.bounds
+    return [
+        f"the fitted {one.name} lies at the bound of the search, {one.value(float(bound)):.4g} {one.unit}".rstrip()
+        + "; widen the bounds"
+        for one, x, low, high in zip(misfit.unknowns, coordinates, lower, upper, strict=True)
+        for bound in (low, high)
+        if abs(x - bound) < CLOSE * (high - low)
+    ]
+
+
+#: Tolerance of the searches beside the first, until one is better by more than this share of a variance.
+ROUGH, ALIKE = 1e-4, 1e-2
+#: A search ends where so many steps together lower the sum of squares by less than this: along a direction that the
+#: data do not see it would creep on to a bound, to no effect on any statement.
+CREEPING, GAIN = 5, 0.02
+#: Evaluations after which half of what was left of a search is taken to be done, for the time left: Gauss–Newton steps
+#: seldom need all that they are allowed.
+HALF = 5
+#: Other starts lie this share of the bounds' distance away from them.
+AWAY = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """End of the search from one start.
+
+    Attributes
+    ----------
+    start : (k,)
+        Coordinates where it began.
+    end
+        Where it ended; None: the start could not be computed.
+    converged
+        Whether it ended by its tolerance or for lack of gain, and not by the number of evaluations.
+    evaluations
+        Evaluations of the misfit.
+    failure
+        Why there is no end.
+    """
+
+    start: Array
+    end: Fitted | None
+    converged: bool
+    evaluations: int
+    failure: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class CalibrationFit:
+    """Best point of all searches.
+
+    Attributes
+    ----------
+    best
+        The one with the smallest misfit.
+    searches
+        All of them.
+    """
+
+    best: Fitted
+    searches: tuple[Search, ...]
+
+    @property
+    def converged(self) -> bool:
+        """True where the search that found the best point ended by its tolerance."""
+        return any(each.converged and each.end is self.best for each in self.searches)
+
+
+def starting_points(misfit: Misfit, count: int) -> list[Array]:
+    """Return coordinates of the starts: that of the unknowns, then points spread over the bounds."""
+    from scipy.stats import qmc
+
+    lower, upper = misfit.bounds
+    low, high = lower + AWAY * (upper - lower), upper - AWAY * (upper - lower)
+    spread = qmc.Halton(len(lower), scramble=False).random(count)[1:]
+    return [misfit.start, *(low + (high - low) * point for point in spread)]
+
+
+def fit(
+    misfit: Misfit, settings: FitSettings, console: Console, first: Sequence[Array] | None = None
+) -> CalibrationFit:
+    """Search the unknowns that fit the data best, within their bounds.
+
+    Each search is scipy's trust-region method for bounded least squares with the exact Jacobian. A step to where the
+    experiment cannot be computed is shortened.
+
+    Parameters
+    ----------
+    misfit
+        Residuals and their slopes.
+    settings
+        Number of starts, most evaluations, tolerance.
+    console
+        Shows the progress.
+    first
+        Coordinates of the starts; by default :func:`starting_points`.
+
+    Raises
+    ------
+    SolveError
+        The experiment can be computed at none of the starts.
+    """
+    starts = starting_points(misfit, settings.starts) if first is None else first
+    searches: list[Search] = []
+    with console.task("fit", "searches") as task:
+        for done, start in enumerate(starts):
+            show = _progress(task, done, len(starts))
+            searches.append(_from_start(misfit, start, settings, searches, show))
+        task.update(len(starts), len(starts), detail="")
+    ends = [each.end for each in searches if each.end is not None]
+    if not ends:
+        raise SolveError(
+            f"the experiments can be computed at none of the {len(starts)} starts; {searches[0].failure}"
+        )
+    for failed in (each for each in searches if each.end is None):
+        console.warn(f"fit: no search from one of the starts: {failed.failure}")
+    return CalibrationFit(min(ends, key=lambda end: end.cost), tuple(searches))
+
+
+def _progress(task: Task, done: int, count: int) -> Callable[[int, float], None]:
+    def show(evaluations: int, cost: float) -> None:
+        reached = done + 1 - 2 ** (-evaluations / HALF)
+        detail = f"evaluation {evaluations}, sum of squares {2 * cost:.5g}"
+        task.update(done, count, detail=detail, work=(reached, count - reached))
+
+    return show
+
+
+def _from_start(
+    misfit: Misfit,
+    start: Array,
+    settings: FitSettings,
+    before: Sequence[Search],
+    show: Callable[[int, float], None],
+) -> Search:
+    """Return the search from one start; roughly where it ends no better than one ``before``."""
+    if not any(each.end is not None for each in before):
+        return _search(misfit, start, settings, settings.tolerance, show)
+    least = min(each.end.cost for each in before if each.end is not None)
+    rough = _search(misfit, start, settings, max(settings.tolerance, ROUGH), show)
+    if rough.end is None or rough.end.cost > least - ALIKE:
+        return rough
+    return _search(misfit, rough.end.coordinates, settings, settings.tolerance, show)
+
+
+class _Creeping(Exception):
+    """Steps no longer lower the sum of squares by anything that counts."""
+
+
+class _Steps:
+    """Points at which a search takes the Jacobian, one for each step."""
+
+    def __init__(self, misfit: Misfit) -> None:
+        self.misfit, self.costs = misfit, list[float]()
+        self.last: Fitted | None = None
+
+    def jacobian(self, x: Array) -> Array:
+        """Return the Jacobian; raise :class:`_Creeping` where the last steps have gained nothing."""
+        self.last = self.misfit.at(x)
+        self.costs.append(self.last.cost)
+        if len(self.costs) > CREEPING and 2 * (self.costs[-1 - CREEPING] - self.costs[-1]) < GAIN:
+            raise _Creeping
+        return self.last.jacobian
+
+
+def _search(
+    misfit: Misfit,
+    start: Array,
+    settings: FitSettings,
+    tolerance: float,
+    show: Callable[[int, float], None],
+) -> Search:
+    from scipy.optimize import least_squares
+
+    lower, upper = misfit.bounds
+    evaluations, least = 0, np.inf
+
+    def residuals(x: Array) -> Array:
+        nonlocal evaluations, least
+        evaluations += 1
+        try:
+            found = misfit.at(x)
+        except SolveError:
+            # scipy shortens a step to numbers that are not finite.
+            return np.full(size, np.nan)
+        least = min(least, found.cost)
+        show(evaluations, least)
+        return found.residuals
+
+    inside = np.clip(start, lower + 1e-6 * (upper - lower), upper - 1e-6 * (upper - lower))
+    try:
+        size = len(misfit.at(inside).residuals)
+    except SolveError as error:
+        return Search(start, None, False, 1, str(error))
+    steps = _Steps(misfit)
+    try:
+        found: Any = least_squares(
+            residuals,
+            inside,
+            jac=steps.jacobian,
+            bounds=(lower, upper),
+            method="trf",
+            x_scale="jac",
+            ftol=tolerance,
+            xtol=tolerance,
+            gtol=tolerance,
+            max_nfev=settings.evaluations,
+        )
+    except _Creeping:
+        return Search(start, steps.last, True, evaluations)
+    return Search(start, misfit.at(np.asarray(found.x, dtype=float)), found.status > 0, evaluations)
+
+
+#: With a reduced chi-square above this, no further cells are solved: beyond its samples a surrogate is not that wrong.
+HOPELESS = 100.0
+#: Where the data are not explained, the cells of a round must make the reduced chi-square smaller by this factor.
+LESS = 0.5
+
+
+class LazyModel(CurveModel):
+    """Model that is made when curves are first asked for, which a record may make needless."""
+
+    def __init__(self, plan: CalibrationPlan, make: Callable[[], StudiesModel]) -> None:
+        self.unknowns = tuple(each.unknown for each in plan.unknowns)
+        self._make = make
+        self._made: StudiesModel | None = None
+
+    @property
+    def made(self) -> StudiesModel:
+        """The model, made at its first use."""
+        if self._made is None:
+            self._made = self._make()
+        return self._made
+
+    def curves(self, values: Array) -> CurvePrediction:
+        """Return the curves; see :class:`~porocore.calibration.problem.CurveModel`."""
+        return self.made.curves(values)
+
+
+class FitRounds:
+    """Models of the rounds of a calibration, each with the cells that are known then.
+
+    Parameters
+    ----------
+    plan
+        Of the calibration.
+    folder
+        Keeps evaluations and time steps.
+    cells
+        Families of the experiments, learned.
+    console
+        Shows the progress.
+    processes
+        Solve experiments side by side; None: there are none.
+    """
+
+    def __init__(
+        self,
+        plan: CalibrationPlan,
+        folder: CalibrationFolder,
+        cells: Sequence[FamilyCells],
+        console: Console,
+        processes: CallProcesses | None = None,
+    ) -> None:
+        self.processes = processes
+        self.plan, self.folder, self.cells, self.console = plan, folder, tuple(cells), console
+        self._last = min(family.rounds for family in cells)
+        for family in cells:
+            family.keep_rounds(self._last)
+        self.round = 0
+        #: True where no further cells are solved because the data are not explained, for which they are no remedy.
+        self.given_up = False
+        self._begin()
+
+    def _begin(self) -> None:
+        """Open the record of the present round."""
+        known = [family.identity_after(self.round) for family in self.cells]
+        identity = json_hash([experiments_identity(self.plan), *known])
+        self.record = EvaluationRecord(self.folder.evaluations(self.round), identity)
+        self._lazy = LazyModel(self.plan, self._made)
+        self.model = RecordedModel(self._lazy, self.record)
+        if len(self.record):
+            self.console.note(f"fit: {len(self.record)} evaluations are known")
+
+    def _made(self) -> StudiesModel:
+        if self.round < self._last:
+            raise RunFolderError(
+                f"{self.record.path} lacks evaluations that led to further cells; start again in another --out"
+            )
+        models = {}
+        for family in self.cells:
+            law = family.law()
+            for experiment in self.plan.experiments:
+                if experiment.name in family.experiments:
+                    steps = self._known_steps().get(experiment.name)
+                    known = None if steps is None else np.array(steps, dtype=float)
+                    models[experiment.name] = ExperimentModel(experiment, self.plan.unknowns, law, known)
+                    self._keep_steps(experiment.name, models[experiment.name])
+        return StudiesModel(
+            [each.unknown for each in self.plan.unknowns],
+            [models[experiment.name] for experiment in self.plan.experiments],
+            self.processes,
+        )
+
+    def _known_steps(self) -> dict[str, list[float]]:
+        path = self.folder.steps
+        try:
+            return dict(read_json(path)) if path.exists() else {}
+        except (OSError, ValueError, TypeError) as error:
+            raise RunFolderError(
+                f"{path} is damaged ({reason(error)}); {set_aside(path, 'start again')}"
+            ) from error
+
+    def _keep_steps(self, name: str, model: ExperimentModel) -> None:
+        known = self._known_steps()
+        if model.chosen_steps is not None and name not in known:
+            write_json(self.folder.steps, {**known, name: model.chosen_steps.tolist()})
+
+    @property
+    def experiments(self) -> Sequence[ExperimentModel]:
+        """Models of all experiments with the cells of the present round."""
+        return self._lazy.made.experiments
+
+    def dependence(self, misfit: Misfit, coordinates: Array) -> Array:
+        """Return the derivatives (n, k), by the coordinates, of all that the experiments know of the unknowns."""
+        values = misfit.values(coordinates)
+        rows = np.concatenate([one.dependence(values) for one in self.experiments])
+        slopes = [one.value_slope(float(x)) for one, x in zip(misfit.unknowns, coordinates, strict=True)]
+        return np.asarray(rows * np.array(slopes))
+
+    def error_of_steps(self, misfit: Misfit, best: Fitted, halvings: int) -> Array:
+        """Return the error (m,) of the curves at a point that is owed to the steps in time, over their deviations.
+
+        It is estimated from runs whose steps are halved so many times.
+
+        Raises
+        ------
+        SolveError
+            An experiment cannot be computed with halved steps.
+        """
+        values, deviations = misfit.values(best.coordinates), misfit.data.deviations
+        known = self._known_halved(values)
+        with self.console.task("error of the steps in time", "halvings") as task:
+            while len(known) < halvings:
+                task.update(len(known), halvings)
+                each = self._lazy.made.with_halved_steps(values, len(known) + 1)
+                known.append(np.concatenate(each).tolist())
+                kept = {"of": self.record.identity, "unknowns": values.tolist(), "curves": known}
+                write_json(self.folder.halved_steps, kept)
+            task.update(halvings, halvings)
+        curves = [best.prediction.values, *map(np.array, known[:halvings])]
+        ends = np.cumsum([sum(map(len, one.curves)) for one in self.plan.experiments])[:-1]
+        parts = zip(*(np.split(each, ends) for each in curves), np.split(deviations, ends), strict=True)
+        return np.concatenate([error_of_steps(part, by) / by for *part, by in parts])
+
+    def _known_halved(self, values: Array) -> list[list[float]]:
+        """Return the curves with halved steps at these values that the folder holds."""
+        path = self.folder.halved_steps
+        try:
+            found = dict(read_json(path)) if path.exists() else {}
+            same = (found.get("of"), found.get("unknowns")) == (self.record.identity, values.tolist())
+            return list(found["curves"]) if same else []
+        except (OSError, ValueError, TypeError, KeyError) as error:
+            raise RunFolderError(
+                f"{path} is damaged ({reason(error)}); {set_aside(path, 'start again')}"
+            ) from error
+
+    def fitted(self, data: CurveData) -> tuple[Misfit, CalibrationFit]:
+        """Return misfit and fit of the last round.
+
+        Where no values explain the data, that is said before further cells are solved. None are where they would be of
+        no use: the fitted body is then not that of the experiment.
+
+        Raises
+        ------
+        SolveError
+            The experiments can be computed at none of the starts.
+        """
+        misfit = Misfit(self.model, data)
+        found = fit(misfit, self.plan.fit, self.console)
+        before = HOPELESS / LESS
+        while True:
+            quality, bounds = FitQuality.of_fit(misfit, found.best), at_bounds(misfit, found.best.coordinates)
+            for complaint in filter(None, (quality.complaint, *bounds)):
+                self.console.warn(f"fit: {complaint}")
+            if not found.best.prediction.flagged or self.round >= self.plan.fit.rounds:
+                break
+            self.given_up = not quality.explains and (bool(bounds) or quality.reduced > LESS * before)
+            if self.given_up:
+                self.console.warn(
+                    "fit: the fitted body leaves the states that the surrogate is trusted in; no further cells are "
+                    "solved there, since they would not explain the data"
+                )
+                break
+            if not self._extended(misfit.values(found.best.coordinates)):
+                break
+            before = quality.reduced
+            misfit = Misfit(self.model, data)
+            found = fit(misfit, self.plan.fit, self.console, [found.best.coordinates])
+        return misfit, found
+
+    def _extended(self, values: Array) -> bool:
+        """Solve further cells around the body at these values; return False where there are none to be solved."""
+        if self.round >= self._last:
+            self.console.note(
+                "fit: the fitted body leaves the states that the surrogate is trusted in; further cells are solved "
+                "there"
+            )
+            models = self._lazy.made.experiments
+            new = [
+                family.extend([one for one in models if one.experiment.name in family.experiments], values)
+                for family in self.cells
+            ]
+            self.console.note(f"fit: {sum(map(len, new))} further cells")
+            if not any(new):
+                return False
+            for family, keys in zip(self.cells, new, strict=True):
+                family.end_round(keys)
+            self._last = self.round + 1
+        self.round += 1
+        self._begin()
+        return True
+
+
+def experiments_identity(plan: CalibrationPlan) -> str:
+    """Return the hash of all that the curves depend on, beside cells and values of the unknowns."""
+    experiments = [
+        [
+            one.name,
+            one.config.stages.macro,
+            None if one.config.scales is None else one.config.scales.model_dump(),
+            one.load,
+            [[repr(c.series), c.times.tolist(), c.unit, c.factor] for c in one.curves],
+        ]
+        for one in plan.experiments
+    ]
+    unknowns = [
+        [each.unknown.name, each.unknown.unit, each.unknown.start, repr(sorted(each.numbers.items()))]
+        for each in plan.unknowns
+    ]
+    return json_hash([experiments, unknowns])

@@ -1,1 +1,0 @@
-"""Bounded least squares from several starts, in rounds with further cells; every evaluation is kept."""

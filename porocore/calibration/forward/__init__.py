@@ -1,1 +1,0 @@
-"""Curves of one or more studies as functions of the unknowns: surrogate of the family, body, sensitivities."""

@@ -1,0 +1,280 @@
+"""Inference from a fit (infer): precision, unseen directions, intervals, identifiability, further data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from porocore.calibration.combination import SeenProduct, seen_product
+from porocore.calibration.minimum import (
+    LinearPrecision,
+    Minimum,
+    Objective,
+    UnseenDirection,
+    minimise,
+    significant,
+    unseen_directions,
+)
+from porocore.calibration.problem import Fitted, Misfit, Unknown
+from porocore.calibration.profiles import (
+    ConfidenceInterval,
+    LowerPoint,
+    ParameterPlane,
+    confidence_interval,
+    parameter_plane,
+)
+from porocore.calibration.suggestions import (
+    FurtherData,
+    IdentifiabilityRule,
+    Suggestion,
+    SystematicError,
+    direction_words,
+    ranked,
+    repeated_parts,
+)
+from porocore.states import Array
+
+#: Times that the profiles start again because they have met a lower point.
+MOST_RESTARTS = 3
+#: Rays of the region of two unknowns.
+RAYS = 8
+#: Fewer rays are no region.
+LEAST_RAYS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Inference:
+    """Statements of the data about the unknowns.
+
+    Attributes
+    ----------
+    unknowns
+        The k unknowns, in the order of all members.
+    best
+        The best point; another than that of the fit where the profiles have met a lower sum of squares.
+    data_best
+        The best point of the data without priors.
+    moved
+        True where ``best`` is not the point of the fit.
+    limits : (k,)
+        Largest moves of the coordinates by the rule of identifiability.
+    with_priors, without_priors
+        Precision to first order at ``best``.
+    directions
+        What the data do not see, the least seen first.
+    words
+        The same in words.
+    intervals, data_intervals
+        95 % intervals with and without priors.
+    identifiable
+        True where the interval without priors is narrow enough by the rule.
+    suggestions
+        Further data, the most helpful first.
+    plane
+        Plane of the two unknowns that the data determine least, without priors; None: not asked for, or one unknown.
+    evaluations
+        Number of points that were asked for.
+    points
+        Those that could be computed, priors included.
+    rule
+        Of identifiability.
+    products
+        Products of powers of two unknowns that alone are seen, of exact directions.
+    systematic
+        Known error of the predicted curves; None: none is known.
+    """
+
+    unknowns: tuple[Unknown, ...]
+    best: Fitted
+    data_best: Fitted
+    moved: bool
+    limits: Array
+    with_priors: LinearPrecision
+    without_priors: LinearPrecision
+    directions: tuple[UnseenDirection, ...]
+    words: tuple[str, ...]
+    intervals: tuple[ConfidenceInterval, ...]
+    data_intervals: tuple[ConfidenceInterval, ...]
+    identifiable: tuple[bool, ...]
+    suggestions: tuple[Suggestion, ...]
+    plane: ParameterPlane | None
+    evaluations: int
+    points: tuple[Fitted, ...]
+    rule: IdentifiabilityRule
+    products: tuple[SeenProduct, ...] = ()
+    systematic: SystematicError | None = None
+
+    @property
+    def values(self) -> Array:
+        """Values (k,) of the unknowns at the best point."""
+        pairs = zip(self.unknowns, self.best.coordinates, strict=True)
+        return np.array([one.value(float(x)) for one, x in pairs])
+
+    @property
+    def correlations(self) -> Array:
+        """Correlations (k, k) to first order by the data without priors; NaN where they mean nothing.
+
+        They mean nothing between an unknown of a direction that is not seen and one beside it: the deviation of the
+        first is that of the direction, in which what the data do tell of the two disappears.
+        """
+        found = self.without_priors.correlations
+        moved = np.zeros((len(self.directions), len(self.unknowns)), dtype=bool)
+        for row, each in zip(moved, self.directions, strict=True):
+            row[list(significant(each.direction, self.limits))] = True
+        for row in moved:
+            found[np.ix_(row, ~row)] = found[np.ix_(~row, row)] = np.nan
+        return found
+
+    def with_error(self, errors: Array, counts: bool = True) -> Inference:
+        """Return the statements for curves of which an error is known, which the intervals hold unless it is small.
+
+        Parameters
+        ----------
+        errors : (m,)
+            Predicted less exact values, over the standard deviations of the data.
+        counts
+            Whether the data have no such error themselves.
+        """
+        jacobian = self.best.jacobian
+        found = SystematicError.at_best(errors, jacobian, self.limits)
+        if not counts or found.is_small:
+            return replace(self, systematic=found)
+        alone = SystematicError.at_best(errors, jacobian[: len(errors)], self.limits)
+        intervals = _widened(self.unknowns, self.intervals, found)
+        by_data = intervals
+        if self.data_intervals is not self.intervals:
+            by_data = _widened(self.unknowns, self.data_intervals, alone)
+        return replace(
+            self,
+            systematic=replace(found, counted=True),
+            intervals=intervals,
+            data_intervals=by_data,
+            products=tuple(
+                each.moved(self.unknowns, self.data_best.coordinates, alone) for each in self.products
+            ),
+            identifiable=_identifiable(self.rule, self.unknowns, self.values, by_data),
+        )
+
+
+def _widened(
+    unknowns: Sequence[Unknown], intervals: Sequence[ConfidenceInterval], error: SystematicError
+) -> tuple[ConfidenceInterval, ...]:
+    rows = zip(unknowns, intervals, error.shift, strict=True)
+    return tuple(interval.widened(one, float(shift)) for one, interval, shift in rows)
+
+
+def infer(
+    misfit: Misfit,
+    best: Fitted,
+    *,
+    rule: IdentifiabilityRule | None = None,
+    further: Sequence[FurtherData] = (),
+    rays: int = RAYS,
+    tell: Callable[[str], None] = lambda text: None,
+    dependence: Callable[[Array], Array] | None = None,
+) -> Inference:
+    """Return what the data say about the unknowns, from the best point of a fit.
+
+    Parameters
+    ----------
+    misfit
+        Of model and data.
+    best
+        Where the sum of squares is least.
+    rule
+        Of identifiability; None: ± 10 %, ± 0.04 for a Poisson's ratio.
+    further
+        Measurements that could be made, ranked beside denser parts of the measured curves.
+    rays
+        Of the region of the two least determined unknowns; 0: no plane.
+    tell
+        Called with what is computed next.
+    dependence
+        Returns, at coordinates (k,), the derivatives (r, k) by them of all that the model knows of the unknowns,
+        whatever is measured; None: it is not known.
+
+    Raises
+    ------
+    SolveError
+        The experiment cannot be computed at ``best``.
+    """
+    rule = rule or IdentifiabilityRule()
+    unknowns = tuple(misfit.unknowns)
+    objective = Objective(misfit, rule.limits(unknowns, best.coordinates))
+    objective.add(best)
+    found, intervals = _intervals(objective, best.coordinates, tell)
+    alone, data_found, data_intervals = objective.without_priors(), found, intervals
+    if any(one.has_prior for one in unknowns):
+        data_found, data_intervals = _intervals(alone, found.fitted.coordinates, tell)
+    fitted, limits = found.fitted, rule.limits(unknowns, found.fitted.coordinates)
+    jacobian = alone.at(fitted.coordinates).jacobian
+    known = None if dependence is None else dependence(fitted.coordinates)
+    directions = unseen_directions(jacobian, limits, known)
+    products = [seen_product(alone, data_found, each, limits, tell) for each in directions if each.exact]
+    return Inference(
+        unknowns=unknowns,
+        best=fitted,
+        data_best=data_found.fitted,
+        moved=not np.array_equal(fitted.coordinates, best.coordinates),
+        limits=limits,
+        with_priors=LinearPrecision.from_jacobian(fitted.jacobian),
+        without_priors=LinearPrecision.from_jacobian(jacobian),
+        directions=directions,
+        words=tuple(direction_words(each, unknowns, limits, fitted.coordinates) for each in directions),
+        intervals=intervals,
+        data_intervals=data_intervals,
+        identifiable=_identifiable(rule, unknowns, misfit.values(fitted.coordinates), data_intervals),
+        suggestions=ranked(jacobian, limits, [*further, *repeated_parts(misfit, fitted)]),
+        plane=_plane(alone, data_found, data_intervals, rays, tell),
+        evaluations=objective.evaluations,
+        points=objective.points,
+        rule=rule,
+        products=tuple(each for each in products if each is not None),
+    )
+
+
+def _identifiable(
+    rule: IdentifiabilityRule,
+    unknowns: Sequence[Unknown],
+    values: Array,
+    intervals: Sequence[ConfidenceInterval],
+) -> tuple[bool, ...]:
+    rows = zip(unknowns, values, intervals, strict=True)
+    return tuple(rule.holds(one, float(value), *interval.values) for one, value, interval in rows)
+
+
+def _intervals(
+    objective: Objective, start: Array, tell: Callable[[str], None]
+) -> tuple[Minimum, tuple[ConfidenceInterval, ...]]:
+    """Return the minimum next to a point, and all intervals about it; again from a lower point that a profile meets."""
+    everything = np.arange(len(start))
+    for _ in range(MOST_RESTARTS):
+        best = minimise(objective, start, everything)
+        try:
+            return best, tuple(confidence_interval(objective, best, i, tell) for i in everything)
+        except LowerPoint as lower:
+            start = lower.fitted.coordinates
+    best = minimise(objective, start, everything)
+    return best, tuple(confidence_interval(objective, best, i, tell, strict=False) for i in everything)
+
+
+def _plane(
+    objective: Objective,
+    best: Minimum,
+    intervals: Sequence[ConfidenceInterval],
+    rays: int,
+    tell: Callable[[str], None],
+) -> ParameterPlane | None:
+    """Return the plane of the two unknowns that have the widest distributions, in limits.
+
+    Where an interval of one of them is open, their region is a valley without ends, in which the paths of the profiles
+    say all; it has then no rays.
+    """
+    if rays < LEAST_RAYS or len(intervals) < 2:
+        return None
+    widths = LinearPrecision.from_jacobian(best.fitted.jacobian * objective.scale).spread
+    first, second = sorted(int(i) for i in np.argsort(-widths, kind="stable")[:2])
+    is_open = any(end is None for i in (first, second) for end in intervals[i].values)
+    return parameter_plane(objective, best, (first, second), 0 if is_open else rays, tell)

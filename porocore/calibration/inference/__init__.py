@@ -1,1 +1,0 @@
-"""Statements of the data: intervals by profile likelihood, unseen directions, further data that help."""

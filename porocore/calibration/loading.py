@@ -1,0 +1,269 @@
+"""Reading of a calibration: the section of a study or a file of its own, its studies and curves, one error."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import ValidationError
+
+from porocore.calibration.observations import MeasuredSeries
+from porocore.calibration.plan import CalibrationPlan, Experiment, PlannedUnknown
+from porocore.calibration.posterior import require_emcee
+from porocore.calibration.reading import read_curve, sign_note
+from porocore.calibration.settings import CalibrationSettings, ExperimentSettings
+from porocore.calibration.unknowns import keyed, planned_unknowns
+from porocore.core.files.reading import read_text
+from porocore.core.files.yaml_document import Location, YamlDocument, dotted
+from porocore.core.models.strict import StrictModel
+from porocore.core.units import speaking
+from porocore.errors import ConfigurationError
+from porocore.study.config.config import RunConfig
+from porocore.study.config.errors import faults, located, refusal, switched
+from porocore.study.config.loading import validated
+from porocore.study.sweep.plan import family_over
+
+#: Key of the section in a study.
+SECTION = "calibration"
+#: Unknown numbers by which a load may have either sign.
+OF_LOAD = ("load", "boundary")
+
+
+class _Section(StrictModel):
+    calibration: CalibrationSettings
+
+
+def read_plan(
+    source: Path | str | Mapping[str, Any] | YamlDocument, *, synthetic: bool = False, planned: bool = False
+) -> CalibrationPlan:
+    """Return the plan of a calibration from a file, or from settings nested as in one.
+
+    Parameters
+    ----------
+    source
+        A study with a section ``calibration:``, or unknowns and experiments alone; also as a document that was read.
+    synthetic
+        Values of the curves will be made up.
+    planned
+        Values of curves without a file may be made up later.
+
+    Raises
+    ------
+    ConfigurationError
+        Each fault on a line of its own: file, line, key, what was expected and what came.
+    """
+    if isinstance(source, YamlDocument):
+        document = source
+    elif isinstance(source, Mapping):
+        document = YamlDocument.of(source, Path.cwd())
+    else:
+        document = YamlDocument.read(Path(source))
+    settings, at = _settings(document)
+    with located(document):
+        experiments = _experiments(settings, document)
+        studies = {name: _study(document, name, each, at) for name, each in experiments.items()}
+        plan = _plan(document, settings, studies, at, synthetic, planned)
+        return replace(plan, documents=_documents(document, experiments))
+
+
+def _documents(
+    document: YamlDocument, experiments: Mapping[str, ExperimentSettings]
+) -> tuple[tuple[str, str], ...]:
+    """Return names and texts of the configuration and of the studies that it names, each once."""
+    own = (
+        yaml.safe_dump(document.data, sort_keys=False, allow_unicode=True)
+        if document.path is None
+        else read_text(document.path)
+    )
+    found = {"settings" if document.path is None else document.path.name: own}
+    for each in experiments.values():
+        if each.study is not None:
+            found[each.study] = read_text(document.folder / each.study)
+    return tuple(found.items())
+
+
+def is_calibration(path: Path) -> bool:
+    """Return whether a file is a calibration of its own, which names studies and is none.
+
+    Raises
+    ------
+    ConfigurationError
+        It cannot be read.
+    """
+    data = YamlDocument.read(path).data
+    return SECTION not in data and "cell" not in data and bool(data.keys() & {"unknowns", "experiments"})
+
+
+def _settings(document: YamlDocument) -> tuple[CalibrationSettings, Location]:
+    """Return the settings, and the location of their section in the document."""
+    inside = SECTION in document.data
+    if not inside and not document.data.keys() & {"unknowns", "experiments"}:
+        where = "the settings" if document.path is None else str(document.path)
+        raise ConfigurationError(
+            f"{where}: expected a section 'calibration:' with unknowns and observations, or a file with 'unknowns:' "
+            "and 'experiments:', got neither"
+        )
+    root = _Section if inside else CalibrationSettings
+    data = {SECTION: document.data[SECTION]} if inside else document.data
+    found: list[tuple[Location, str]] = []
+    read = None
+    try:
+        read = root.model_validate(data)
+    except ValidationError as error:
+        found += faults(document, error.errors(), root)
+    found += [fault for fault in switched(replace(document, data=data), root) if fault[0] not in dict(found)]
+    if found or read is None:
+        raise refusal(document, found)
+    return (read.calibration, (SECTION,)) if isinstance(read, _Section) else (read, ())
+
+
+def _experiments(settings: CalibrationSettings, document: YamlDocument) -> dict[str, ExperimentSettings]:
+    """Return the experiments by name; the only one of a study has none."""
+    if settings.experiments:
+        return settings.experiments
+    if SECTION not in document.data:
+        raise ConfigurationError(
+            "observations: a file of its own has 'experiments:' with the study of each, and observations below them"
+        )
+    return {"": ExperimentSettings(observations=settings.observations)}
+
+
+def _key(at: Location, *keys: str) -> str:
+    return dotted((*at, *keys))
+
+
+def _study(
+    document: YamlDocument, name: str, experiment: ExperimentSettings, at: Location
+) -> tuple[RunConfig, float, ExperimentSettings]:
+    """Return the study of an experiment and its load."""
+    key = (*at, "experiments", name) if name else at
+    if experiment.study is None:
+        if SECTION not in document.data:
+            raise ConfigurationError(
+                f"{_key(key, 'study')}: missing; add the configuration of the study of this experiment"
+            )
+        config = validated(replace(document, data={k: v for k, v in document.data.items() if k != SECTION}))
+    else:
+        with keyed(_key(key, "study")):
+            of_study = YamlDocument.read(document.folder / experiment.study)
+        config = validated(of_study)
+    loads = config.macro.loads
+    if experiment.load is None and len(loads) > 1:
+        told = ", ".join(f"{load:g}" for load in loads)
+        where = _key(key, "load") if name else "macro.loads"
+        raise ConfigurationError(
+            f"{where}: expected one load for the experiment, got those of the study, {told}; "
+            + ("add 'load:'" if name else "keep one, or list experiments with a load each")
+        )
+    load = loads[0] if experiment.load is None else experiment.load
+    if load == 0:
+        raise ConfigurationError(f"{_key(key, 'load')}: a load of 0 moves nothing; give another")
+    macro = config.macro.model_copy(update={"loads": (load,)})
+    return config.model_copy(update={"macro": macro}), load, experiment
+
+
+def _plan(
+    document: YamlDocument,
+    settings: CalibrationSettings,
+    studies: Mapping[str, tuple[RunConfig, float, ExperimentSettings]],
+    at: Location,
+    synthetic: bool,
+    planned: bool,
+) -> CalibrationPlan:
+    plain = {name: Experiment(name, config, load, ()) for name, (config, load, _) in studies.items()}
+    unknowns = planned_unknowns(settings, plain, at)
+    experiments, notes = [], dict[str, None]()
+    refused: list[str] = []
+    for name, (config, load, experiment) in studies.items():
+        family, said = _family(config, plain[name], unknowns, at)
+        notes |= dict.fromkeys(said)
+        curves = []
+        for observed, observation in experiment.observations.items():
+            keys = ("experiments", name, "observations") if name else ("observations",)
+            try:
+                with keyed(_key(at, *keys, observed)), speaking(config.result_units):
+                    MeasuredSeries.chosen(observation).require_in(config.macro)
+                    curve = read_curve(
+                        observed, observation, document.folder, config.scales, config.macro.time.end,
+                        experiment=name, synthetic=synthetic or (planned and observation.file is None),
+                    )  # fmt: skip
+            except ConfigurationError as error:
+                refused.append(str(error))
+            else:
+                curves.append(curve)
+                notes |= dict.fromkeys(f"{curve.name}: {note}" for note in curve.notes)
+        numbers = [each.numbers[name] for each in unknowns if name in each.numbers]
+        if not any(number.kind in OF_LOAD for number in numbers):
+            signs = ((curve, sign_note(curve, config.macro, load)) for curve in curves)
+            notes |= dict.fromkeys(f"{curve.name}: {note}" for curve, note in signs if note)
+        experiments.append(Experiment(name, family, load, tuple(curves)))
+    if refused:
+        raise ConfigurationError("\n".join(refused))
+    title = settings.title or next(iter(experiments)).config.title
+    _check_posterior(settings, len(unknowns), at)
+    _check_shifts(experiments, unknowns, at)
+    plan = CalibrationPlan(
+        title, tuple(experiments), tuple(unknowns), settings.fit, tuple(notes), settings.posterior
+    )
+    points, free = sum(map(len, plan.curves)), sum(not each.unknown.has_prior for each in unknowns)
+    if points < free:
+        raise ConfigurationError(
+            f"{_key(at, 'unknowns')}: expected at least as many measured values as unknowns without a prior, got "
+            f"{points} for {free}; measure more, or give priors"
+        )
+    return plan
+
+
+def _check_shifts(experiments: Sequence[Experiment], unknowns: list[PlannedUnknown], at: Location) -> None:
+    """Refuse a time shift by which data come to lie behind the end of their study, where nothing is computed."""
+    for each in unknowns:
+        for one in experiments:
+            number = each.numbers.get(one.name)
+            if number is None or number.kind != "time_shift":
+                continue
+            factor, end = each.dimensionless(one), one.config.macro.time.end
+            last = max(float(curve.times[-1]) for curve in one.curves)
+            if last + each.unknown.upper * factor > end * (1 + 1e-9):
+                unit = f" {each.unknown.unit}" if each.unknown.unit else ""
+                of = f" of the experiment '{one.name}'" if one.name else ""
+                raise ConfigurationError(
+                    f"{_key(at, 'unknowns', each.unknown.name, 'upper')}: expected at most {(end - last) / factor:.4g}"
+                    f"{unit}, got {each.unknown.upper:g}{unit}, by which the last data{of} lie behind the end of the "
+                    "study; raise its macro.time.end, or give 'until:'"
+                )
+
+
+def _check_posterior(settings: CalibrationSettings, unknowns: int, at: Location) -> None:
+    """Refuse too few walkers, and a posterior without the package that draws from it."""
+    if settings.posterior is None:
+        return
+    if (walkers := settings.posterior.walkers_of(unknowns)) < 2 * unknowns:
+        raise ConfigurationError(
+            f"{_key(at, 'posterior', 'walkers')}: expected at least {2 * unknowns}, twice the number of unknowns, got "
+            f"{walkers}"
+        )
+    with keyed(_key(at, "posterior")):
+        require_emcee()
+
+
+def _family(
+    config: RunConfig, experiment: Experiment, unknowns: list[PlannedUnknown], at: Location
+) -> tuple[RunConfig, tuple[str, ...]]:
+    """Return the study of the family of cells that the bounds of the unknowns span."""
+    ranges = {}
+    for each in unknowns:
+        number = each.numbers.get(experiment.name)
+        if number is not None and number.kind == "cell":
+            factor = each.dimensionless(experiment)
+            ranges[number.name] = (each.unknown.lower * factor, each.unknown.upper * factor)
+    if not ranges:
+        return config, ()
+    try:
+        return family_over(config, ranges)
+    except ConfigurationError as error:
+        raise ConfigurationError(
+            f"{_key(at, 'unknowns')}: the bounds span no family of cells: {error}"
+        ) from None

@@ -1,0 +1,447 @@
+"""Reading of an observation (read_curve): columns of a file, the part that counts, signs that the load excludes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from porocore.calibration.observations import (
+    DataFile,
+    MeasuredSeries,
+    ObservedCurve,
+    StudyUnit,
+    as_unit,
+    is_unit,
+    size_of,
+)
+from porocore.calibration.settings import ObservationSettings, SyntheticTimes
+from porocore.calibration.tables import CurveTable, Numbers
+from porocore.core.echo import echo, joined
+from porocore.core.formulas import TimeFunction, Value
+from porocore.core.units import Scales
+from porocore.errors import ConfigurationError
+from porocore.interfaces.macro import Part
+from porocore.macro.problem import Boundary, MacroSetup
+from porocore.states import Array
+
+#: Values that a measured curve has at least, and times that a planned one has.
+FEWEST, FEWEST_TIMES = 3, 2
+#: Share of the end of a study by which a last time may lie behind it where it is rounded.
+ROUNDED = 1e-3
+
+
+def read_curve(
+    name: str,
+    settings: ObservationSettings,
+    folder: Path,
+    scales: Scales | None,
+    end: float,
+    *,
+    experiment: str = "",
+    synthetic: bool = False,
+) -> ObservedCurve:
+    """Return the curve of an observation.
+
+    Parameters
+    ----------
+    name
+        Of the observation.
+    settings
+        What was measured, and where it stands.
+    folder
+        Where a relative path starts.
+    scales, end
+        Of the study, and the end of its time.
+    experiment
+        Name of the experiment, where there are several.
+    synthetic
+        Values will be made up: a file is not needed, and its values do not count.
+
+    Raises
+    ------
+    ConfigurationError
+        The file or a column is missing, an entry is no number, times do not increase, a unit is wrong, or too few
+        values count. The message begins with a key below that of the observation, and a colon, where it is about one.
+    """
+    series = MeasuredSeries.chosen(settings)
+    title = f"{experiment}: {name}" if experiment else name
+    if settings.file is None:
+        if not synthetic:
+            raise ConfigurationError(
+                "file: missing; add the CSV file of the measured curve, or plan the experiment with --synthetic"
+            )
+        curve = _planned(title, settings, series, scales)
+    else:
+        curve = _measured(title, name, settings, series, folder / settings.file, scales, end)
+    if not synthetic and curve.share is not None and curve.measured is not None and not curve.measured.any():
+        raise ConfigurationError(
+            f"deviation_share: all values that count are 0 in {folder / str(settings.file)}, and so is every share of "
+            "the largest one; give 'deviation:' in its place"
+        )
+    if (last := curve.times[-1]) > end * (1 + 1e-9):
+        t = last * curve.time_factor
+        raise ConfigurationError(
+            f"the last time {t:g}{_unit(curve.time_unit)} lies behind the end of the study at "
+            f"{end * curve.time_factor:g}{_unit(curve.time_unit)}; raise its macro.time.end, or give 'until:'"
+        )
+    return curve
+
+
+def _unit(name: str) -> str:
+    return f" {name}" if name else ""
+
+
+def _planned(
+    title: str, settings: ObservationSettings, series: MeasuredSeries, scales: Scales | None
+) -> ObservedCurve:
+    """Return a curve without values at the times that the settings list."""
+    if settings.times is None:
+        raise ConfigurationError("times: missing; made-up data need a 'file:' with times, or 'times:'")
+    if settings.deviation_column or settings.weight_column:
+        raise ConfigurationError("file: missing; the columns of deviations or weights stand in it")
+    time = StudyUnit.at_key("time_unit", settings.time_unit or "", "time", scales)
+    unit = StudyUnit.at_key("unit", settings.unit or "", series.quantity, scales)
+    times = _times(settings.times, time)
+    times = times[_counting("times", settings, times, time, FEWEST_TIMES)]
+    return ObservedCurve(
+        title, series, times / time.factor, unit.name, time.name, unit.factor, time.factor,
+        np.full(len(times), settings.weight), None, _spread(settings, unit), settings.deviation_share,
+    )  # fmt: skip
+
+
+def _times(settings: SyntheticTimes, unit: StudyUnit) -> Array:
+    first, last = (
+        unit.converted(f"times.{key}", value)
+        for key, value in (("first", settings.first), ("last", settings.last))
+    )
+    if not (0 <= first < last and (first > 0 or settings.spacing == "linear")):
+        raise ConfigurationError(
+            "times: expected a first time before the last one, and above 0 where the spacing is log, got "
+            f"{first:g} and {last:g}"
+        )
+    space = np.geomspace if settings.spacing == "log" else np.linspace
+    return np.asarray(space(first, last, settings.count))
+
+
+def _measured(
+    title: str,
+    name: str,
+    settings: ObservationSettings,
+    series: MeasuredSeries,
+    path: Path,
+    scales: Scales | None,
+    end: float,
+) -> ObservedCurve:
+    """Return the curve in a file; what was done to its rows is said in its notes."""
+    named = (settings.values, settings.deviation_column, settings.weight_column)
+    table = CurveTable.read(
+        path,
+        [settings.time, *(each for each in named if each is not None)],
+        encoding=settings.encoding,
+        heading_line=settings.heading_line,
+        last_line=settings.last_line,
+    )
+    at = table.find(settings.time)
+    column = (
+        table.find(settings.values)
+        if settings.values is not None
+        else _values_column(table, at, name, settings)
+    )
+    if column == at:
+        raise ConfigurationError(
+            f"values: expected another column than the times, got {echo(table.names[at])}"
+        )
+    extra = [None if each is None else table.find(each) for each in named[1:]]
+    used = [at, column, *(k for k in extra if k is not None)]
+    rows = table.without(settings.missing, used)
+    if not rows.rows:
+        texts = ", ".join(map(echo, settings.missing)) or "no text"
+        raise ConfigurationError(
+            f"missing: expected rows with numbers in {joined(echo(table.names[k]) for k in used)}, but every row of "
+            f"{path} has {texts} there; name other columns, or change the key"
+        )
+    timed = rows.with_clock(at, settings.time_unit, scales=scales is not None) or table
+    given = settings.time_unit if timed is table else None
+    time = _of_column("time_unit", given, timed, at, "time", scales)
+    unit = _of_column("unit", settings.unit, table, column, series.quantity, scales)
+    numbers = dict(zip(used, rows.numbers(used, settings.decimal, clock=at), strict=True))
+    deviations, weights = (None if k is None else _positive(rows, k, numbers[k].values) for k in extra)
+    _require_rising(rows, at, numbers[at].values)
+    read = _Rows(
+        _ended(numbers[at], end * time.factor),
+        settings.factor * (numbers[column].values - unit.converted("offset", settings.offset)),
+        settings.weight * (np.ones(len(rows.rows)) if weights is None else weights),
+        None if deviations is None else abs(settings.factor) * deviations,
+    )
+    data = read.averaged()
+    kept = _counting(str(table.path), settings, data.times, time, FEWEST)
+    return ObservedCurve(
+        title, series, data.times[kept] / time.factor, unit.name, time.name, unit.factor, time.factor,
+        data.weights[kept], data.values[kept],
+        _spread(settings, unit) if data.deviations is None else data.deviations[kept],
+        settings.deviation_share,
+        (*_notes(table, rows, numbers[at], read, data, time), *_unitless(timed, settings, at, column, scales)),
+        DataFile.of(path, str(settings.file), len(table.rows)),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Times, values, weights and, perhaps, standard deviations of the rows of a file, each (n,), in its units."""
+
+    times: Array
+    values: Array
+    weights: Array
+    deviations: Array | None
+
+    def averaged(self) -> _Rows:
+        """Return one row for each time, with the mean of those at that time, which weighs as much as they do."""
+        times, place = np.unique(self.times, return_inverse=True)
+        if len(times) == len(self.times):
+            return self
+        of_each = self.weights if self.deviations is None else self.weights / self.deviations**2
+        precision, weights = (
+            np.asarray(np.bincount(place, each), dtype=float) for each in (of_each, self.weights)
+        )
+        values = np.bincount(place, of_each * self.values) / precision
+        return _Rows(
+            times, values, weights, None if self.deviations is None else np.sqrt(weights / precision)
+        )
+
+
+def _ended(times: Numbers, end: float) -> Array:
+    """Return times of which those that only rounding puts behind the end of the study are the end.
+
+    That is one unit of the last digit that the file has, and a thousandth of the end at most.
+    """
+    values = times.values
+    rounding = min(times.last_place, ROUNDED * end) * (1 + 1e-9)
+    return np.where((values > end) & (values <= end + rounding), end, values)
+
+
+def _notes(
+    table: CurveTable, rows: CurveTable, times: Numbers, read: _Rows, data: _Rows, unit: StudyUnit
+) -> Iterator[str]:
+    """Yield what was done to the rows of a file."""
+    if left := len(table.rows) - len(rows.rows):
+        yield f"{left} of {len(table.rows)} rows, which have no number for the curve, were left out"
+    if doubled := len(read.times) - len(data.times):
+        shared = int((np.unique(read.times, return_counts=True)[1] > 1).sum())
+        yield (
+            f"{shared + doubled} rows have {shared} times between them; the mean of the rows at one time counts"
+            if shared > 1
+            else f"{1 + doubled} rows have the same time; their mean counts"
+        )
+    if read.times[-1] < times.values[-1] * (1 - 1e-9):
+        yield (
+            f"the last time, {times.texts[-1]}{_unit(unit.name)}, is rounded and counts as the end of the study, "
+            f"{read.times[-1]:.10g}{_unit(unit.name)}"
+        )
+
+
+def _unitless(
+    table: CurveTable, settings: ObservationSettings, at: int, column: int, scales: Scales | None
+) -> Iterator[str]:
+    """Yield that times or values are taken for dimensionless in a study with scales, where nobody said so."""
+    if scales is None:
+        return
+    for key, given, k in (("time_unit", settings.time_unit, at), ("unit", settings.unit, column)):
+        if given is None and not table.headings[k].unit:
+            yield (
+                f"{echo(table.names[k])} has no unit in {table.path.name}, so its numbers are taken as multiples of "
+                f"the study's scales; give '{key}:' where they have one, or '{key}: \"\"'"
+            )
+
+
+def _require_rising(table: CurveTable, column: int, times: Array) -> None:
+    """Refuse times that fall from row to row, or begin before zero."""
+    name = table.names[column]
+    for k, line in enumerate(table.lines):
+        at = f"{table.path}:{line}: {name}"
+        if k and times[k] < times[k - 1]:
+            raise ConfigurationError(
+                f"{at}: expected increasing times, got {times[k]:g} after {times[k - 1]:g}; sort the rows, or keep one "
+                f"test in the file, as by 'last_line: {line - 1}'"
+            )
+        if times[k] < 0:
+            raise ConfigurationError(
+                f"{at}: expected a time from 0, the beginning of the test, got {times[k]:g}"
+            )
+
+
+def _values_column(table: CurveTable, at: int, name: str, settings: ObservationSettings) -> int:
+    """Return the column of the values where none is named: that with the name of the curve, or the only one left."""
+    used = {at}
+    used |= {
+        table.find(each) for each in (settings.deviation_column, settings.weight_column) if each is not None
+    }
+    rest = [k for k in range(len(table.headings)) if k not in used]
+    alike = [k for k in rest if table.names[k].casefold() in (name.casefold(), settings.quantity)]
+    for found in (alike, rest):
+        if len(found) == 1:
+            return found[0]
+    raise ConfigurationError(
+        f"values: missing; {table.path} has the columns {joined(table.names)}, name that of the values"
+    )
+
+
+def _of_column(
+    key: str, given: str | None, table: CurveTable, column: int, quantity: str, scales: Scales | None
+) -> StudyUnit:
+    """Return the unit of a column: that of the key or of the file, which agree where both are there."""
+    heading = table.headings[column]
+    unit = as_unit(heading.unit, quantity)
+    if given is None:
+        known = "" if is_unit(unit) else f", or name a known one by '{key}:'"
+        return StudyUnit.at_key(
+            f"{table.path}:{heading.unit_line or table.line}: {heading.name}", unit, quantity, scales,
+            (f"correct it in the file{known}", "take the unit out of the file, whose numbers are then dimensionless"),
+        )  # fmt: skip
+    size, other = size_of(given.strip(), quantity), size_of(unit, quantity)
+    # A unit that nobody knows, such as 'Sek', is what the key is for.
+    if given.strip() != unit and size is not None and (size != other if other else is_unit(unit)):
+        raise ConfigurationError(
+            f"{key}: expected {echo(heading.unit)}, the unit of {echo(heading.name)} in {table.path}, got "
+            f"{echo(given)}; remove one of the two"
+        )
+    return StudyUnit.at_key(key, given.strip(), quantity, scales)
+
+
+def _spread(settings: ObservationSettings, unit: StudyUnit) -> float | None:
+    if settings.deviation is None:
+        return None
+    found = unit.converted("deviation", settings.deviation)
+    if found <= 0:
+        raise ConfigurationError(f"deviation: expected a number above 0, got {echo(settings.deviation)}")
+    return found
+
+
+def _positive(table: CurveTable, column: int, values: Array) -> Array:
+    """Return the numbers of a column, which are above zero."""
+    if (values <= 0).any():
+        k = int(np.argmax(values <= 0))
+        raise ConfigurationError(
+            f"{table.path}:{table.lines[k]}: {table.names[column]}: expected a number above 0, got {values[k]:g}; "
+            "remove a row that does not count"
+        )
+    return values
+
+
+def _counting(
+    key: str, settings: ObservationSettings, times: Array, unit: StudyUnit, fewest: int
+) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Return True for the times that count, as many as ``fewest`` at least; ``key`` says where they stand."""
+    since, until = (
+        default if value is None else unit.converted(key, value)
+        for key, value, default in (("since", settings.since, -math.inf), ("until", settings.until, math.inf))
+    )
+    if since > until:
+        raise ConfigurationError(
+            f"since: expected a time before until, got {settings.since} and {settings.until}; exchange them"
+        )
+    kept: np.ndarray[tuple[int], np.dtype[np.bool_]] = (times >= since) & (times <= until)
+    if len(times) < fewest:
+        raise ConfigurationError(
+            f"{key}: expected at least {fewest} rows with different times, got {len(times)}; measure at more times"
+        )
+    if (count := int(kept.sum())) < fewest:
+        at = "until" if settings.since is None else "since"
+        raise ConfigurationError(
+            f"{at}: expected at least {fewest} times{_between(settings)}, got {count} of the {len(times)} of {key}, "
+            f"which go from {times[0]:g} to {times[-1]:g}{_unit(unit.name)}; move it"
+        )
+    return kept
+
+
+def _between(settings: ObservationSettings) -> str:
+    ends = {"from": settings.since, "to": settings.until}
+    return "".join(
+        f" {word} {value:g}" if isinstance(value, float) else f" {word} {value}"
+        for word, value in ends.items()
+        if value is not None
+    )
+
+
+#: Axis and sign of the outward normal of the plane faces of bodies that are no files.
+FACES = {f"{axis}{sign}": (k, -1 if sign == "-" else 1) for k, axis in enumerate("xyz") for sign in "-+"}
+#: Values of the expected sign below this share of the largest size are noise about zero.
+NOISE = 0.05
+#: Parts of a study beside which one pressed face does not decide the sign of a force.
+_OTHERS: frozenset[Part] = frozenset(("body_force", "initial", "regions"))
+
+
+def sign_note(curve: ObservedCurve, macro: MacroSetup, load: float) -> str | None:
+    """Return the note that all values have the sign that the load excludes; None: they do not, or it may be so."""
+    pushed = _pushed(macro, load)
+    if pushed is None or curve.measured is None:
+        return None
+    face, pressed = pushed
+    expected = _expected(curve.series, face, pressed)
+    values = expected * curve.measured
+    if values.min() >= 0 or values.max() > -NOISE * values.min():
+        return None
+    found, there = ("below", "above") if expected > 0 else ("above", "below")
+    held = ", positive in compression," if curve.series.kind == "force" and not curve.series.component else ""
+    return (
+        f"the values are {found} 0, but the study {'presses' if pressed else 'pulls'} {face}, so that the "
+        f"{curve.series.words}{held} is {there} 0; give 'factor: -1' if the file counts the other way"
+    )
+
+
+def _expected(series: MeasuredSeries, face: str, pressed: bool) -> int:
+    """Return the sign of a series; 0: it is not certain."""
+    if series.kind == "settlement":
+        return int(face == "y+" and pressed)
+    axis, side = FACES.get(series.surface, (-1, 0))
+    if series.kind != "force" or axis != FACES[face][0]:
+        return 0
+    sense = 1 if pressed else -1
+    if not series.component:
+        return sense
+    return -sense * side if series.component == axis + 1 else 0
+
+
+def _pushed(macro: MacroSetup, load: float) -> tuple[str, bool] | None:
+    """Return the only face that is loaded, ever more and along its normal, and True where it is pressed."""
+    constant = all(isinstance(value, int | float) for value in macro.fields.values())
+    loaded = [(name, each) for name, each in macro.boundary.items() if any(map(_acts, _values(each)))]
+    if macro.body.kind == "file" or not constant or _OTHERS & macro.parts or len(loaded) != 1:
+        return None
+    name, boundary = loaded[0]
+    acting = [value for value in _values(boundary) if _acts(value)]
+    if name not in FACES or len(acting) != 1:
+        return None
+    axis, side = FACES[name]
+    along = ((boundary.displacement[axis], side), (boundary.traction[axis], side), (boundary.plate, side))
+    for value, outward in (*along, (boundary.normal, 1), (boundary.follower, -1)):
+        if value is not None and _acts(value):
+            end = load * outward * _rising(value, macro)
+            return (name, end < 0) if end else None
+    return None
+
+
+def _values(boundary: Boundary) -> Sequence[Value | None]:
+    """Return everything that is prescribed on a surface."""
+    moved = (*boundary.displacement, boundary.normal)
+    return (*moved, *boundary.traction, boundary.follower, boundary.plate, boundary.pressure, boundary.flux)
+
+
+def _acts(value: Value | None) -> bool:
+    return value is not None and value != 0
+
+
+def _rising(value: Value, macro: MacroSetup) -> float:
+    """Return the last value of one that only grows in size; 0 for any other."""
+    if isinstance(value, TimeFunction):
+        if value.expression is not None:
+            return 0.0
+        course = [0.0, *(value.at(time) for time in value.corners)]
+    else:
+        course = [0.0, *(value * macro.ramp(time) for time in (*macro.corners, macro.time.end))]
+    grows = all(one * other >= 0 and abs(other) >= abs(one) for one, other in pairwise(course))
+    return course[-1] if grows else 0.0

@@ -1,1 +1,0 @@
-"""Report page of a calibration: fit over data, intervals, profiles, plane, what the data do not see."""

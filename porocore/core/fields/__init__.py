@@ -1,1 +1,0 @@
-"""Fields of a batch of rows: declared once, and checked against their declaration."""

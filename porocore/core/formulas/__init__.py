@@ -1,1 +1,0 @@
-"""Formulas of users, read without executing anything: numbers, functions of time and of place."""

@@ -1,1 +1,0 @@
-"""Sampled inputs: the components of (H, p) that vary, their box, and the range that was sampled."""

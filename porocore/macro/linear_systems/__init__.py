@@ -1,1 +1,0 @@
-"""Linear systems of large bodies, for all backends: choice, coarse level, memory, reuse, work."""

@@ -1,1 +1,0 @@
-"""Notes on lengths and times that do not suit one another, mostly since a unit was left out."""

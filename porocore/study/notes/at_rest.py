@@ -1,0 +1,241 @@
+"""Outline of a study from its undeformed cell: moduli, permeability, consolidation time, thin fluid."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+
+import numpy as np
+
+from porocore.cell.meshing.mesh import Domain
+from porocore.core.files.store import ResultStore
+from porocore.core.units import MULTIPLES, QUANTITIES, ResultUnits, length_text
+from porocore.errors import PluginError
+from porocore.interfaces.law import MacroLaw
+from porocore.macro.boundary.drainage import (
+    drainage_time,
+    drained_axes,
+    drained_surfaces,
+    held_sideways,
+    moved,
+    relaxation_time,
+)
+from porocore.macro.composition.axes import AXES
+from porocore.macro.composition.linearised_law import RestCoefficients
+from porocore.macro.composition.regions import RegionLaw, by_region, regions_of_cell
+from porocore.macro.laws.linear import SAME, EffectiveProperties, LinearCoefficients, LinearPoroelasticity
+from porocore.macro.problem import body_mesh
+from porocore.plugins import registry
+from porocore.report.format import number
+from porocore.states import Array
+from porocore.study.config.config import RunConfig, keys_of, lines_of_cell
+from porocore.study.notes.linear_reach import predicted_reach, prescribed_reach
+from porocore.study.notes.magnitudes import run_times
+from porocore.study.notes.members import BodyMembers, linear_in_body
+from porocore.study.stages.reference import undeformed
+from porocore.study.stages.stage_files import linear_coefficients
+
+#: Tetrahedra of the part of the cell that is solved, and nodes of the body, beyond which a check would take long.
+MOST_TETRAHEDRA, MOST_NODES = 20_000, 40_000
+#: No liquid in a tissue, soil or filter has less than this viscosity [Pa s].
+THIN = 1e-4
+
+
+def at_rest(config: RunConfig, store: ResultStore | None = None) -> Iterator[str]:
+    """Yield what the undeformed cell makes of the study, line by line; the cell is solved, unless it is large.
+
+    With its moduli the body is solved linearly, which predicts what leaves the sampled ranges.
+
+    Raises
+    ------
+    PorocoreError
+        The undeformed cell cannot be solved.
+    """
+    for name in config.cell_names:
+        yield from lines_of_cell(name, thin_fluid(config.of_cell(name)))
+    try:
+        registry.get("cell solver", config.fem.backend)
+    except PluginError:
+        yield from _prescribed(config)
+        return
+    found = []
+    for name in config.cell_names:
+        with keys_of(config, name):
+            of_cell = yield from _cell_at_rest(config, name, store)
+            if of_cell is not None:
+                found.append(of_cell)
+    if len(found) < len(config.cell_names):  # the body is of larger cells too
+        yield from _prescribed(config)
+        return
+    (coefficients, rest), *others = found
+    laws = {name: law for name, (_, law) in zip(config.cells, others, strict=True)}
+    law = RegionLaw.by_cell(config.macro.regions, rest, laws)
+    yield from _consolidation(config, linear_in_body(config, law, coefficients))
+    yield from predicted_reach(config, law)
+
+
+def _cell_at_rest(
+    config: RunConfig, name: str | None, store: ResultStore | None
+) -> Generator[str, None, tuple[LinearCoefficients, MacroLaw] | None]:
+    """Yield what is known of a cell at rest, and return linear poroelasticity and law; None for a cell that is large.
+
+    Those of a family are of its middle, and of the nearest of some of its members.
+    """
+    one, units = config.of_cell(name), config.result_units
+    head, of = ("at rest", "the cell") if name is None else (f"cell {name} at rest", f"the cell {name}")
+    part: Domain = "eighth" if one.cell.mirrored else "whole"
+    count = len(one.cell.make_mesh("solid", part).cells) + len(one.cell.make_mesh("fluid", part).cells)
+    if count > MOST_TETRAHEDRA:
+        yield (
+            f"at rest: not solved here, since {of} has {count:,} tetrahedra, and a check solves up to "
+            f"{MOST_TETRAHEDRA:,}; 'porocore cell' solves it"
+        )
+        return None
+    reference = undeformed(one.cell, one.fem, one.conductivity, store)
+    coefficients, found = (
+        linear_coefficients(reference, one),
+        reference.properties(one.cell, one.conductivity),
+    )
+    middle = ", in the middle of the ranges" if one.cell.is_family else ""
+    turned = turned_by(config, name)
+    yield f"{head}, drained{middle}{f'; axes are those of the cell, turned by {turned}' if turned else ''}:"
+    yield from (f"  {line}" for line in cell_lines(found, one.cell.viscosity, units))
+    if axes := drained_axes(config.macro):
+        yield f"  {coefficients_of_consolidation(found, axes, units, turned=bool(turned))}"
+    if not one.cell.is_family:
+        return coefficients, LinearPoroelasticity(coefficients)
+    members = BodyMembers.solved(config, store, most=max(1, MOST_TETRAHEDRA // count), cell=name)
+    yield from members.as_lines(one)
+    return coefficients, members.law
+
+
+def turned_by(config: RunConfig, name: str | None) -> str:
+    """Return the keys that turn the axes of a cell in the body, in words; empty where none does."""
+    regions = set(regions_of_cell(config.macro.regions, name))
+    return " and ".join(
+        key for key, ks, _ in by_region(config.macro, AXES, sorted(regions)) if regions & set(ks)
+    )
+
+
+def _prescribed(config: RunConfig) -> Iterator[str]:
+    return (f"note: {note}" for note in prescribed_reach(config, body_mesh(config.macro)))
+
+
+def thin_fluid(config: RunConfig) -> Iterator[str]:
+    """Yield a note where a plain number was taken for a multiple of the scale, but most likely meant Pa s."""
+    if config.scales is None:
+        return
+    viscosity = config.cell.viscosity * config.scales.factor("viscosity")
+    if viscosity < THIN:
+        yield (
+            f"note: the fluid has a viscosity of {viscosity:.4g} Pa s, but water has 0.001; cell.viscosity = "
+            f"{config.cell.viscosity:g} is a multiple of scales.viscosity = {config.scales.viscosity:g} Pa s; write it "
+            "with its unit, such as 1 mPa s"
+        )
+
+
+def cell_lines(p: EffectiveProperties, viscosity: float, units: ResultUnits) -> Iterator[str]:
+    """Yield moduli, Biot's coefficients and permeability of a cell; without scales in multiples of E, d and μ_c.
+
+    The confined modulus is that of a sample that cannot give way sideways, also called aggregate or oedometer modulus.
+    Young's modulus is that of one that can.
+    """
+    if not p.stiff:
+        yield from _flow_lines(p, viscosity, units)
+        return
+    confined = _along(p.confined_moduli, "stress", units)
+    if units.given:
+        confined += f" ({_axes(p.confined_moduli, '')} of the reference modulus)"
+    yield f"confined modulus {confined}"
+    yield f"Young's modulus {_along(p.young_moduli, 'stress', units)}"
+    if p.held_stress.any():
+        yield f"stress while the swelling is held {_along(np.diag(p.held_stress), 'stress', units)}"
+    if p.storage:
+        storage = _along(np.full(3, p.storage), "compliance", units)
+        yield f"Biot coefficient {_axes(np.diag(p.biot_tensor), '')}; storage 1/M_B {storage}"
+    yield from _flow_lines(p, viscosity, units)
+
+
+def _flow_lines(p: EffectiveProperties, viscosity: float, units: ResultUnits) -> Iterator[str]:
+    """Yield the permeability of a cell."""
+    permeability = _along(np.diag(p.permeability), "permeability", units)
+    K = np.diag(p.conductivity)
+    asked = _along(K, "conductivity", units)
+    if units.scales is None:
+        yield f"permeability {permeability}, conductivity K {asked}"
+        return
+    by = _axes(K * units.scales.factor("conductivity"), "m⁴/(N s)")
+    fluid = f"{viscosity * units.scales.factor('viscosity'):.4g} {QUANTITIES['viscosity'].unit}"
+    yield f"permeability {permeability}; of a fluid of {fluid}: {by} = {asked}"
+
+
+def coefficients_of_consolidation(
+    p: EffectiveProperties, axes: tuple[int, ...], units: ResultUnits, *, turned: bool = False
+) -> str:
+    """Return c_v along some axes as text; one value where they are the same.
+
+    Of a cell that is ``turned`` in the body it is along all axes of the cell.
+    """
+    axes = (0, 1, 2) if turned else axes
+    values = p.consolidation_coefficients[list(axes)] * units.factor("diffusivity")
+    same = np.ptp(values) <= SAME * np.abs(values).max()
+    texts = ", ".join(number(value, 3) for value in (values[:1] if same else values))
+    unit = f" {units.name('diffusivity') if units.given else MULTIPLES['diffusivity']}"
+    along = ", ".join("xyz"[axis] for axis in axes)
+    of = f"{along} of the cell" if turned else along
+    return (
+        f"coefficient of consolidation c_v {texts}{unit} along {of}, of a layer compressed and drained there"
+    )
+
+
+def _consolidation(config: RunConfig, coefficients: LinearCoefficients | RestCoefficients) -> Iterator[str]:
+    nodes, units = len(body_mesh(config.macro).points), config.result_units
+    head = "consolidation" if config.cells else "  consolidation"  # else below the lines of the cell
+    if nodes > MOST_NODES:
+        yield f"{head}: not computed, since the body has more than {MOST_NODES:,} nodes, {nodes:,}"
+        return
+    time = drainage_time(config.macro, coefficients)
+    if time is None:
+        return
+    sideways = (
+        "; within a factor of two where it gives way sideways" if held_sideways(config.macro) is None else ""
+    )
+    yield (
+        f"{head}: after {units.text(time, 'time', 3)}, 95 % of the fluid that a sudden load drives out has "
+        f"left this body through {', '.join(drained_surfaces(config.macro))} (by the confined moduli{sideways})"
+    )
+    one_cell = coefficients if isinstance(coefficients, LinearCoefficients) else None
+    relaxation = None if one_cell is None else relaxation_time(config.macro, one_cell)
+    if relaxation is not None:
+        yield (
+            f"  relaxation: {units.text(relaxation, 'time', 3)} until the force after a sudden displacement is "
+            "within 5 % of its final value"
+        )
+    elif moved(config.macro):
+        yield "  the body is moved by displacements, not by a load: how fast its force relaxes is another time"
+    yield from (f"note: {note}" for note in run_times(config.macro, time, units))
+
+
+def _along(values: Array, quantity: str, units: ResultUnits) -> str:
+    """Return the values of a quantity along x, y and z with its unit, or what they are multiples of."""
+    return _axes(
+        values * units.factor(quantity), units.name(quantity) if units.given else MULTIPLES[quantity]
+    )
+
+
+def _axes(values: Array, unit: str) -> str:
+    """Return the values along x, y and z with their unit, or the only one where they are the same."""
+    same = np.ptp(values) <= SAME * np.abs(values).max()
+    texts = ", ".join(number(value, 3) for value in (values[:1] if same else values))
+    return f"{texts} {unit}".rstrip() + ("" if same else " along x, y, z")
+
+
+def edges(config: RunConfig) -> Iterator[str]:
+    """Yield the edges of the cell where it has a length."""
+    length = cell_length(config)
+    if length is not None:
+        yield f"  edges of the cell: {length_text(*(length * side for side in config.cell.geometry.sides))}"
+
+
+def cell_length(config: RunConfig) -> float | None:
+    """Return the length of the cell [m]; None where it is not known."""
+    return config.cell.geometry.length if config.scales is None else config.scales.pore

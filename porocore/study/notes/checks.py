@@ -1,0 +1,145 @@
+"""Checks before the first solve: backends, sampled boxes, workers, body."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from porocore.core.inputs import least_volume, value_text
+from porocore.core.models.bounds import LARGEST_GRADIENT, LARGEST_PRESSURE
+from porocore.core.units import speaking
+from porocore.errors import ConfigurationError, PluginError
+from porocore.interfaces.surrogate import MORE_STATES, least_states
+from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.boundary.conditions import boundary_data
+from porocore.macro.boundary.probes import interpolation
+from porocore.macro.boundary.symmetry import Symmetry
+from porocore.macro.problem import MacroProblem, body_mesh
+from porocore.plugins import registry
+from porocore.plugins.kinds import KINDS, Kind
+from porocore.sampling.execution.dask_workers import check_reachable
+from porocore.study import backends
+from porocore.study.config.config import RunConfig, keys_of
+from porocore.study.notes.abilities import (
+    check_time_functions,
+    require_cells,
+    require_fields,
+    require_memory,
+    unit_of_the_modulus,
+)
+from porocore.study.notes.magnitudes import require_right_side_out
+
+
+def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) -> None:
+    """Refuse a study with faults that show before the first solve; ``check`` and ``run`` both call this.
+
+    Finds the backends and tries their options, checks the sampled box, the scheduler and the workers, evaluates
+    functions of time, and meshes the body with boundary conditions and probes.
+
+    Parameters
+    ----------
+    config
+        The study.
+    needed
+        Kinds of backends that must be installed; those of later stages may be elsewhere. None: all.
+
+    Raises
+    ------
+    PluginError
+        A needed backend is unknown, missing or broken.
+    ConfigurationError
+        Options are unusable, the box reaches det F ≤ 0, states are too few or too many, nobody listens at the
+        scheduler's address, a function of time has no value somewhere, there is no such surface, boundary conditions
+        contradict each other, do not hold the body or turn it inside out, or a probe lies outside.
+    """
+    with speaking(config.result_units):
+        _check(config, KINDS if needed is None else needed)
+
+
+def _check(config: RunConfig, needed: Collection[Kind]) -> None:
+    cells = {name: config.of_cell(name) for name in config.cell_names}
+    find_backends(config, needed)
+    for name, one in cells.items():
+        with keys_of(config, name):
+            check_sampling(one, trained="surrogate" in needed)
+    check_time_functions(config.macro)
+    require_right_side_out(config.macro, place(config), config.result_units)
+    for kind in KINDS:
+        try:
+            for name, one in cells.items() if kind != "macro solver" else [(None, config)]:
+                with keys_of(config, name):
+                    backends.check(kind, one)
+        except PluginError:
+            if kind in needed:
+                raise
+
+
+def find_backends(config: RunConfig, needed: Collection[Kind]) -> None:
+    """Find the backends; one error names all that are missing, each name once.
+
+    Raises
+    ------
+    PluginError
+        Some are unknown, missing or broken; one line for each.
+    """
+    faults: dict[str, str] = {}
+    for kind in needed:
+        name = backends.backend_name(kind, config)
+        try:
+            registry.registry().find(kind, name)
+        except PluginError as error:
+            faults.setdefault(name, str(error))
+    if faults:
+        raise PluginError("\n".join(faults.values()))
+
+
+def check_sampling(config: RunConfig, *, trained: bool) -> None:
+    """Check the sampled box, the workers, and the number of states if a surrogate learns from them.
+
+    Raises
+    ------
+    ConfigurationError
+        See :func:`check_backends`.
+    """
+    sampling = config.sampling
+    inputs = sampling.input_space()
+    for name, swept in sampling.inputs.items():
+        largest = LARGEST_PRESSURE * config.cell.modulus if name == "p" else LARGEST_GRADIENT
+        if max(map(abs, swept.range)) > largest:
+            raise ConfigurationError(
+                f"sampling.inputs.{name}.range: expected at most {value_text(name, largest)}, got "
+                f"{inputs.range_text(name)}; no cell bears more{unit_of_the_modulus(config, name)}"
+            )
+    J, corner = least_volume(inputs)
+    if J <= 0:
+        at = ", ".join(f"{name} = {value:g}" for name, value in corner.items())
+        raise ConfigurationError(
+            f"sampling.inputs: the ranges reach det F = {J:.4g} at {at}, but a solid has det F > 0 with F = I + H; "
+            "narrow them"
+        )
+    given, least = sampling.options.get("count"), least_states(len(inputs))
+    if trained and type(given) is int and 0 < given < least:
+        raise ConfigurationError(
+            f"sampling.options.count: {given} states are too few to train on, at least {least} are needed: "
+            f"{MORE_STATES}"
+        )
+    require_memory(config)
+    if sampling.scheduler is not None:
+        check_reachable(sampling.scheduler)
+
+
+def place(config: RunConfig) -> BodyMesh:
+    """Return the mesh of the body after a check of its boundary conditions, probes, regions and fields.
+
+    Raises
+    ------
+    ConfigurationError
+        See :func:`check_backends`.
+    """
+    problem: MacroProblem = config.macro.problem(config.macro.loads[0])
+    mesh = body_mesh(problem)
+    boundary_data(mesh, problem)
+    interpolation(mesh, problem.probes)
+    Symmetry.of(problem)
+    require_cells(config, problem, mesh)
+    require_fields(config, problem, mesh)
+    return mesh

@@ -1,0 +1,323 @@
+"""Linear solutions of a body before its cells are solved; notes on the ranges that it leaves.
+
+What is prescribed is reached in any case, see :mod:`porocore.study.notes.magnitudes`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+
+from porocore.core.inputs import NAMES, components
+from porocore.core.units import ResultUnits, length_text
+from porocore.errors import SolveError
+from porocore.interfaces.law import MacroLaw
+from porocore.interfaces.solution import MacroSolution
+from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.composition.regions import regions_of_cell
+from porocore.macro.integration.stepping import SAME, Stepper
+from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
+from porocore.macro.problem import TimePlan, body_mesh
+from porocore.plugins.border import body_solution_of
+from porocore.report.format import percent
+from porocore.report.words.results import LEAST_FLAGGED
+from porocore.states import MacroState
+from porocore.study.backends import make_backend
+from porocore.study.config.config import RunConfig, lines_of_cell
+from porocore.study.notes.magnitudes import known, prescribed_times
+from porocore.study.notes.parameters import extents, too_wide
+from porocore.study.notes.reach import (
+    LEAST_STRETCH,
+    MINUS,
+    ROUND_OFF,
+    Reach,
+    advice,
+    beyond,
+    change_without,
+    shears,
+    visited,
+)
+from porocore.study.notes.workload import sheared
+
+#: Steps after the ramp at least, beside those to the kinks of what is prescribed.
+STEPS = 3
+#: Equal steps from each kink to the next at most, none shorter than the run's own. One step for an unloading that
+#: takes about as long as the consolidation told a suction of 7.6 kPa instead of 9.7, eight steps tell 9.4.
+PARTS = 8
+#: Unknowns times steps under all loads beyond which a check would take long.
+MOST = 200_000
+
+
+def too_large(config: RunConfig) -> str:
+    """Return in words why the body is not solved before a run; empty where it is."""
+    size, steps = body_mesh(config.macro).size, len(_times(config, 1)) * len(_loads(config))
+    if size * steps <= MOST:
+        return ""
+    return f"{size:,} unknowns of the body times {steps} time steps are more than the {MOST:,} of a check"
+
+
+def linear_solutions(config: RunConfig, linear: LinearCoefficients | MacroLaw) -> list[MacroSolution]:
+    """Return the body's linear solutions on its own mesh under the lowest and the highest load, kept at every step.
+
+    ``linear`` are the coefficients of its cell, or the linear law of a body of many cells.
+
+    Raises
+    ------
+    SolveError
+        A step fails, as one under a follower may.
+    """
+    law = LinearPoroelasticity(linear) if isinstance(linear, LinearCoefficients) else linear
+    solver, plan, found = make_backend("macro solver", config), _plan(config), []
+    for load in _loads(config):
+        problem = config.macro.problem(load).model_copy(update={"time": plan})
+        found.append(body_solution_of(solver, solver.prepare(problem), law, problem))
+    return found
+
+
+def _loads(config: RunConfig) -> list[float]:
+    """Return the ends of the loads and of zero that are not zero."""
+    return [load for load in (min(0.0, *config.macro.loads), max(0.0, *config.macro.loads)) if load != 0]
+
+
+def _plan(config: RunConfig) -> TimePlan:
+    """Return a time plan of as many steps as a check may take, with fields kept after each."""
+    most = MOST // (body_mesh(config.macro).size * max(1, len(_loads(config))))
+    parts = next((n for n in range(PARTS, 1, -1) if len(_times(config, n)) <= most), 1)
+    return TimePlan.model_validate(_whole_segments(config) | {"profiles": _times(config, parts)})
+
+
+def _times(config: RunConfig, parts: int) -> tuple[float, ...]:
+    """Return the ends of steps, ``parts`` from each kink to the next, but none shorter than steps that are given."""
+    time = config.macro.time
+    ramp = time.ramp_increments * time.ramp_step
+    stepper, times = Stepper(TimePlan.model_validate(_whole_segments(config)), config.macro.corners), [0.0]
+    while not stepper.done:
+        stepper.accept()
+        times.append(stepper.time)
+    found = []
+    for begin, end in pairwise(times):
+        own = time.ramp_step if end <= ramp * (1 + SAME) else time.step
+        least, most = (math.ceil((end - begin) / step - SAME) for step in ((time.end - ramp) / STEPS, own))
+        count = max(least, parts if time.tolerance else min(parts, most), 1)
+        found += [begin + (end - begin) * k / count for k in range(1, count)] + [end]
+    return tuple(found)
+
+
+def _whole_segments(config: RunConfig) -> dict[str, object]:
+    """Return settings of time whose only stops are the kinks of what is prescribed, the end of the ramp and the end."""
+    time = config.macro.time
+    ramp = time.ramp_increments * time.ramp_step
+    settings = time.model_dump() | {"ramp_increments": 1, "ramp_step": ramp, "tolerance": None}
+    return settings | {"step": time.end, "profiles": ()}
+
+
+#: States, and place and time of each.
+Found = tuple[MacroState, Callable[[int], str]]
+
+#: Beyond what the linear solution reaches, a proposed range goes by this share of what was missing: on a plug of a
+#: scaffold at -10 % the law of the cell took H13 to -0.0100 where the linear one said -0.0072.
+LINEAR_MARGIN = 0.5
+#: A component of H, and a pressure as a share of the reference modulus, beyond which the linear solution tells a slip
+#: rather than a range, unless half as much was sampled: pores of a tenth of their size gave H22 = 1.2.
+UNLIKELY = {"H": 0.5, "p": 1.0}
+
+
+def predicted_reach(config: RunConfig, linear: LinearCoefficients | MacroLaw) -> Iterator[str]:
+    """Yield which components leave the sampled ranges by the linear solution of the body, one line for each.
+
+    ``linear`` are the coefficients of its cell, or the linear law of a body of many cells. Several cells are looked at
+    one after the other, each where it is.
+
+    Where the body is too large for a check, or its linear solution fails, that is said, and what is prescribed is
+    looked at alone.
+    """
+    why = too_large(config)
+    solutions = []
+    try:
+        solutions = [] if why else linear_solutions(config, linear)
+    except SolveError as error:
+        why = f"its linear solution fails: {error}"
+    if why:
+        yield from (f"note: {note}" for note in prescribed_reach(config, body_mesh(config.macro)))
+        yield f"reach of the body: not predicted, since {why}"
+        return
+    parts = {name: _part(config, solutions, name) for name in config.cell_names}
+    units = config.result_units
+    found = {name: [_of_solution(each, units) for each in part] for name, part in parts.items()}
+    reached = {
+        name: extents(config.of_cell(name), [states for states, _ in each]) for name, each in found.items()
+    }
+    mesh = body_mesh(config.macro)
+    for name, part in parts.items():
+        left: list[str] = []
+        lines = _reach(config.of_cell(name), part, found[name], name, left, None if config.cells else mesh)
+        yield from lines_of_cell(name, lines)
+        yield from lines_of_cell(name, too_wide(config, name, reached, left))
+    if config.cells:
+        yield from (f"note: {note}" for note in prescribed_reach(config, mesh))
+
+
+def _part(config: RunConfig, solutions: Sequence[MacroSolution], name: str | None) -> list[MacroSolution]:
+    """Return the solutions in the regions of a cell."""
+    if not config.cells:
+        return list(solutions)
+    names = [parameter.name for parameter in config.of_cell(name).cell.parameters]
+    return [each.of_regions(regions_of_cell(config.macro.regions, name), names) for each in solutions]
+
+
+def _reach(
+    config: RunConfig,
+    solutions: Sequence[MacroSolution],
+    found: Sequence[Found],
+    name: str | None,
+    left: list[str],
+    mesh: BodyMesh | None,
+) -> Iterator[str]:
+    """Yield what the solutions say of the ranges of a cell; what is prescribed, only with the mesh of the body.
+
+    Inputs whose ranges are left are added to ``left``.
+    """
+    units, where = config.result_units, "the body" if mesh is not None else "its part of the body"
+    key = "sampling.inputs" if name is None else f"sampling.cells.{name}.inputs"
+    share = max(map(partial(_share, config), solutions, [states for states, _ in found]))
+    reached = _beyond(config, found) if share >= LEAST_FLAGGED else []
+    if not reached:
+        yield "reach of the body: by linear poroelasticity it stays within the sampled ranges"
+        if mesh is not None:
+            yield from (f"note: {note}" for note in prescribed_reach(config, mesh))
+        yield from _crushed(found)
+        return
+    left += [each.name for each in reached]
+    unlikely = list(_unlikely(config, reached))
+    yield from unlikely
+    yield (
+        f"note: by linear poroelasticity up to {percent(share)} of {where} leaves the sampled ranges at one time; "
+        f"{'only if all of these are meant, ' if unlikely else ''}write under '{key}:'"
+    )
+    yield from (f"  {each.line(units, LINEAR_MARGIN)}, since {each.in_words(units)}" for each in reached)
+    yield from _crushed(found)
+    nodes = len(config.cell.make_mesh("solid", "whole").points)
+    for note in sheared(config, nodes, left):
+        yield f"note: {note}{_without(config, reached, found)}"
+
+
+def _unlikely(config: RunConfig, reached: Sequence[Reach]) -> Iterator[str]:
+    """Yield what may be out by a factor of ten or a unit, where the body goes so far that a range would not do."""
+    for each in reached:
+        least = UNLIKELY["H"] if each.name != "p" else UNLIKELY["p"] * config.cell.modulus
+        if abs(each.value) <= max(least, 2 * max(map(abs, each.sampled or (0.0, 0.0)))):
+            continue
+        units, scales = config.result_units, config.scales
+        solid, pores = "the modulus of cell.material", "the size of the pores"
+        if scales is not None:
+            key = "scales.force, so a modulus of" if scales.modulus is None else "scales.modulus ="
+            solid = f"{key} {units.text(1.0, 'stress', 4)}"
+            pores = f"scales.pore = {length_text(scales.pore)} (K goes with its square)"
+        yield (
+            f"note: by linear poroelasticity {each.in_words(units)}, which no cell is likely to bear; is one of these "
+            "out by a factor of ten, or by a unit?"
+        )
+        yield (
+            f"  the loads and times under macro; {solid}; {pores}; cell.viscosity = "
+            f"{units.text(config.cell.viscosity, 'viscosity')}"
+        )
+        return
+
+
+def _crushed(found: Sequence[Found]) -> Iterator[str]:
+    """Yield a note where the linear solution crushes the body, or turns it inside out, and no range would do."""
+    F = [np.eye(3) + states.grad_u for states, _ in found]
+    least = [np.where(np.linalg.det(each) > 0, np.linalg.svd(each)[1][:, -1], 0.0) for each in F]
+    k = int(np.argmin([each.min() for each in least]))
+    row = int(least[k].argmin())
+    if least[k][row] >= LEAST_STRETCH:
+        return
+    what = f"to {least[k][row]:.2g} of its length" if least[k][row] > 0 else "until it is turned inside out"
+    yield (
+        f"note: by linear poroelasticity the body is compressed {what} {found[k][1](row)}, which no cell is likely to "
+        "bear; lower the load, bring it up over a longer time ('until' of its ramp, else ramp_increments times "
+        "ramp_step), or check its unit"
+    )
+
+
+def _without(config: RunConfig, reached: Sequence[Reach], found: Sequence[Found]) -> str:
+    """Return what leaving the reached shears out would change, for a cell with mirrors and no sampled shear."""
+    if config.surrogate_model != "potential":
+        return ""
+    shear = max((each for each in reached if each.name in shears(NAMES)), key=lambda each: abs(each.value))
+    largest = max(float(np.abs(states.grad_u).max()) for states, _ in found)
+    return (
+        f"; {shear.name} = {shear.value:.2g} is {percent(abs(shear.value) / largest)} of the largest component of H; "
+        "without sampling it states stay flagged, and results change by no more than about the square of this share, "
+        f"{100 * change_without(shear.value, largest):.2g} %"
+    ).translate(MINUS)
+
+
+def prescribed_reach(config: RunConfig, mesh: BodyMesh) -> list[str]:
+    """Return a note of the components that what is prescribed takes out of the sampled ranges, none without such.
+
+    Of several cells it is not known which of them reaches it, so it is noted where it leaves the ranges of all.
+    """
+    each = [_beyond(config.of_cell(name), [_prescribed(config, mesh)]) for name in config.cell_names]
+    reached = min(each, key=len)
+    if not reached:
+        return []
+    said = advice(reached, config.result_units)
+    return [f"what is prescribed leaves the sampled ranges, on average or more: {said}"]
+
+
+def _beyond(config: RunConfig, found: Sequence[Found]) -> list[Reach]:
+    """Return the components that leave the sampled ranges in any of the states that were found, the worst first."""
+    inputs, states = config.sampling.input_space(), MacroState.concatenate([states for states, _ in found])
+    starts = np.cumsum([0, *(len(states) for states, _ in found)])
+    if config.surrogate_model == "potential":
+        states = inputs.without_rotation(states)
+
+    def where(row: int) -> str:
+        k = int(np.searchsorted(starts, row, side="right")) - 1
+        return found[k][1](row - int(starts[k]))
+
+    return beyond(inputs, components(states), where)
+
+
+def _share(config: RunConfig, solution: MacroSolution, states: MacroState) -> float:
+    """Return the largest share of the body that leaves the sampled ranges at one time, given the states at all."""
+    inputs = config.sampling.input_space()
+    # Fields do not leave the ranges of their parameters.
+    states = replace(states, parameters=None)
+    if config.surrogate_model == "potential":
+        states = inputs.without_rotation(states)
+    unit = inputs.to_unit(inputs.gather(states))
+    outside = inputs.moves_other(states) | (np.abs(unit - 0.5) > 0.5 + ROUND_OFF).any(axis=1)
+    volumes = BodyMesh(solution.points, solution.cells).weights.ravel()
+    return float((outside.reshape(-1, len(volumes)) @ volumes).max() / volumes.sum())
+
+
+def _of_solution(solution: MacroSolution, units: ResultUnits) -> Found:
+    states, where = visited(solution, units)
+    return states, lambda row: f"{where(row)} under the load {solution.load:g}"
+
+
+def _prescribed(config: RunConfig, mesh: BodyMesh) -> Found:
+    """Return states of single components that are sure to occur, under all loads, and where each does."""
+    units, times, rows, where = (
+        config.result_units,
+        prescribed_times(config.macro),
+        [np.zeros(10)],
+        ["at rest"],
+    )
+    for load in config.macro.loads:
+        for each in known(config.macro, mesh, times):
+            k = int(np.abs(each.values).argmax())
+            rows.append(np.zeros(10))
+            rows[-1][NAMES.index(each.name)] = load * each.values[k]
+            where.append(
+                f"{each.where} at t = {units.text(float(times[k]), 'time', 3)} under the load {load:g}"
+            )
+    flat = np.array(rows)
+    return MacroState(flat[:, :9].reshape(-1, 3, 3), flat[:, 9]), where.__getitem__

@@ -1,0 +1,369 @@
+"""Notes on magnitudes: missing units, prescribed states, times of a run, cells across the body.
+
+Between two surfaces across an axis whose displacements are prescribed, a component of H has a known mean along every
+line that joins them, so it reaches at least this mean somewhere on the line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+from pydantic import BaseModel
+
+from porocore.core.echo import echo
+from porocore.core.files.yaml_document import dotted
+from porocore.core.formulas import Expression, TimeFunction, Value
+from porocore.core.models.strict import Place, walk
+from porocore.core.units import Dimension, InScales, ResultUnits, length_text
+from porocore.errors import ConfigurationError
+from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.boundary.symmetry import Symmetry
+from porocore.macro.composition.fields import COORDINATES
+from porocore.macro.problem import Boundary, MacroSetup
+from porocore.states import Array
+from porocore.study.config.config import MacroSettings, RunConfig
+
+
+def left_out(macro: MacroSetup, units: ResultUnits) -> Iterator[str]:
+    """Yield a line for each section of ``macro`` that leaves out values with a unit; nothing without scales."""
+    if not units.given:
+        return
+    found: dict[str, dict[str, list[str]]] = {}
+    for place in walk(MacroSetup, macro):
+        dimension = next((extra for extra in place.metadata if isinstance(extra, Dimension)), None)
+        value = place.value
+        if dimension is None or not isinstance(value, float) or not value:
+            continue
+        field = _field(place)
+        assert field.above is not None
+        if field.path[-1] not in field.above.value.model_fields_set:
+            values = found.setdefault(".".join(("macro", *field.above.path)), {})
+            values.setdefault(str(field.path[-1]), []).append(units.text(value, dimension.quantity))
+    for section, keys in found.items():
+        said = "; ".join(f"{key} {', '.join(values)}" for key, values in keys.items())
+        yield f"not given in {section}, so at the defaults, multiples of the scales: {said}"
+
+
+def formulas(macro: MacroSetup, units: ResultUnits) -> Iterator[str]:
+    """Yield a line for each formula of place or time, with the unit in which each counts; nothing without scales."""
+    if not units.given:
+        return
+    for place in walk(MacroSetup, macro):
+        if not isinstance(place.value, str) or InScales() not in place.metadata:
+            continue
+        used = Expression.parse(place.value, COORDINATES).names
+        counts = [
+            f"{', '.join(names)} in multiples of {units.text(1.0, quantity)}"
+            for names, quantity in (
+                ([name for name in "xyz" if name in used], "displacement"),
+                ([name for name in "t" if name in used], "time"),
+            )
+            if names
+        ]
+        if counts:
+            key = dotted(("macro", *place.path))
+            yield f"{key}: the formula {echo(place.value)} has {' and '.join(counts)}, the scales of the study"
+
+
+def _field(place: Place) -> Place:
+    """Return the field of a section that holds a value, or the value itself where it is one."""
+    while place.above is not None and not isinstance(place.above.value, BaseModel):
+        place = place.above
+    return place
+
+
+#: A surface is across an axis if its nodes differ by less than this share of the body along it.
+FLAT = 1e-6
+#: Times at which prescribed values are looked at, beside those of their kinks.
+TIMES = 200
+
+
+@dataclass(frozen=True, eq=False)
+class Known:
+    """Component of the state that is sure to occur, without the load.
+
+    Attributes
+    ----------
+    name
+        From ``H11`` … ``H33`` and ``p``.
+    values : (times,)
+        Its value, or its mean along a line.
+    where
+        Its place in words.
+    moved
+        Of a stretch, the surfaces with their displacement along its axis (times,) and the key of it.
+    width
+        Of a stretch, the distance of the surfaces.
+    """
+
+    name: str
+    values: Array
+    where: str
+    moved: tuple[tuple[str, Array, str], ...] = ()
+    width: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Face:
+    """Surface across an axis, with the corners of its bounding box."""
+
+    name: str
+    axis: int
+    at: float
+    low: Array
+    high: Array
+    boundary: Boundary
+
+    def displacement(self, i: int, upper: bool) -> tuple[Value, float, str] | None:
+        """Return the prescribed displacement along ``i``, its sign and its key; None if it is free."""
+        if self.boundary.normal is not None:
+            return (self.boundary.normal, 1.0 if upper else -1.0, "normal") if i == self.axis else None
+        value = self.boundary.displacement[i]
+        return None if value is None else (value, 1.0, "displacement")
+
+    def meets(self, other: _Face) -> bool:
+        """Tell whether lines along the axis join it with another one."""
+        others = [axis for axis in range(3) if axis != self.axis]
+        overlap = (np.minimum(self.high, other.high) - np.maximum(self.low, other.low))[others]
+        return self.axis == other.axis and abs(other.at - self.at) >= 1e-9 and bool((overlap > 0).all())
+
+
+def require_right_side_out(macro: MacroSettings, mesh: BodyMesh, units: ResultUnits) -> None:
+    """Refuse displacements of two surfaces that push one through the other under any load.
+
+    Raises
+    ------
+    ConfigurationError
+        The body would be turned inside out; names the key, the value, and the size of the body.
+    """
+    times = prescribed_times(macro)
+    for each in known(macro, mesh, times):
+        if not each.moved:
+            continue
+        for load in macro.loads:
+            k = int((load * each.values).argmin())
+            if load * each.values[k] > -1:
+                continue
+            name, course, key = max(each.moved, key=lambda one: abs(one[1][k]))
+            axis = int(each.name[1]) - 1
+            said = units.text(load * float(course[k]), "displacement", 4)
+            asked = "is that its sign and size?"
+            if units.given:
+                one = units.text(1.0, "displacement", 4)
+                asked = f"did you leave out a unit? A number without one is a multiple of {one}"
+            raise ConfigurationError(
+                f"macro.boundary.{name}.{key}: u_{axis + 1} = {said} at t = {units.text(float(times[k]), 'time', 3)} "
+                f"under the load {load:g} turns the body inside out, which is "
+                f"{units.text(each.width, 'displacement', 4)} long {each.where}; expected less than that; "
+                f"{asked}"
+            )
+
+
+def prescribed_times(macro: MacroSetup) -> Array:
+    """Return times of a run (n,), with all kinks of what is prescribed."""
+    plan = macro.time
+    kinks = [*macro.corners, plan.ramp_increments * plan.ramp_step]
+    return np.asarray(np.unique(np.concatenate([kinks, np.linspace(0, plan.end, TIMES + 1)])))
+
+
+def known(macro: MacroSetup, mesh: BodyMesh, times: Array) -> Iterator[Known]:
+    """Yield components of the state that are sure to occur at ``times``."""
+    for name, boundary in macro.boundary.items():
+        if boundary.pressure is not None:
+            yield Known("p", _course(macro, boundary.pressure, times), f"on the surface {name}")
+    for one, two in combinations(_faces(macro, mesh), 2):
+        if not one.meets(two):
+            continue
+        for i in range(3):
+            first, second = one.displacement(i, one.at > two.at), two.displacement(i, two.at > one.at)
+            if first is None or second is None:
+                continue
+            courses = [sign * _course(macro, value, times) for value, sign, _ in (first, second)]
+            moved = ((one.name, courses[0], first[2]), (two.name, courses[1], second[2]))
+            yield Known(
+                f"H{i + 1}{one.axis + 1}",
+                (courses[1] - courses[0]) / (two.at - one.at),
+                f"between the surfaces {one.name} and {two.name}",
+                moved if i == one.axis else (),
+                abs(two.at - one.at),
+            )
+
+
+def _faces(macro: MacroSetup, mesh: BodyMesh) -> list[_Face]:
+    """Return all surfaces across an axis that have facets."""
+    size, found = np.ptp(mesh.points, axis=0), []
+    for name, facets in mesh.surfaces.items():
+        boundary = macro.boundary.get(name)
+        if boundary is None or not len(facets):  # Patches may have taken all facets.
+            continue
+        points = mesh.points[np.unique(facets)]
+        low, high = points.min(axis=0), points.max(axis=0)
+        for j in np.flatnonzero(high - low < FLAT * size):
+            found.append(_Face(name, int(j), float(low[j]), low, high, boundary))
+    return found
+
+
+def _course(macro: MacroSetup, value: Value, times: Array) -> Array:
+    """Return a prescribed value at ``times``, without the load."""
+    factor = np.array([macro.factor(value, float(time)) for time in times])
+    return factor * value if isinstance(value, int | float) else factor
+
+
+#: A ramp below this share of the time of consolidation is a jump, and most often one whose unit was left out; 1e-2 to
+#: 1e-3 is usual where a relaxation is asked for.
+JUMP = 1e-4
+#: Before this share of the time half of the fluid is still in a column (0.46): such a run shows little of it.
+EARLY = 0.2
+#: A run so many times as long, in steps that are longer than it, shows nothing of it either.
+LATE = 100.0
+#: All that the time of consolidation depends on.
+GROWS = (
+    "the time grows with cell.viscosity, of which a number without unit is a multiple of scales.viscosity, and with "
+    "the square of the size, and falls with the modulus and the square of the pore size (scales.pore or voxel_size)"
+)
+
+
+def run_times(macro: MacroSetup, consolidation: float, units: ResultUnits) -> Iterator[str]:
+    """Yield notes on ramps, end and steps of a run that are far from the time in which the body consolidates."""
+
+    def text(time: float) -> str:
+        return units.text(time, "time", 3)
+
+    plan, told = macro.time, text(consolidation)
+    for key, time in _ramps(macro):
+        if time < JUMP * consolidation:
+            yield (
+                f"{key} is {text(time)}, and the body consolidates in {told}: a jump of the load, which Newton's "
+                f"iteration and the sampled ranges have to bear; {_unit(units)}"
+            )
+    scales = (
+        f", the body's size and the scales: {GROWS}"
+        if units.given
+        else ", cell.viscosity and the size of the body"
+    )
+    if plan.end < EARLY * consolidation:
+        yield (
+            f"the run ends after {text(plan.end)}, long before the body consolidates ({told}); "
+            f"check macro.time{scales}"
+        )
+    elif plan.end > LATE * consolidation and plan.step > consolidation:
+        yield (
+            f"the run ends after {text(plan.end)}, and its steps of {text(plan.step)} are longer than the "
+            f"consolidation ({told}); check macro.time{scales}"
+        )
+
+
+def long_step(macro: MacroSetup, units: ResultUnits) -> Iterator[str]:
+    """Yield a note on steps of equal length that are longer than the run."""
+    plan = macro.time
+    if plan.tolerance is None and plan.step > plan.end:
+        step, end = (units.text(time, "time", 3) for time in (plan.step, plan.end))
+        yield (
+            f"macro.time.step is {step}, longer than the whole run, which ends at {end}: after the ramp it takes one "
+            "step; give a shorter step, or a later end"
+        )
+
+
+def _unit(units: ResultUnits) -> str:
+    if not units.given:
+        return "is that what you want?"
+    return f"did you leave out a unit, here or of cell.viscosity? {GROWS[0].upper()}{GROWS[1:]}"
+
+
+def _ramps(macro: MacroSetup) -> Iterator[tuple[str, float]]:
+    """Yield the keys of all ramps, and the times at which their loads are reached."""
+    plain: list[Value] = [value for value in macro.body_force if not isinstance(value, TimeFunction)]
+    for name, face in macro.boundary.items():
+        plain += [value for value in _values(face) if not isinstance(value, TimeFunction)]
+        for course in face.time_functions:
+            if course.until is not None:
+                yield f"'until' of a ramp under macro.boundary.{name}", course.until
+            elif len(course.table) > 1:
+                yield f"the last time of a table under macro.boundary.{name}", course.table[-1][0]
+    if any(value != 0 for value in plain) and not macro.time.load_curve:
+        time = macro.time.ramp_increments * macro.time.ramp_step
+        yield "the ramp of macro.time, ramp_increments times ramp_step,", time
+
+
+def _values(face: Boundary) -> list[Value]:
+    several = (
+        *face.displacement,
+        face.normal,
+        *face.traction,
+        face.follower,
+        face.plate,
+        face.pressure,
+        face.flux,
+    )
+    return [value for value in several if value is not None]
+
+
+#: Cells across a body below which its results are hardly those of many cells.
+FEW = 10.0
+#: Components of a unit normal below this are none.
+NORMAL = 1e-9
+
+
+def separation(config: RunConfig, mesh: BodyMesh) -> Iterator[str]:
+    """Yield a note where few cells lie across the body, none without scales, in which the cell has no length.
+
+    The cells along each axis are counted by their own edge along it; the fewest are told.
+    """
+    if config.scales is None:
+        return
+    edges = np.array(config.cell.geometry.sides) * config.scales.pore
+    sizes = _sizes(config.macro, mesh) * config.scales.length
+    i = int(np.argmin(sizes / edges))
+    cells = float(sizes[i] / edges[i])
+    if cells >= FEW:
+        return
+    body, cell = length_text(float(sizes[i])), length_text(float(edges[i]))
+    across = f"{body} along {'xyz'[i]}, and the edge of the periodic cell along it is {cell}{_others(sizes / edges, i)}"
+    source = "scales.pore" if config.cell.geometry.length is None else "cell.geometry.voxel_size"
+    check = f"check {source}, macro.body, and the unit of each length"
+    if cells < 1:
+        yield (
+            f"the body is thinner than one cell: {across}; "
+            f"it is no body of such cells, and no result means anything: {check}"
+        )
+        return
+    yield (
+        f"the body is {cells:.2g} cells thick: {across}; "
+        f"its law is that of very many cells, and below {FEW:g} results are to be taken with care: {check}"
+    )
+
+
+def _others(counts: Array, least: int) -> str:
+    """Return in words how many cells lie along the other axes."""
+    finite = [
+        f"{counts[i]:.2g} along {axis}"
+        for i, axis in enumerate("xyz")
+        if i != least and np.isfinite(counts[i])
+    ]
+    endless = [axis for i, axis in enumerate("xyz") if not np.isfinite(counts[i])]
+    said = f" ({' and '.join(finite)})" if finite else ""
+    if endless:
+        said += f"; along {' and '.join(endless)} both faces are held, as if the body went on, and nothing is counted"
+    return said
+
+
+def _sizes(macro: MacroSetup, mesh: BodyMesh) -> Array:
+    """Return the sizes of the whole body along x, y and z; it goes on for ever between two planes of symmetry."""
+    sizes: Array = np.ptp(mesh.points, axis=0)
+    for normal in Symmetry.of(macro).normals.values():
+        across = np.abs(normal) > 1 - NORMAL
+        sizes = np.where(across, 2 * sizes, sizes)
+    for i, axis in enumerate("xyz"):
+        faces = [macro.boundary.get(f"{axis}{sign}") for sign in "-+"]
+        if all(face is not None and _held(face.normal, face.displacement[i]) for face in faces):
+            sizes[i] = np.inf
+    if not np.isfinite(sizes).any():
+        return np.asarray(np.ptp(mesh.points, axis=0))
+    return sizes
+
+
+def _held(normal: object, displacement: object) -> bool:
+    return normal == 0 or displacement == 0

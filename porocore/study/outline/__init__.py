@@ -1,1 +1,0 @@
-"""Outline of a run before its first solve: cells at rest, work and its time, states that the body will reach."""

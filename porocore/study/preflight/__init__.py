@@ -1,1 +1,0 @@
-"""Checks and notes before the first solve: plugins, ranges, cost, symmetry, resolution, time functions."""

@@ -1,1 +1,0 @@
-"""Run folder: its lock, paths of its files, their provenance, record of a finished run."""

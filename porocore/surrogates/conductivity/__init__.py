@@ -1,1 +1,0 @@
-"""Conductivity of the deformed pore as a learned model, with its error estimate."""

@@ -1,1 +1,0 @@
-"""<∇u¹>_s as a model: the linear limit of the cell plus a network."""
