@@ -8,7 +8,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-BEFORE = "    conductivity: Array | None = field("
+BEFORE = "    tangent: CellTangent | None = field("
 DECLARATION = '    heat: Array | None = field(default=None, metadata=row("E", "Made-up heat.", 2))\n'
 
 spec = importlib.util.find_spec("porocore.states")
