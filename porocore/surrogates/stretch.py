@@ -1,12 +1,14 @@
 """Logarithmic stretch ln U and rotation of F = R U; stress and tangent through it (LogStretch).
 
-They are the derivatives of a matrix logarithm in the eigenbasis (Daleckii & Krein 1965; Higham, Functions of
-Matrices, ch. 3). With m = (x + y)/2 and z = (x − y)/(x + y) those of two points are smooth functions of z:
+Divided differences are the derivatives of a matrix logarithm in the eigenbasis (Daleckii & Krein 1965; Higham,
+Functions of Matrices, ch. 3). With m = (x + y)/2 and z = (x − y)/(x + y) those of two points are smooth functions of
+z:
 
     ln[x, y] = artanh(z)/z / m,   ln[x, x, y] = −(1/(1 − z²) − z h(z²)) / 2 m²,   h(w) = Σ_k 2k/(2k+1) w^(k−1)
 
-One-dimensional consolidation asks for nothing else. For the second derivatives the potential must couple no shear
-with anything else. All arrays are component-first; s (3, n) are the stretches, the diagonal of F.
+Where every F is diagonal fewer operations are needed; one-dimensional consolidation asks for nothing else. For the
+second derivatives the potential must couple no shear with anything else. All arrays are component-first; s (3, n) are
+the stretches, the diagonal of F.
 
 A function of L is objective by construction. With the eigenvectors of U as a basis everything is closed: for
 C = U² the derivative of ln C in the direction dC is the divided difference of ln times dC, entry by entry, and so

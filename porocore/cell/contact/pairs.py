@@ -1,8 +1,8 @@
 """Contact pairs of the pore wall, their penalty energy with derivatives; contact with mirror planes.
 
-It is the distance from the nearest point of the triangle, in the face, on an edge or at a vertex. So the distance from
-a surface of triangles is continuous; on its inner side it is continuously differentiable except where two faces are
-equally near.
+The distance of a point from a triangle is that from its nearest point, in the face, on an edge or at a vertex. So the
+distance from a surface of triangles is continuous; on its inner side it is continuously differentiable except where
+two faces are equally near.
 
 The position of a node is x = F₀ X̃ + u, where X̃ is its place in the undeformed cell, periodic shift included. So one
 gradient and one Hessian by positions give the derivatives by the unknowns u and by the load H.

@@ -4,9 +4,10 @@ Isosurface stuffing [Labelle & Shewchuk, ACM Trans. Graph. 26 (2007) 57]: lattic
 tetrahedra across the wall are cut. A node moves to a close cut of one of its edges, so no small pieces are cut off.
 Prisms are split through the corner with the lowest number, so neighbours and periodic images have the same diagonals.
 
-Its nodes are corners and centres of n₁ × n₂ × n₃ equal cubes, or of bricks that are nearly cubes where the box is none;
-each tetrahedron has one edge between the centres of two neighbouring cubes and one in their common face. Tetrahedra
-across the sides of the box are halved. In cubes all others have one shape, with dihedral angles of 60° and 90°.
+The nodes of the lattice are corners and centres of n₁ × n₂ × n₃ equal cubes, or of bricks that are nearly cubes where
+the box is none; each tetrahedron has one edge between the centres of two neighbouring cubes and one in their common
+face. Tetrahedra across the sides of the box are halved. In cubes all others have one shape, with dihedral angles of
+60° and 90°.
 """
 
 from __future__ import annotations

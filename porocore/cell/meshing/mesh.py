@@ -3,7 +3,7 @@
 The images share their nodes on the mirror planes exactly, so the whole cell has matching opposite faces, and that of a
 wedge has the full symmetry of the cube.
 
-Its first cell is the whole cell; that of cubic cells is [−½, n₁ − ½] × [−½, n₂ − ½] × [−½, n₃ − ½].
+The first cell of a block is the whole cell; that of cubic cells is [−½, n₁ − ½] × [−½, n₂ − ½] × [−½, n₃ − ½].
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Closures: mean-gradient by Dehghani & Zilian, and potential, exact; their error against the cell.
 
-Both closures take the flux from here. Its conductivity is that of the undeformed pore, carried along with F̄, or that of
+Both closures have the same flux. Its conductivity is that of the undeformed pore, carried along with F̄, or that of
 the deformed pore, which is a response of the cell.
 """
 
