@@ -1,1 +1,1 @@
-"""Calibration: unknowns of a study from measured curves, and what the curves do not tell."""
+"""Calibration: unknowns of a study from measured curves, and their identifiability."""

@@ -45,7 +45,7 @@ def calibrate(
     progress: bool = True,
     store: ResultStore | str | Path | bool = True,
 ) -> Calibration:
-    """Find the unknowns of one or more studies from measured curves, and what the curves do not tell.
+    """Find the unknowns of one or more studies from measured curves, and their identifiability.
 
     The cells between the bounds are sampled and learned once. Every evaluation is kept in the folder, so that a call
     that was interrupted goes on with ``resume`` to the same answer.
@@ -58,7 +58,7 @@ def calibrate(
     out
         Folder of the results.
     synthetic
-        Make up the data: curves at the first values of the unknowns, with noise of their standard deviations.
+        Generate synthetic data: curves at the start values of the unknowns, with noise of their standard deviations.
     resume
         Continue what the folder holds.
     progress
@@ -130,7 +130,7 @@ def _listed(spread: float | Array | None) -> float | list[float] | None:
 
 
 def _with_made_up_data(plan: CalibrationPlan, model: CurveModel) -> CalibrationPlan:
-    """Return the plan with curves at the first values of the unknowns, and noise."""
+    """Return the plan with curves at the start values of the unknowns, and noise."""
     # At the coordinates where the search begins, to the last bit, so that this run is not made twice.
     starts = [one.value(one.coordinate(one.start)) for one in model.unknowns]
     try:
@@ -138,8 +138,8 @@ def _with_made_up_data(plan: CalibrationPlan, model: CurveModel) -> CalibrationP
     except SolveError as error:
         told = ", ".join(f"{one.name} {value:g}" for one, value in zip(model.unknowns, starts, strict=True))
         raise SolveError(
-            f"no data can be made up at the first values of the unknowns, {told}; give other bounds, or a 'start:' for "
-            f"each: {error}"
+            f"no synthetic data can be computed at the start values of the unknowns, {told}; give "
+            f"other bounds, or a 'start:' for each: {error}"
         ) from error
     experiments: list[Experiment] = []
     first = number = 0
@@ -183,7 +183,7 @@ def _with_error_of_steps(
 ) -> Inference:
     """Return the statements with the error of the steps in time, which the intervals hold unless it is small.
 
-    Data that are made up have the same error, which then moves nothing; it is told for the test that is planned.
+    Synthetic data have the same error, which then shifts nothing; it is reported for the planned test.
     """
     try:
         once = inference.with_error(rounds.error_of_steps(misfit, inference.best, 1), not synthetic)
@@ -240,9 +240,9 @@ def _finished(
     error = inference.systematic
     if error is not None and error.counted:
         warnings.append(
-            "the steps in time are long for these data: with ever shorter ones "
-            f"{shift_words(inference.unknowns, inference.best.coordinates, error)}. The intervals hold these values, "
-            "too. A quarter of macro.time.tolerance, or half of macro.time.step where there is none, halves the error"
+            "the steps in time are long for these data: in the limit of short steps "
+            f"{shift_words(inference.unknowns, inference.best.coordinates, error)}. The intervals include them. "
+            "A quarter of macro.time.tolerance, or half of macro.time.step where there is none, halves the error"
         )
     warnings += at_bounds(misfit, inference.best.coordinates)
     warnings += () if posterior is None else posterior.complaints

@@ -429,7 +429,7 @@ def cells_at_rest(plan: CalibrationPlan, families: Sequence[FamilyCells]) -> tup
 def _cells(
     plan: CalibrationPlan, experiment: Experiment, properties: Callable[[Array], EffectiveProperties]
 ) -> Iterator[tuple[tuple[object, ...], CellAtRest]]:
-    """Yield the cells of one experiment, each with what tells it from others of the same family."""
+    """Yield the cells of one experiment, each with what distinguishes it from others of its family."""
     config = experiment.config
     numbers = {
         j: (each.numbers[experiment.name], each.dimensionless(experiment))

@@ -1,4 +1,4 @@
-"""Product of powers of two unknowns that alone is seen (SeenProduct), with its 95 % interval."""
+"""Identifiable product of powers of two unknowns (SeenProduct), with its 95 % interval."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from porocore.states import Array
 
 @dataclass(frozen=True, eq=False)
 class SeenProduct:
-    """Product of powers of two unknowns that no measurement tells apart.
+    """Identifiable product of powers of two unknowns that no measurement separates.
 
     Attributes
     ----------

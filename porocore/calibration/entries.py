@@ -25,7 +25,7 @@ def derived_intervals(
     """Return value and ends of the 95 % interval of each number, by the covariance of the fit (delta method).
 
     The intervals hold the values of exact curves, too, where those of the unknowns do. An end is None where the data do
-    not see the number, where on the way to it an unknown meets a bound of the search, or where the profile of an
+    not determine the number, where on the way to it an unknown meets a bound of the search, or where the profile of an
     unknown without end leads beyond it.
 
     Parameters
@@ -74,7 +74,7 @@ def _ends(
     """Return both ends of a number with slopes (k,) by the coordinates, and ``allowed`` values along open profiles."""
     covariances, deviation = inference.with_priors.moves_with(slopes)
     if not np.isfinite(deviation):
-        end = IntervalEnd(None, "the data do not see it")
+        end = IntervalEnd(None, "the data do not determine it")
         return end, end
     error = inference.systematic
     systematic = float(slopes @ error.shift) if error is not None and error.counted else 0.0
@@ -129,8 +129,8 @@ def direction_entries(inference: Inference) -> list[dict[str, Any]]:
     """Return the unseen directions in words and numbers, by the names of the unknowns.
 
     ``direction`` is a unit vector over the coordinates, which are ln x where the scale is ``log``; ``deviation`` is the
-    standard deviation along it, None where the data see nothing of it. ``step`` changes no measured value by more than
-    ``largest_change`` of its standard deviations. No test of the model sees one that is ``exact``.
+    standard deviation along it, None where the data do not depend on it. ``step`` changes no measured value by more
+    than ``largest_change`` of its standard deviations. The model does not depend on one that is ``exact``.
     """
     names = [one.name for one in inference.unknowns]
     return [
@@ -147,7 +147,7 @@ def direction_entries(inference: Inference) -> list[dict[str, Any]]:
 
 
 def product_entries(inference: Inference) -> dict[str, dict[str, Any]]:
-    """Return value, unit and 95 % interval of the products of powers that alone are seen, by their names."""
+    """Return value, unit and 95 % interval of the identifiable products of powers, by their names."""
     return {
         each.name: {"value": each.value, "unit": each.unit, "interval95": list(each.interval)}
         for each in inference.products

@@ -114,7 +114,7 @@ def fit_figure(contents: CalibrationContents, curve: int) -> Figure:
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.6, 1.0))
     upper.errorbar(
         times, values, deviations, fmt="o", ms=3.4, mfc="white", mec=BLACK, mew=0.8, ecolor=GREY, elinewidth=0.8,
-        label=f"{'data' if contents.truth is None else 'made-up data'}, ± 1 standard deviation",
+        label=f"{'data' if contents.truth is None else 'synthetic data'}, ± 1 standard deviation",
     )  # fmt: skip
     upper.plot(times, predicted, color=BLUE, label="fit", zorder=3)
     upper.set_ylabel(labelled(axes_of.label or data.names[curve], axes_of.unit))

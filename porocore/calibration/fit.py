@@ -251,8 +251,8 @@ def at_bounds(misfit: Misfit, coordinates: Array) -> list[str]:
 
 #: Tolerance of the searches beside the first, until one is better by more than this share of a variance.
 ROUGH, ALIKE = 1e-4, 1e-2
-#: A search ends where so many steps together lower the sum of squares by less than this: along a direction that the
-#: data do not see it would creep on to a bound, to no effect on any statement.
+#: A search ends where so many steps together lower the sum of squares by less than this: along a direction that is
+#: not identifiable it would creep on to a bound, to no effect on any statement.
 CREEPING, GAIN = 5, 0.02
 #: Evaluations after which half of what was left of a search is taken to be done, for the time left: Gauss–Newton steps
 #: seldom need all that they are allowed.

@@ -63,7 +63,7 @@ class Inference:
     with_priors, without_priors
         Precision to first order at ``best``.
     directions
-        What the data do not see, the least seen first.
+        Non-identifiable directions, the least identifiable first.
     words
         The same in words.
     intervals, data_intervals
@@ -81,7 +81,7 @@ class Inference:
     rule
         Of identifiability.
     products
-        Products of powers of two unknowns that alone are seen, of exact directions.
+        Identifiable products of powers of two unknowns, of exact directions.
     systematic
         Known error of the predicted curves; None: none is known.
     """
@@ -116,8 +116,8 @@ class Inference:
     def correlations(self) -> Array:
         """Correlations (k, k) to first order by the data without priors; NaN where they mean nothing.
 
-        They mean nothing between an unknown of a direction that is not seen and one beside it: the deviation of the
-        first is that of the direction, in which what the data do tell of the two disappears.
+        They have no meaning between an unknown of a non-identifiable direction and one outside it: the uncertainty of
+        the direction dominates that of the first.
         """
         found = self.without_priors.correlations
         moved = np.zeros((len(self.directions), len(self.unknowns)), dtype=bool)

@@ -1,4 +1,4 @@
-"""Bounded least squares (Objective), first-order precision, and directions that the data do not see."""
+"""Bounded least squares (Objective), first-order precision, and non-identifiable directions."""
 
 from __future__ import annotations
 
@@ -188,7 +188,7 @@ def _tried(objective: Objective, coordinates: Array) -> Fitted | None:
         return None
 
 
-#: Singular values below this share of the largest are round-off: the direction is not seen at all.
+#: Singular values below this share of the largest are round-off: the data do not depend on the direction.
 ROUND_OFF = 1e-9
 
 
@@ -247,7 +247,7 @@ class LinearPrecision:
 
     @property
     def spread(self) -> Array:
-        """Deviations (k,) as far as round-off lets them be told, always finite, to compare unknowns by them."""
+        """Deviations (k,) as far as round-off allows, always finite, to compare unknowns by them."""
         return np.sqrt(np.diag(self._finite_covariance))
 
     def moves_with(self, slopes: Array) -> tuple[Array, float]:
@@ -282,20 +282,20 @@ MOST_LIMITS = 4.0
 
 @dataclass(frozen=True, eq=False)
 class UnseenDirection:
-    """Combination of unknowns that the data do not see.
+    """Non-identifiable combination of unknowns.
 
     Attributes
     ----------
     direction : (k,)
         Unit vector over the coordinates.
     deviation
-        Standard deviation along it by the data alone; infinite where they do not see it at all.
+        Standard deviation along it by the data alone; infinite where they do not depend on it.
     step : (k,)
         A move of the coordinates along it: one standard deviation, or less where that is far.
     change
         Largest change of a measured value by the step to first order, in standard deviations of that value.
     exact
-        True where the model knows nothing of a move along it, so that no measurement of any such test sees it.
+        True where the model does not depend on it, so that no measurement makes it identifiable.
     """
 
     direction: Array
@@ -328,12 +328,12 @@ def exact_directions(dependence: Array, limits: Array) -> Array:
 def unseen_directions(
     jacobian: Array, limits: Array, dependence: Array | None = None
 ) -> tuple[UnseenDirection, ...]:
-    """Return the directions that weighted data do not see, the least seen one first.
+    """Return the non-identifiable directions of weighted data, the least identifiable one first.
 
     The coordinates are measured in their limits: a step by one is what makes an unknown not identifiable. In these
-    units the singular vectors of the Jacobian are independent, with deviations 1/s. A direction is unseen where one
-    standard deviation along it moves some unknown beyond its limit. Where several are unseen, any combination is; the
-    ones with the fewest unknowns are taken as long as they are unseen too.
+    units the singular vectors of the Jacobian are independent, with deviations 1/s. A direction is non-identifiable
+    where one standard deviation along it moves some unknown beyond its limit. Where several are, any combination
+    is; the ones with the fewest unknowns are taken as long as they are non-identifiable, too.
 
     Parameters
     ----------
@@ -342,7 +342,7 @@ def unseen_directions(
     limits : (k,)
         Of the coordinates, by the rule of identifiability.
     dependence : (r, k)
-        Derivatives, by the coordinates, of all that the model knows of the unknowns; exact directions are told apart
+        Derivatives, by the coordinates, of all that the model knows of the unknowns; exact directions are separated
         from the others and come first. None: it is not known.
     """
     k = len(limits)
@@ -367,7 +367,7 @@ def _beyond_limits(precision: LinearPrecision) -> npt.NDArray[np.bool_]:
 
 
 def unseen_count(jacobian: Array, limits: Array) -> int:
-    """Return the number of directions that weighted data do not see; see :func:`unseen_directions`."""
+    """Return the number of non-identifiable directions of weighted data; see :func:`unseen_directions`."""
     return int(_beyond_limits(LinearPrecision.from_jacobian(jacobian * limits)).sum())
 
 

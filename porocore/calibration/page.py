@@ -131,7 +131,7 @@ def data_rows(plan: CalibrationPlan) -> Iterator[tuple[str, ...]]:
         yield (
             curve.name,
             curve.series.words,
-            file.name if file else "made up",
+            file.name if file else "synthetic",
             rows,
             spread + unit,
             size,
@@ -180,17 +180,17 @@ def end_reasons(low: IntervalEnd, high: IntervalEnd) -> Iterator[str]:
 
 
 def seen_sentence(inference: Inference) -> str:
-    """Return how many directions the data see, in words."""
+    """Return how many combinations of the unknowns are identifiable, in words."""
     unseen, all_ = len(inference.directions), len(inference.unknowns)
     if not unseen:
         return (
-            "The data see every combination of the unknowns: one standard deviation along any direction moves no "
+            "All combinations of the unknowns are identifiable: one standard deviation along any direction moves no "
             "unknown beyond its limit of identifiability."
         )
     if unseen == all_:
-        return "The data see no combination of the unknowns well enough:"
+        return "No combination of the unknowns is identifiable:"
     are = "combination of the unknowns is" if unseen == 1 else "combinations of the unknowns are"
-    return f"{_counted(unseen)} {are} not seen, {all_ - unseen} of {all_} are seen:"
+    return f"{_counted(unseen)} {are} non-identifiable, {all_ - unseen} of {all_} are identifiable:"
 
 
 def _counted(count: int) -> str:
@@ -206,10 +206,11 @@ def gain_text(suggestion: Suggestion) -> str:
     """Return the gain of further data in words."""
     gain, before = suggestion.gain, suggestion.unseen_before
     if suggestion.separates:
-        left = f"; {suggestion.unseen} of {before} stay unseen" if suggestion.unseen else ""
-        return f"makes seen what is not seen{left}"
-    text = f"{gain:.3g} times as precise along the least seen direction"
-    return f"{text}, which stays unseen" if before else text
+        if not suggestion.unseen:
+            return "makes all combinations identifiable"
+        return f"makes {before - suggestion.unseen} of {before} non-identifiable combinations identifiable"
+    text = f"{gain:.3g} times as precise along the least identifiable direction"
+    return f"{text}, which stays non-identifiable" if before else text
 
 
 #: Of the page, and of the folder of its figures, in the folder of a calibration.

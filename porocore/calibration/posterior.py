@@ -31,7 +31,7 @@ class EnsembleDraws:
     steps : (s, w, k)
         Position of each walker after each step that is kept.
     autocorrelation
-        Steps after which a walker has forgotten where it was, the largest of the k; NaN where too few tell.
+        Steps after which a walker has forgotten where it was, the largest of the k; NaN where there are too few.
     """
 
     steps: Array

@@ -56,7 +56,7 @@ class Unknown:
 
     @property
     def has_prior(self) -> bool:
-        """True where something beside the data tells of it: a prior of its own, or of its difference."""
+        """True where it has a prior: one of its own, or one of its difference."""
         return self.prior is not None or self.smoothing is not None
 
     def coordinate(self, value: float) -> float:

@@ -31,7 +31,8 @@ BISECTED = 6
 #: Width of a bracket, a share of the distance, in which the rise is a jump.
 NARROWEST = 1e-4
 #: A sum of squares that is lower than the best by this shows that the best point was none. Along a direction that is
-#: hardly seen the search ends where little is to be gained; an end by a best that is so much too high is 1.3 % too far.
+#: hardly identifiable the search ends where little is to be gained; an end by a best that is so much too high is 1.3 %
+#: too far.
 LOWER = 0.1
 #: At an end, the rise that is owed to bounds of other unknowns may be at most this share of it.
 OWED_TO_BOUNDS = 0.05
@@ -161,7 +162,7 @@ class ProfileWalk:
 
     @property
     def linear_distance(self) -> float:
-        """Distance of the rise to first order; very large where the data see nothing."""
+        """Distance of the rise to first order; very large where the data do not depend on it."""
         return self.target / max(self._first().slope, 1e-300)
 
     @property
@@ -306,7 +307,7 @@ class ProfileWalk:
 #: Root of the 95 % quantile of χ² with two degrees of freedom.
 ROOT_95_OF_TWO = 2.447746830680816
 #: So many rays or more are walked every other one first. One between two whose radii, over those to first order,
-#: differ by less than this share has their mean, which no picture tells from its own.
+#: differ by less than this share has their mean, which no picture can distinguish.
 MANY, ALIKE = 8, 0.02
 
 
@@ -329,7 +330,7 @@ class ParameterPlane:
     closed : (n,) bool
         True where the region ends there; elsewhere it goes on, or the model could not be followed.
     linear_radii : (n,)
-        The same to first order; very large where the data see nothing.
+        The same to first order; very large where the data do not depend on it.
     """
 
     indices: tuple[int, int]

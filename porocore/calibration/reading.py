@@ -101,7 +101,7 @@ def _planned(
 ) -> ObservedCurve:
     """Return a curve without values at the times that the settings list."""
     if settings.times is None:
-        raise ConfigurationError("times: missing; made-up data need a 'file:' with times, or 'times:'")
+        raise ConfigurationError("times: missing; synthetic data need a 'file:' with times, or 'times:'")
     if settings.deviation_column or settings.weight_column:
         raise ConfigurationError("file: missing; the columns of deviations or weights stand in it")
     time = StudyUnit.at_key("time_unit", settings.time_unit or "", "time", scales)

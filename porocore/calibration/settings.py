@@ -58,59 +58,62 @@ Kind = Literal[
 
 
 class PriorSettings(StrictModel):
-    """Knowledge of an unknown from elsewhere, as a normal distribution."""
+    """Prior knowledge of an unknown: a normal distribution."""
 
     mean: Value
-    """Its mean; on a log scale the distribution is that of the logarithm, and this its median."""
+    """Mean of the prior; on a log scale the prior is log-normal, and this is its median."""
     deviation: Value
-    """Its standard deviation, with the unit of the mean; on a log scale that of ln x, a plain number such as 0.2."""
+    """Standard deviation of the prior, in the unit of the mean; on a log scale that of ln x, a plain number such as
+    0.2."""
 
 
 class ControlSettings(StrictModel):
-    """Field of a parameter of the cell along an axis of the body, by its values at some coordinates."""
+    """Profile of a cell parameter along an axis of the body, given by control values."""
 
     along: Literal["x", "y", "z"]
-    """Axis of the coordinate, such as that of the depth."""
+    """Axis along which the parameter varies, such as the depth."""
     at: Annotated[tuple[Value, ...], Field(min_length=2, max_length=MOST_CONTROLS)]
-    """Ascending coordinates of the control values, as multiples of the study's length or with a unit; the parameter is
-    linear in between, and constant before the first and behind the last."""
+    """Coordinates of the control values, in ascending order, as multiples of the study's length or with a unit. The
+    parameter is linear between them, and constant outside the first and the last."""
     start: Annotated[tuple[Value, ...], Field(max_length=MOST_CONTROLS)] = ()
-    """First values, one for each coordinate; empty: ``start`` for all, or the field of the study."""
+    """Start values, one for each coordinate; empty: ``start`` for all of them, or the field of the study."""
     smoothing: Value | None = None
-    """Standard deviation of the difference between neighbouring control values before any data, as a prior, with the
-    unit of the values (on a log scale that of ln x); null: the data alone decide."""
+    """Prior standard deviation of the difference between neighbouring control values, in the unit of the values (on a
+    log scale that of ln x); null: no smoothing prior."""
 
 
 class UnknownSettings(StrictModel):
-    """One number that is fitted, or one field."""
+    """One unknown: a number or a profile."""
 
     of: Name | None = None
-    """The number: a parameter or any other number of the cell such as ``radius``, ``modulus`` of the whole solid,
-    ``viscosity`` of the fluid, ``pore`` (edge of the cell), ``load``, a value such as ``boundary.y+.pressure``, or
-    ``time_shift``, which is added to the times of the data; null: that which the unknown is called."""
+    """Number of the study that is fitted: a parameter or another number of the cell, such as ``radius``; ``modulus``
+    (of the whole solid); ``viscosity`` (of the fluid); ``pore`` (edge of the cell); ``load``; a boundary value such as
+    ``boundary.y+.pressure``; or ``time_shift``, which is added to the times of the data; null: the number with the name
+    of the unknown."""
     lower: Value
     """Lower bound of the search."""
     upper: Value
-    """Upper bound of the search; the cells are sampled between the two."""
+    """Upper bound of the search; a parameter of the cell is sampled between both bounds."""
     start: Value | None = None
-    """First value; null: that of the study, or the middle where that is not between the bounds."""
+    """Start value; null: the value of the study, or the middle of the bounds where that value is not between them."""
     scale: Scale | None = None
-    """``log``: search and intervals are in ln x; null: ``log`` for modulus, viscosity and pore, else ``linear``."""
+    """Coordinate of the search and of the intervals: x (``linear``) or ln x (``log``); null: ``log`` for modulus,
+    viscosity and pore, else ``linear``."""
     prior: PriorSettings | None = None
-    """Knowledge from elsewhere; null: the data alone decide."""
+    """Prior of the unknown; null: no prior."""
     field: ControlSettings | None = None
-    """Control values along an axis, each of which is an unknown of its own, ``radius[0]``, ``radius[1]`` and so on, all
-    with these bounds; null: one value holds everywhere."""
+    """Control values along an axis. Each is an unknown with these bounds: ``radius[0]``, ``radius[1]`` and so on; null:
+    one value in the whole body."""
     resolution: Value | None = None
-    """Largest distance of the ends of its 95 % interval from its value with which it is called identifiable, in its
-    unit; null: 10 % of the value, 0.04 for a Poisson's ratio, 9 degrees for an angle, and for a ``time_shift`` 10 % of
-    the time from the first datum to the middle one."""
+    """Limit of identifiability, in the unit of the unknown: the unknown is identifiable if both ends of its 95 %
+    interval lie within this distance of its value; null: 10 % of the value, 0.04 for a Poisson's ratio, 9 degrees for
+    an angle, and for a ``time_shift`` 10 % of the time from the first datum to the middle one."""
     experiments: tuple[Name, ...] = ()
-    """Experiments that it belongs to; empty: all."""
+    """Experiments in which the unknown occurs; empty: all."""
 
 
 class SyntheticTimes(StrictModel):
-    """Times of a curve that is not measured yet."""
+    """Times of a synthetic curve."""
 
     first: Value
     """First time."""
@@ -119,17 +122,17 @@ class SyntheticTimes(StrictModel):
     count: Annotated[int, Field(ge=2, le=MOST_POINTS)] = 40
     """Number of times."""
     spacing: Scale = "log"
-    """``log``: their logarithms are equally spaced; ``linear``: they are."""
+    """Equal steps of the time (``linear``) or of its logarithm (``log``)."""
 
 
 class ObservationSettings(StrictModel):
     """One measured curve: a column of a CSV file against a column of times."""
 
     quantity: Kind
-    """Measured quantity: ``settlement`` (the largest one), ``heave`` (the largest along +y), ``displacement`` of a
-    probe, ``force`` on a surface (in compression, or with ``component`` along an axis), ``pressure`` (the largest, or
-    that of a probe), ``pressure_min`` (the least, negative where there is suction), ``drained`` volume, or ``inflow``
-    through a surface."""
+    """Measured quantity: ``settlement`` (largest in the body); ``heave`` (largest displacement along +y);
+    ``displacement`` of a probe; ``force`` on a surface (positive in compression, or along an axis with ``component``);
+    ``pressure`` (largest in the body, or that of a probe); ``pressure_min`` (smallest in the body, negative under
+    suction); ``drained`` volume; ``inflow`` through a surface."""
     surface: Name | None = None
     """Surface of a force or an inflow."""
     probe: Name | None = None
@@ -137,49 +140,51 @@ class ObservationSettings(StrictModel):
     component: Literal[1, 2, 3] | None = None
     """Component of a displacement or a force."""
     file: Annotated[str, Field(min_length=1)] | None = None
-    """CSV file with headings, such as the export of a testing machine; a relative path starts at the folder of the
-    configuration."""
+    """CSV file with a line of headings, such as the export of a testing machine. A relative path starts at the folder
+    of the configuration."""
     time: Name = "time"
-    """Heading of the times, without its unit."""
+    """Heading of the column of times, without the unit."""
     values: Name | None = None
-    """Heading of the values, without its unit; null: the only other column, or that with the name of the curve."""
+    """Heading of the column of values, without the unit; null: the only other column, or the one with the name of the
+    curve."""
     time_unit: Annotated[str, Field(max_length=60)] | None = None
-    """Unit of the times, or ``mm:ss`` or ``hh:mm`` for clock times; null: the one in brackets in the heading, or in a
-    row of units below the headings; without any they are dimensionless."""
+    """Unit of the times, or ``mm:ss`` or ``hh:mm`` for clock times; null: the unit in brackets in the heading, or in a
+    row of units below the headings; without either the times are dimensionless."""
     unit: Annotated[str, Field(max_length=60)] | None = None
-    """Unit of the values, as that of the times."""
+    """Unit of the values; null: as for ``time_unit``."""
     encoding: Annotated[str, Field(max_length=60), AfterValidator(_encoding)] | None = None
-    """Encoding of the file, such as ``cp850``; null: UTF-8 or UTF-16, or else Windows-1252 (Latin-1)."""
+    """Encoding of the file, such as ``cp850``; null: UTF-8 or UTF-16 if the file is valid as such, else Windows-1252
+    (which includes Latin-1)."""
     heading_line: Annotated[int, Field(ge=1)] | None = None
-    """Line of the headings; null: the one in which the named headings stand, above numbers."""
+    """Number of the line of headings; null: the line that contains the named headings, above numbers."""
     last_line: Annotated[int, Field(ge=1)] | None = None
-    """Last line of the file that counts; null: all."""
+    """Number of the last line that is read; null: the last line of the file."""
     decimal: Literal[".", ","] | None = None
-    """Decimal mark of all numbers; null: that which the numbers show."""
+    """Decimal mark of all numbers; null: it is inferred from the numbers."""
     missing: Annotated[tuple[Annotated[str, Field(max_length=60)], ...], Field(max_length=20)] = ()
-    """Texts that stand for no number, such as ``---`` or ``NaN``; rows with one in a column that is read do not
-    count."""
+    """Texts that mark a missing number, such as ``---`` or ``NaN``. A row with such a text in a column that is read is
+    left out."""
     factor: Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)] = 1.0
-    """Factor on the values that were read, such as -1 for another sign."""
+    """Factor by which the values are multiplied, such as -1 to change the sign."""
     offset: Value = 0.0
-    """What the channel reads at zero, in the unit of the values or with its own, such as the force before the piston
-    touches: it is subtracted before the factor."""
+    """Reading of the channel at zero, such as the force before contact of the piston, in the unit of the values or with
+    its own unit. It is subtracted before the factor is applied."""
     deviation: Value | None = None
-    """Standard deviation of every value, in their unit or with its own."""
+    """Standard deviation of each value, in the unit of the values or with its own unit."""
     deviation_share: Annotated[float, Field(gt=0, le=1)] | None = None
-    """Standard deviation as a share of the largest value in size, such as 0.01."""
+    """Standard deviation of each value as a share of the largest absolute value of the curve, such as 0.01."""
     deviation_column: Name | None = None
-    """Heading of the standard deviations, in the unit of the values."""
+    """Heading of a column of standard deviations, in the unit of the values."""
     weight: Positive = 1.0
-    """So often does every value count: its deviation is divided by the square root."""
+    """Weight of each squared residual: the standard deviation is divided by the square root of the weight."""
     weight_column: Name | None = None
-    """Heading of weights of the single values."""
+    """Heading of a column of weights, one for each value; they multiply ``weight``."""
     since: Value | None = None
-    """Earlier times do not count."""
+    """Values before this time are left out; null: none."""
     until: Value | None = None
-    """Later times do not count."""
+    """Values after this time are left out; null: none."""
     times: SyntheticTimes | None = None
-    """Times of made-up data (``--synthetic``), where there is no file yet."""
+    """Times of synthetic data (``--synthetic``), where there is no file."""
 
     @model_validator(mode="after")
     def _complete(self) -> Self:
@@ -200,8 +205,8 @@ class ObservationSettings(StrictModel):
         said = (self.deviation, self.deviation_share, self.deviation_column)
         if sum(each is not None for each in said) != 1:
             raise ValueError(
-                "expected exactly one of deviation, deviation_share and deviation_column, which tell how far a value "
-                "may be off"
+                "expected exactly one of deviation, deviation_share and deviation_column, one of which gives "
+                "the standard deviation of the values"
             )
         return self
 
@@ -214,9 +219,9 @@ class ExperimentSettings(StrictModel):
     """One test: a study under one load, and what was measured in it."""
 
     study: Annotated[str, Field(min_length=1)] | None = None
-    """Configuration of the study; null: that in which the section stands."""
+    """Configuration of the study; null: the study that contains the section."""
     load: Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)] | None = None
-    """Load of the test, in place of ``macro.loads``; null: the only one of these."""
+    """Load of the test, in place of ``macro.loads``; null: the only load there."""
     observations: Observations
     """Measured curves by name."""
 
@@ -225,29 +230,30 @@ class FitSettings(StrictModel):
     """Search of the unknowns: starts, evaluations, tolerance."""
 
     starts: Annotated[int, Field(ge=1, le=100)] = 2
-    """Searches: one from the start values, the others from points spread over the bounds."""
+    """Number of searches: the first from the start values, the others from points spread between the bounds."""
     evaluations: Annotated[int, Field(ge=2, le=10_000)] = 60
-    """Evaluations of one search at most."""
+    """Largest number of evaluations of one search."""
     tolerance: Annotated[float, Field(ge=1e-14, le=1e-2)] = 1e-8
-    """A search ends where the sum of squares, or the unknowns, change by less than this share."""
+    """Relative tolerance: a search ends if the sum of squares, or the unknowns, change by less than this share."""
     rounds: Annotated[int, Field(ge=0, le=20)] = 3
-    """So often are further cells solved where the fitted body leaves the states that the surrogate is trusted in."""
+    """Largest number of rounds of further cells, which are solved if the fitted body leaves the range in which the
+    surrogate is trusted."""
     rays: Annotated[int, Field(ge=0, le=360)] = 16
-    """Rays of the 95 % region of the two least determined unknowns, fewer where neighbours are alike; 0: no region."""
+    """Number of rays by which the 95 % region of the two least determined unknowns is found, fewer if neighbouring rays
+    agree; 0: no region."""
     seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 0
-    """Seed of the noise of made-up data."""
+    """Seed of the noise of synthetic data."""
 
 
 class PosteriorSettings(StrictModel):
     """Draws from the posterior distribution of the unknowns, by emcee."""
 
     steps: Annotated[int, Field(ge=100, le=1_000_000)] = 4000
-    """Steps of each walker; the first quarter does not count."""
+    """Steps of each walker; the first quarter is discarded."""
     walkers: Annotated[int, Field(ge=4, le=10_000)] | None = None
-    """Walkers, at least twice as many as unknowns; null: four times as many, and 32 at least."""
+    """Number of walkers, at least twice the number of unknowns; null: four times that number, at least 32."""
     checks: Annotated[int, Field(ge=4, le=1000)] = 24
-    """Points that are computed exactly, again and again until the density is right there: draws, and as many from
-    broader densities."""
+    """Points in each check of the density by exact runs: half of them are draws, half come from broader densities."""
     seed: Annotated[int, Field(ge=0, le=LARGEST_SEED)] = 0
     """Seed of the random numbers."""
 
@@ -270,7 +276,7 @@ class CalibrationSettings(StrictModel):
     fit: FitSettings = FitSettings()
     """Search of the unknowns."""
     posterior: PosteriorSettings | None = None
-    """Draws from the posterior distribution; null: none."""
+    """Settings of the posterior distribution; null: no draws."""
 
     @model_validator(mode="after")
     def _one_or_the_other(self) -> Self:

@@ -1,4 +1,4 @@
-"""Further data, ranked by what they make seen; the rule and the sentences of what is identifiable."""
+"""Further data, ranked by their effect on identifiability; the rule and the sentences of what is identifiable."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from porocore.calibration.minimum import (
 from porocore.calibration.problem import CurveModel, Fitted, Misfit, Unknown
 from porocore.states import Array
 
-#: Share of the largest singular value below which two of them are not told apart.
+#: Share of the largest singular value below which two of them count as equal.
 RESOLUTION = 1e-6
 #: A gain of the least singular value below this is none.
 LEAST_GAIN = 1.05
@@ -53,7 +53,7 @@ class Suggestion:
     before : (k,)
         The same without them.
     unseen, unseen_before
-        Numbers of directions that are not seen with and without them.
+        Numbers of non-identifiable directions with and without them.
     """
 
     name: str
@@ -77,19 +77,19 @@ class Suggestion:
 
     @property
     def helps(self) -> bool:
-        """True where the gain is worth a word, or fewer directions stay unseen."""
+        """True where the gain is worth a word, or fewer directions stay non-identifiable."""
         return self.gain > LEAST_GAIN or self.separates
 
     @property
     def separates(self) -> bool:
-        """True where fewer directions stay unseen."""
+        """True where fewer directions stay non-identifiable."""
         return self.unseen < self.unseen_before
 
 
 def ranked(jacobian: Array, limits: Array, further: Sequence[FurtherData]) -> tuple[Suggestion, ...]:
     """Return the gains of further data, the best first.
 
-    They are ordered by the smallest singular value; where several directions are not seen and it stays zero, by the
+    They are ordered by the smallest singular value; where several are non-identifiable and it stays zero, by the
     next larger one.
 
     Parameters
@@ -280,21 +280,21 @@ class SystematicError:
         return self.size <= SMALL
 
 
-#: Largest exponent of a product or ratio that is told.
+#: Largest exponent of a product or ratio that is named.
 LARGEST_EXPONENT = 3
-#: Exponents are told where the direction has them to this share.
+#: Exponents are named where the direction has them to this relative tolerance.
 EXPONENT_TOLERANCE = 0.02
-#: A change below this many standard deviations is told as smaller than it.
+#: A change below this many standard deviations is given as an upper limit.
 SMALLEST_CHANGE = 0.001
 
 
 def direction_words(
     found: UnseenDirection, unknowns: Sequence[Unknown], limits: Array, coordinates: Array
 ) -> str:
-    """Return an unseen direction in words.
+    """Return a non-identifiable direction in words.
 
-    First the product, ratio, sum or difference of two unknowns that alone is seen, where that is so; then a step of
-    all unknowns that are involved, and how little it changes the measured values.
+    First the product, ratio, sum or difference of two unknowns that alone is identifiable, if there is one; then a
+    step of all unknowns that are involved, and its effect on the measured values.
     """
     indices = list(significant(found.direction, limits))
     moves = [move_words(unknowns[i], float(found.step[i])) for i in indices]
@@ -308,10 +308,11 @@ def direction_words(
         told = f"{together} no curve at all."
     pair = _pair_words(found.direction, unknowns, indices, coordinates) if len(indices) == 2 else ""
     if one:
-        pair = f"{unknowns[indices[0]].name} is not seen. "
+        pair = f"{unknowns[indices[0]].name} is not identifiable. "
     if found.exact:
-        told += " No test, load or quantity can tell, since the model knows nothing else of them: fix " + (
-            "it, or leave it out." if one else "one of them, or report what is seen."
+        told += (
+            " The model does not depend on it, so no test, load or quantity makes it identifiable: fix "
+            + ("it, or leave it out." if one else "one of them, or report the identifiable combination.")
         )
     return f"{pair}{told}"
 
@@ -356,19 +357,19 @@ def product_words(names: Sequence[str], powers: tuple[int, int]) -> str:
 def _pair_words(
     direction: Array, unknowns: Sequence[Unknown], indices: Sequence[int], coordinates: Array
 ) -> str:
-    """Return what alone is seen of two unknowns: a sum or a difference, a ratio or a product of powers."""
+    """Return the identifiable sum, difference, ratio or product of powers of two unknowns; empty where none is."""
     i, j = indices
     one, other = unknowns[i], unknowns[j]
     if one.scale == other.scale == "linear" and one.unit == other.unit:
         ratio = float(direction[j] / direction[i])
         if abs(abs(ratio) - 1) < EXPONENT_TOLERANCE:
             word, sign = ("difference", "−") if ratio > 0 else ("sum", "+")
-            return f"Only the {word} {one.name} {sign} {other.name} is seen, not each. "
+            return f"Only the {word} {one.name} {sign} {other.name} is identifiable, not the two separately. "
     powers = seen_powers(direction, unknowns, indices, coordinates)
     if powers is None:
         return ""
     kind = "ratio" if powers[1] < 0 else "product"
-    return f"Only the {kind} {product_words((one.name, other.name), powers)} is seen, not each. "
+    return f"Only the {kind} {product_words((one.name, other.name), powers)} is identifiable, not the two separately. "
 
 
 def _relative_move(unknown: Unknown, move: float, coordinate: float) -> float:

@@ -270,7 +270,7 @@ class Entry:
 
     @property
     def only_mark(self) -> str | None:
-        """The decimal mark, where it is a number with no other; None: it is none with any, or tells nothing."""
+        """The decimal mark, where it is a number with no other; None: it is none with any, or ambiguous."""
         return next(iter(self.readings)) if len(self.readings) == 1 else None
 
     @property
@@ -441,8 +441,8 @@ def _ambiguity(at: str, entry: Entry, mark: str | None) -> ConfigurationError:
         )
     decimal = next(mark for mark, text in entry.readings.items() if text == small)
     return ConfigurationError(
-        f"{beginning}, and nothing in the columns that are read tells which; add \"decimal: '{decimal}'\" for {small}, "
-        f"or \"decimal: '{_OTHER[decimal]}'\" for {large}"
+        f"{beginning}, and no number in the columns that are read decides it; add \"decimal: '{decimal}'\" for "
+        f"{small}, or \"decimal: '{_OTHER[decimal]}'\" for {large}"
     )
 
 
@@ -703,7 +703,7 @@ class CurveTable:
         return [heading.name for heading in self.headings]
 
     def find(self, name: str) -> int:
-        """Return the number of a column; a unit in ``name`` tells columns of one name apart.
+        """Return the number of a column; a unit in ``name`` separates columns of one name.
 
         Raises
         ------
@@ -759,7 +759,7 @@ class CurveTable:
     def numbers(
         self, columns: Sequence[int], decimal: str | None = None, *, clock: int | None = None
     ) -> list[Numbers]:
-        """Return the numbers of some columns, which tell together what points and commas mean.
+        """Return the numbers of some columns, which together determine the decimal mark.
 
         Only the column ``clock`` may have clock times.
 

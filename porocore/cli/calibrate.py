@@ -1,4 +1,4 @@
-"""``porocore calibrate``: unknowns of one or more studies from measured curves, and what these do not tell."""
+"""``porocore calibrate``: unknowns of one or more studies from measured curves, and their identifiability."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def calibrate(
         bool,
         typer.Option(
             "--synthetic",
-            help="Make up the data, from the first values of the unknowns and noise, to plan a test.",
+            help="Generate synthetic data, from the start values of the unknowns and noise, to plan a test.",
         ),
     ] = False,
     json_: JsonOption = False,
@@ -47,9 +47,9 @@ def calibrate(
 ) -> None:
     """Find numbers of a study, such as the radius of its pores, from measured curves.
 
-    The cells between the bounds of the unknowns are sampled and learned once. Then the unknowns are fitted with exact
-    derivatives, and their 95 % intervals and the combinations that the curves do not tell are computed. Writes
-    calibration.json, report.html, curves.csv and samples.csv. --resume continues to the same answer.
+    The cells between the bounds of the unknowns are sampled and learned once. The unknowns are fitted with exact
+    derivatives. Then their 95 % intervals and the non-identifiable combinations are computed. Writes calibration.json,
+    report.html, curves.csv and samples.csv. --resume continues to the same result.
     """
     from porocore.calibration.calibrate import calibrate as run
 
@@ -77,7 +77,7 @@ def calibrate(
 
 
 def print_unknowns(done: Calibration) -> None:
-    """Print value, interval and identifiability of each unknown, and what the curves do not tell."""
+    """Print value, interval and identifiability of each unknown, and the non-identifiable combinations."""
     from porocore.core.units import pretty
 
     table = plain_table(("unknown", "value", "95 % interval", "unit", "identifiable"), (1,))
@@ -93,9 +93,9 @@ def print_unknowns(done: Calibration) -> None:
     if done.posterior is not None:
         print_posterior(done.posterior)
     for words in done.inference.words:
-        typer.echo(f"not told by the data: {words}")
+        typer.echo(f"non-identifiable: {words}")
     for product in done.inference.products:
-        typer.echo(f"told by the data: {product.words}")
+        typer.echo(f"identifiable: {product.words}")
 
 
 def print_posterior(posterior: Posterior) -> None:

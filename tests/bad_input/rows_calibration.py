@@ -87,7 +87,7 @@ ROWS = [
     ),
     curve(
         "a thousand or one",
-        "creep.csv:2: settlement: '1,000' may be 1.000 or 1000, and nothing in the columns that are read tells which; "
+        "creep.csv:2: settlement: '1,000' may be 1.000 or 1000, and no number in the columns that are read decides it; "
         "add \"decimal: ','\" for 1.000, or \"decimal: '.'\" for 1000",
         "time;settlement\n1;1,000\n2;2,000\n3;3,000\n",
     ),

@@ -188,7 +188,7 @@ def test_the_report_can_be_cited(done: porocore.Calibration) -> None:
         f"porocore{porocore.__version__}",
         "cell skfem, surrogate polynomial, body skfem",
         "0.5000 … 2.000",
-        "made up",
+        "synthetic",
         "aggregate modulus H_A",
         "intrinsic permeability k",
         "deviation_share: 0.002",
@@ -207,7 +207,7 @@ def test_the_data_are_made_up_by_the_first_evaluation(done: porocore.Calibration
 def test_values_at_which_no_data_can_be_made_up_are_told(done: porocore.Calibration) -> None:
     model = Formula((Unknown("rate", 2.0, 1.0, 3.0),), lambda v: v, computable=((0.0, 1.0),))
     with pytest.raises(
-        SolveError, match="first values of the unknowns, rate 2; give other bounds, or a 'start:'"
+        SolveError, match="start values of the unknowns, rate 2; give other bounds, or a 'start:'"
     ):
         _with_made_up_data(done.plan, model)
 

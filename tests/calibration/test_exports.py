@@ -369,7 +369,7 @@ REFUSED = {
     "a comma before three digits": (
         force("1,234", "2,345", "3,456"),
         {},
-        "force.csv:2: force: '1,234' may be 1.234 or 1234, and nothing in the columns that are read tells which; add "
+        "force.csv:2: force: '1,234' may be 1.234 or 1234, and no number in the columns that are read decides it; add "
         "\"decimal: ','\" for 1.234, or \"decimal: '.'\" for 1234",
     ),
     "a point before three digits": (force("1.234", "2.345", "999"), {}, "'1.234' may be 1.234 or 1234"),

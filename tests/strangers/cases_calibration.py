@@ -118,8 +118,8 @@ CASES = [
         ("calibrate", "cal.yaml", "--out", "out", "--no-store"),
         before=with_a_viscosity,
         says=(
-            "No test, load or quantity can tell",
-            "told by the data: pore²/viscosity = 4930 nm²/(mPa s) (95 % interval 4833 to 5000)",
+            "so no test, load or quantity makes it identifiable",
+            "identifiable: pore²/viscosity = 4930 nm²/(mPa s) (95 % interval 4833 to 5000)",
         ),
         check=tells_the_conductivity,
         slow=True,

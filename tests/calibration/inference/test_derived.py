@@ -66,7 +66,7 @@ def test_what_is_seen_of_unseen_unknowns_has_an_interval():
         assert high.value < 1.05 * low.value
     _, low, high = at["k"]
     assert (low.value, high.value) == (None, None)
-    assert low.reason == "the data do not see it"
+    assert low.reason == "the data do not determine it"
 
 
 def test_no_end_is_made_of_a_bound():

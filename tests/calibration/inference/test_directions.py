@@ -115,13 +115,13 @@ def pair(one, other, *rest, scale="log"):
 @pytest.mark.parametrize(
     ("one", "other", "scale", "words"),
     [
-        (1, 1, "log", "Only the product a·b is seen, not each. "),
-        (1, -1, "log", "Only the ratio a/b is seen, not each. "),
-        (2, -1, "log", "Only the ratio a²/b is seen, not each. "),
-        (2, 3, "log", "Only the product a²·b³ is seen, not each. "),
-        (1, -2, "log", "Only the ratio a/b² is seen, not each. "),
-        (1, 1, "linear", "Only the sum a + b is seen, not each. "),
-        (1, -1, "linear", "Only the difference a − b is seen, not each. "),
+        (1, 1, "log", "Only the product a·b is identifiable, not the two separately. "),
+        (1, -1, "log", "Only the ratio a/b is identifiable, not the two separately. "),
+        (2, -1, "log", "Only the ratio a²/b is identifiable, not the two separately. "),
+        (2, 3, "log", "Only the product a²·b³ is identifiable, not the two separately. "),
+        (1, -2, "log", "Only the ratio a/b² is identifiable, not the two separately. "),
+        (1, 1, "linear", "Only the sum a + b is identifiable, not the two separately. "),
+        (1, -1, "linear", "Only the difference a − b is identifiable, not the two separately. "),
     ],
 )
 def test_a_pair_in_words(one, other, scale, words):
@@ -138,8 +138,8 @@ def test_no_power_is_told_that_is_none():
 def test_an_unknown_that_no_curve_sees():
     (found,) = pair(1.0, 0.0)
     assert found == (
-        "b is not seen. b + 46 % alone changes no curve by more than its noise (less than 0.001 standard deviations of "
-        "a value)."
+        "b is not identifiable. b + 46 % alone changes no curve by more than its noise (less than 0.001 standard "
+        "deviations of a value)."
     )
 
 
@@ -150,7 +150,7 @@ def test_two_unseen_directions_are_told_with_few_unknowns():
     at, limits = np.zeros(4), np.full(4, np.log(1.1))
     found = unseen_directions(rows, limits)
     words = sorted(direction_words(each, unknowns, limits, at).split(". ")[0] for each in found)
-    assert words == ["Only the ratio a/b is seen, not each", "c is not seen"]
+    assert words == ["Only the ratio a/b is identifiable, not the two separately", "c is not identifiable"]
 
 
 def test_a_ratio_is_told_on_linear_scales_too():
@@ -159,6 +159,8 @@ def test_a_ratio_is_told_on_linear_scales_too():
     at, column = np.array([0.0, 4.0]), np.linspace(1, 2, 20) * 100
     limits = RULE.limits(unknowns, at)
     (found,) = unseen_directions(np.stack([column, -column / 4.0], axis=1), limits)
-    assert direction_words(found, unknowns, limits, at).startswith("Only the ratio a/b is seen, not each. ")
+    assert direction_words(found, unknowns, limits, at).startswith(
+        "Only the ratio a/b is identifiable, not the two separately. "
+    )
     signed = (unknowns[0], Unknown("b", 4.0, -10.0, 10.0))
     assert direction_words(found, signed, limits, at).startswith("a + ")

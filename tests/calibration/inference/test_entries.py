@@ -41,7 +41,7 @@ def test_entries_of_a_product():
     (direction,) = direction_entries(found)
     assert direction["direction"] == pytest.approx({"a": 0.5**0.5, "b": -(0.5**0.5), "rate": 0.0}, abs=1e-9)
     assert direction["deviation"] is None
-    assert "Only the product a·b is seen, not each" in direction["words"]
+    assert "Only the product a·b is identifiable, not the two separately" in direction["words"]
     assert precision_entries(found)["correlations"]["a"]["b"] == pytest.approx(-1, abs=1e-6)
     assert suggestion_entries(found)[0]["data"] == "a alone"
     assert suggestion_entries(found)[0]["gain"] is None

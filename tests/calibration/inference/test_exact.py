@@ -39,9 +39,9 @@ def test_the_direction_is_told_as_exact_and_what_is_seen_of_it(found):
     np.testing.assert_allclose(direction.direction, np.array([0, 1, 2]) / np.sqrt(5), atol=1e-12)
     (words,) = found.words
     assert words == (
-        "Only the ratio pore²/viscosity is seen, not each. pore + 21 % and viscosity + 46 % together change no curve "
-        "at all. No test, load or quantity can tell, since the model knows nothing else of them: fix one of them, or "
-        "report what is seen."
+        "Only the ratio pore²/viscosity is identifiable, not the two separately. pore + 21 % and viscosity + 46 % "
+        "together change no curve at all. The model does not depend on it, so no test, load or quantity makes it "
+        "identifiable: fix one of them, or report the identifiable combination."
     )
 
 

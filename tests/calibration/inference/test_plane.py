@@ -1,4 +1,4 @@
-"""Region of two unknowns: an ellipse where the model is linear, open where a direction is not seen."""
+"""Region of two unknowns: an ellipse where the model is linear, open along a non-identifiable direction."""
 
 import numpy as np
 import pytest

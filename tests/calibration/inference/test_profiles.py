@@ -108,7 +108,7 @@ def test_a_product_names_its_direction_and_bounds_nothing():
         direction.direction * np.sign(direction.direction[0]), [0.5**0.5, -(0.5**0.5), 0], atol=1e-9
     )
     assert direction.deviation == np.inf
-    assert found.words[0].startswith("Only the product a·b is seen, not each. ")
+    assert found.words[0].startswith("Only the product a·b is identifiable, not the two separately. ")
     assert found.identifiable == (False, False, True)
     for interval in found.intervals[:2]:
         assert interval.values == (None, None)

@@ -77,12 +77,12 @@ def test_the_page_of_an_unseen_direction(unseen, undrawn):
     page = Page(render(unseen))
     for words in (
         ODD,
-        "The data were made up, with noise.",
+        "The data are synthetic, with noise.",
         "Look <here>.",
-        "One combination of the unknowns is not seen, 2 of 3 are seen:",
-        "Only the ratio conductivity/viscosity is seen, not each.",
+        "One combination of the unknowns is non-identifiable, 2 of 3 are identifiable:",
+        "Only the ratio conductivity/viscosity is identifiable, not the two separately.",
         "a permeation test",
-        "makes seen what is not seen",
+        "makes all combinations identifiable",
         "no lower end: the data set no end here; only conductivity at its bound",
         "cell solves",
         "porocore<1>",
@@ -97,8 +97,8 @@ def test_the_page_of_an_unseen_direction(unseen, undrawn):
 
 def test_the_page_where_everything_is_seen(seen, undrawn):
     words = Page(render(seen)).words
-    assert "The data see every combination of the unknowns" in words
-    assert "made up" not in words
+    assert "All combinations of the unknowns are identifiable" in words
+    assert "synthetic" not in words
     assert "with priors" not in words
     assert "modulus" in words
     assert "kPa" in words
