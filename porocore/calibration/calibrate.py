@@ -26,6 +26,7 @@ from porocore.calibration.results import Calibration, write_results
 from porocore.calibration.settings import PosteriorSettings
 from porocore.calibration.suggestions import shift_words
 from porocore.core.console import Console
+from porocore.core.echo import joined
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.store import ResultStore
 from porocore.core.parallel.calls import CallProcesses
@@ -236,6 +237,11 @@ def _finished(
                 if rounds.given_up
                 else "sample wider ranges, or raise fit.rounds"
             )
+        )
+    if unmoved := misfit.unmoved(inference.best):
+        warnings.append(
+            f"no unknown changes {joined(unmoved)}, which may be prescribed by the study; leave it out, or fit another "
+            "quantity"
         )
     error = inference.systematic
     if error is not None and error.counted:

@@ -34,6 +34,8 @@ from porocore.calibration.suggestions import (
     ranked,
     repeated_parts,
 )
+from porocore.core.echo import joined
+from porocore.errors import ConfigurationError
 from porocore.states import Array
 
 #: Times that the profiles start again because they have met a lower point.
@@ -197,11 +199,14 @@ def infer(
 
     Raises
     ------
+    ConfigurationError
+        No curve depends on any unknown.
     SolveError
         The experiment cannot be computed at ``best``.
     """
     rule = rule or IdentifiabilityRule()
     unknowns = tuple(misfit.unknowns)
+    _require_moved(misfit, best)
     objective = Objective(misfit, rule.limits(unknowns, best.coordinates))
     objective.add(best)
     found, intervals = _intervals(objective, best.coordinates, tell)
@@ -233,6 +238,17 @@ def infer(
         rule=rule,
         products=tuple(each for each in products if each is not None),
     )
+
+
+def _require_moved(misfit: Misfit, best: Fitted) -> None:
+    """Refuse data of which nothing depends on any unknown."""
+    unmoved = misfit.unmoved(best)
+    if len(unmoved) == len(misfit.data.names):
+        raise ConfigurationError(
+            f"expected a curve that {joined(one.name for one in misfit.unknowns)} can change, but "
+            f"{joined(unmoved)} would be the same for all values between the bounds, such as a displacement that "
+            "the study prescribes; fit another quantity, or other unknowns"
+        )
 
 
 def _identifiable(

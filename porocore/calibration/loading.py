@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from porocore.calibration.observations import MeasuredSeries
 from porocore.calibration.plan import CalibrationPlan, Experiment, PlannedUnknown
 from porocore.calibration.posterior import require_emcee
-from porocore.calibration.reading import read_curve, sign_note
+from porocore.calibration.reading import read_curve, require_free, sign_note
 from porocore.calibration.settings import CalibrationSettings, ExperimentSettings
 from porocore.calibration.unknowns import keyed, planned_unknowns
 from porocore.core.files.reading import read_text
@@ -180,12 +180,15 @@ def _plan(
     for name, (config, load, experiment) in studies.items():
         family, said = _family(config, plain[name], unknowns, at)
         notes |= dict.fromkeys(said)
-        curves = []
+        curves, kinds = [], {each.numbers[name].kind for each in unknowns if name in each.numbers}
         for observed, observation in experiment.observations.items():
             keys = ("experiments", name, "observations") if name else ("observations",)
             try:
                 with keyed(_key(at, *keys, observed)), speaking(config.result_units):
-                    MeasuredSeries.chosen(observation).require_in(config.macro)
+                    series = MeasuredSeries.chosen(observation)
+                    series.require_in(config.macro)
+                    if not kinds & {*OF_LOAD, "time_shift"}:
+                        require_free(series, config.macro, load)
                     curve = read_curve(
                         observed, observation, document.folder, config.scales, config.macro.time.end,
                         experiment=name, synthetic=synthetic or (planned and observation.file is None),
@@ -195,8 +198,7 @@ def _plan(
             else:
                 curves.append(curve)
                 notes |= dict.fromkeys(f"{curve.name}: {note}" for note in curve.notes)
-        numbers = [each.numbers[name] for each in unknowns if name in each.numbers]
-        if not any(number.kind in OF_LOAD for number in numbers):
+        if not kinds & set(OF_LOAD):
             signs = ((curve, sign_note(curve, config.macro, load)) for curve in curves)
             notes |= dict.fromkeys(f"{curve.name}: {note}" for curve, note in signs if note)
         experiments.append(Experiment(name, family, load, tuple(curves)))

@@ -14,6 +14,8 @@ import numpy as np
 from porocore.states import Array, IntArray
 
 Scale = Literal["linear", "log"]
+#: A curve that the whole range of an unknown changes by fewer of its standard deviations does not depend on it.
+UNMOVED = 1e-6
 
 
 @dataclass(frozen=True)
@@ -208,6 +210,13 @@ class Misfit:
         if self._last is None or not np.array_equal(self._last.coordinates, coordinates):
             self._last = self._evaluated(np.array(coordinates, dtype=float))
         return self._last
+
+    def unmoved(self, fitted: Fitted) -> list[str]:
+        """Return the names of the curves that no unknown changes, to first order, by more than round-off."""
+        lower, upper = self.bounds
+        moves = np.abs(fitted.jacobian[: len(self.data.values)] * (upper - lower)).max(axis=1)
+        largest = [moves[self.data.curve == c].max(initial=0.0) for c in range(len(self.data.names))]
+        return [name for name, move in zip(self.data.names, largest, strict=True) if move < UNMOVED]
 
     def _evaluated(self, x: Array) -> Fitted:
         prediction = self.model.curves(self.values(x))

@@ -19,14 +19,16 @@ from porocore.calibration.observations import (
     is_unit,
     size_of,
 )
-from porocore.calibration.settings import ObservationSettings, SyntheticTimes
+from porocore.calibration.settings import AXES, ObservationSettings, SyntheticTimes
 from porocore.calibration.tables import CurveTable, Numbers
 from porocore.core.echo import echo, joined
 from porocore.core.formulas import TimeFunction, Value
 from porocore.core.units import Scales
 from porocore.errors import ConfigurationError
 from porocore.interfaces.macro import Part
-from porocore.macro.problem import Boundary, MacroSetup
+from porocore.macro.body.mesh import Facets
+from porocore.macro.boundary.probes import interpolation
+from porocore.macro.problem import Boundary, MacroSetup, body_mesh
 from porocore.states import Array
 
 #: Values that a measured curve has at least, and times that a planned one has.
@@ -171,7 +173,8 @@ def _measured(
     unit = _of_column("unit", settings.unit, table, column, series.quantity, scales)
     numbers = dict(zip(used, rows.numbers(used, settings.decimal, clock=at), strict=True))
     deviations, weights = (None if k is None else _positive(rows, k, numbers[k].values) for k in extra)
-    _require_rising(rows, at, numbers[at].values)
+    since = None if settings.since is None else time.converted("since", settings.since)
+    _require_rising(rows, at, numbers[at].values, since, time.name)
     read = _Rows(
         _ended(numbers[at], end * time.factor),
         settings.factor * (numbers[column].values - unit.converted("offset", settings.offset)),
@@ -180,6 +183,11 @@ def _measured(
     )
     data = read.averaged()
     kept = _counting(str(table.path), settings, data.times, time, FEWEST)
+    if data.times[kept][0] > end * time.factor:
+        first = int(np.searchsorted(numbers[at].values, data.times[kept][0]))
+        raise _all_behind(
+            rows, at, first, "" if timed is not table else time.name, end * time.factor, time.name
+        )
     return ObservedCurve(
         title, series, data.times[kept] / time.factor, unit.name, time.name, unit.factor, time.factor,
         data.weights[kept], data.values[kept],
@@ -258,20 +266,48 @@ def _unitless(
             )
 
 
-def _require_rising(table: CurveTable, column: int, times: Array) -> None:
-    """Refuse times that fall from row to row, or begin before zero."""
+def _require_rising(table: CurveTable, column: int, times: Array, since: float | None, unit: str) -> None:
+    """Refuse times that fall from row to row, or of which some that count lie before zero.
+
+    Parameters
+    ----------
+    table, column, times
+        The rows, and their times (n,), which stand in the column.
+    since, unit
+        First time that counts, and its unit; None: all count.
+    """
     name = table.names[column]
     for k, line in enumerate(table.lines):
         at = f"{table.path}:{line}: {name}"
         if k and times[k] < times[k - 1]:
+            end = f", or keep one test in the file, as by 'last_line: {line - 1}'" if k >= FEWEST else ""
             raise ConfigurationError(
-                f"{at}: expected increasing times, got {times[k]:g} after {times[k - 1]:g}; sort the rows, or keep one "
-                f"test in the file, as by 'last_line: {line - 1}'"
+                f"{at}: expected increasing times, got {times[k]:g} after {times[k - 1]:g}; sort the rows by their "
+                f"times{end}"
             )
-        if times[k] < 0:
+        if times[k] < 0 and (since is None or times[k] >= since):
             raise ConfigurationError(
-                f"{at}: expected a time from 0, the beginning of the test, got {times[k]:g}"
+                f"{at}: expected a time from 0, the beginning of the test, got {times[k]:g}; leave out the rows before "
+                f"it by 'since: {f'0 {unit}'.strip()}'"
             )
+
+
+def _all_behind(
+    table: CurveTable, column: int, row: int, unit: str, end: float, end_unit: str
+) -> ConfigurationError:
+    """Return the complaint about times that begin behind the end of the study, by the first row that counts.
+
+    ``unit`` is that of the text in the row, empty for a clock time.
+    """
+    text = table.rows[row][column].strip()
+    of_day = ":" in text
+    looks = ", and look like times of the day" if of_day else ""
+    longer = "" if of_day else ", or raise macro.time.end where the test lasts so long"
+    return ConfigurationError(
+        f"{table.path}:{table.lines[row]}: {table.names[column]}: the times begin at {text}{_unit(unit)}, behind the "
+        f"end of the study at {end:g}{_unit(end_unit)}{looks}; times count from the beginning of the test: subtract "
+        f"that of its beginning from all of them{longer}"
+    )
 
 
 def _values_column(table: CurveTable, at: int, name: str, settings: ObservationSettings) -> int:
@@ -367,6 +403,8 @@ def _between(settings: ObservationSettings) -> str:
     )
 
 
+#: Weights of nodes, and components of normals, below this are round-off.
+ON_A_NODE = 1e-9
 #: Axis and sign of the outward normal of the plane faces of bodies that are no files.
 FACES = {f"{axis}{sign}": (k, -1 if sign == "-" else 1) for k, axis in enumerate("xyz") for sign in "-+"}
 #: Values of the expected sign below this share of the largest size are noise about zero.
@@ -391,6 +429,55 @@ def sign_note(curve: ObservedCurve, macro: MacroSetup, load: float) -> str | Non
         f"the values are {found} 0, but the study {'presses' if pressed else 'pulls'} {face}, so that the "
         f"{curve.series.words}{held} is {there} 0; give 'factor: -1' if the file counts the other way"
     )
+
+
+def require_free(series: MeasuredSeries, macro: MacroSetup, load: float) -> None:
+    """Refuse a settlement, heave, displacement or pressure that the study prescribes, whatever its unknowns are.
+
+    Raises
+    ------
+    ConfigurationError
+        It is prescribed; the message begins with the key of the observation.
+    """
+    if series.probe:
+        held = _held_at(series, macro)
+    else:
+        pushed = _pushed(macro, load) if series.kind in ("settlement", "heave") else None
+        face, pressed = pushed or ("", False)
+        down = face == ("y+" if pressed else "y-")
+        moved = face in ("y+", "y-") and macro.boundary[face].is_moved
+        held = f"macro.boundary.{face}" if moved and down == (series.kind == "settlement") else ""
+    if held:
+        raise ConfigurationError(
+            f"{'probe' if series.probe else 'quantity'}: expected a curve that depends on the unknowns, but {held} "
+            f"prescribes the {series.words}; fit another quantity, such as the force on a surface that is held or "
+            "moved, or remove the curve"
+        )
+
+
+def _held_at(series: MeasuredSeries, macro: MacroSetup) -> str:
+    """Return the key of the surface that prescribes a series at its probe; empty where none does."""
+    mesh, place = body_mesh(macro), series.place
+    assert place.component is not None
+    rows = interpolation(mesh, {series.probe: macro.probes[series.probe]})
+    found = rows[place.component]
+    columns = found.indices[np.abs(found.data) > ON_A_NODE]
+    fluid = place.component == len(AXES)
+    nodes = mesh.p_nodes[columns - mesh.n_u] if fluid else columns // len(AXES)
+    for name, boundary in macro.boundary.items():
+        key = f"macro.boundary.{name}"
+        facets = Facets(mesh, mesh.surface(name, key))
+        if not np.isin(nodes, facets.nodes).all():
+            continue
+        if fluid and boundary.pressure is not None:
+            return f"{key}.pressure"
+        if not fluid and boundary.displacement[place.component] is not None:
+            return f"{key}.displacement"
+        if not fluid and boundary.normal is not None:
+            normal = facets.plane(f"{key}.normal")
+            if abs(normal[place.component]) > 1 - ON_A_NODE:
+                return f"{key}.normal"
+    return ""
 
 
 def _expected(series: MeasuredSeries, face: str, pressed: bool) -> int:

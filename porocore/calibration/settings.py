@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise
-from typing import Annotated, Literal, Self
+from itertools import chain, pairwise
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
+from annotated_types import Ge, Gt
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic.fields import FieldInfo
 
 from porocore.calibration.problem import Scale
 from porocore.cell.family.family import possible_parameters
@@ -297,8 +299,8 @@ OWN: dict[NumberKind, str] = {
     "load": "",
     "time_shift": "time",
 }
-#: Those whose search is in ln x unless something else is said.
-LOGARITHMIC: tuple[NumberKind, ...] = ("modulus", "viscosity", "pore")
+#: Those that are above 0, whose search is in ln x unless something else is said.
+POSITIVE: tuple[NumberKind, ...] = ("modulus", "viscosity", "pore")
 #: Names of the coordinates, in order.
 AXES: tuple[Literal["x"], Literal["y"], Literal["z"]] = ("x", "y", "z")
 
@@ -331,9 +333,9 @@ class StudyNumber:
     hat: HatFunction | None = None
 
     @property
-    def searched_in_logarithms(self) -> bool:
-        """True where the search is in ln x unless something else is said."""
-        return self.kind in LOGARITHMIC
+    def is_positive(self) -> bool:
+        """True for a modulus, a viscosity or an edge, searched in ln x unless something else is said."""
+        return self.kind in POSITIVE
 
 
 def study_number(text: str, config: RunConfig, load: float) -> StudyNumber:
@@ -407,6 +409,18 @@ def _cell_numbers(config: RunConfig) -> dict[str, StudyNumber]:
         value = float(given) if isinstance(given, float | int) else base.get(name, own[path])
         found[name] = StudyNumber("cell", name, quantities.get(name, ""), value)
     return found
+
+
+def declared_positive(name: str, config: RunConfig) -> bool:
+    """Return whether a parameter of the cell is declared to be above 0, as a radius is and a Poisson's ratio is not."""
+    paths = {own: path for path, own in possible_parameters(config.cell).items()}
+    place = next(each for each in walk(type(config.cell), config.cell) if each.path == paths[name])
+    declared = [each.metadata if isinstance(each, FieldInfo) else [each] for each in place.metadata]
+    zero: Any = 0.0  # the package declares no type of its limits that compares with a number
+    return any(
+        (isinstance(each, Gt) and each.gt >= zero) or (isinstance(each, Ge) and each.ge > zero)
+        for each in chain.from_iterable(declared)
+    )
 
 
 def _require_one_value(name: str, config: RunConfig) -> None:

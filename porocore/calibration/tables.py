@@ -574,9 +574,10 @@ class _Place:
             units.commented and not all(_is_unit(cell) for cell in units.at(self.named))
         ):
             return False
-        # A unit of 1 is none of a row of numbers.
+        # A 1 beside units is a unit; a row of ones is one of numbers.
         has_numbers = any(Entry.read(cell).is_number for cell in units.cells if _unit(cell))
-        return not has_numbers and first.holds_number(self.named[:1])
+        only_numbers = all(Entry.read(cell).is_number for cell in units.cells if cell.strip())
+        return not has_numbers and not only_numbers and first.holds_number(self.named[:1])
 
     @property
     def has_numbers(self) -> bool:

@@ -19,6 +19,7 @@ from porocore.calibration.settings import (
     SyntheticTimes,
     UnknownSettings,
     control_numbers,
+    declared_positive,
     field_number,
     study_number,
 )
@@ -121,17 +122,15 @@ def _unknown(
     first = next(iter(numbers))
     unit = _unit(given, numbers[first])
     _require_one_meaning(given, unit, numbers, experiments)
-    scale: Scale = given.scale or ("log" if numbers[first].searched_in_logarithms else "linear")
+    scale: Scale = given.scale or ("log" if numbers[first].is_positive else "linear")
     number = numbers[first]
     lower, upper = (
         _number(key, value, unit, number) for key, value in (("lower", given.lower), ("upper", given.upper))
     )
     if not lower < upper:
         raise ConfigurationError(f"expected lower < upper, got {echo(given.lower)} and {echo(given.upper)}")
-    if scale == "log" and lower <= 0:
-        raise ConfigurationError(
-            f"lower: expected a number above 0 for a search in ln x, got {echo(given.lower)}; or scale: linear"
-        )
+    if lower <= 0:
+        _require_sign(given, scale, numbers, experiments)
     prior, smoothing = _prior(given, unit, number, scale), _smoothing(given, unit, number, scale, control)
     resolution = None if given.resolution is None else _number("resolution", given.resolution, unit, number)
     if resolution is not None and resolution <= 0:
@@ -140,6 +139,25 @@ def _unknown(
     found = PlannedUnknown(unknown, numbers, resolution)
     start = _start(given, found, experiments[first], control)
     return replace(found, unknown=replace(found.unknown, start=start))
+
+
+def _require_sign(
+    given: UnknownSettings,
+    scale: Scale,
+    numbers: Mapping[str, StudyNumber],
+    experiments: Mapping[str, Experiment],
+) -> None:
+    """Refuse a lower bound, which is not above 0, of a number that is, or is searched in its logarithm."""
+    number, config = next((each, experiments[name].config) for name, each in numbers.items())
+    if number.is_positive or (number.kind == "cell" and declared_positive(number.name, config)):
+        raise ConfigurationError(
+            f"lower: expected a number above 0, as every value of {echo(number.name)} is, got {echo(given.lower)}; "
+            "give the least one that is possible"
+        )
+    if scale == "log":
+        raise ConfigurationError(
+            f"lower: expected a number above 0 for a search in ln x, got {echo(given.lower)}; or scale: linear"
+        )
 
 
 def _texts(given: UnknownSettings) -> list[float | str]:

@@ -42,6 +42,8 @@ def of_unit(name: str) -> str:
     return CREEP.replace("settlement", f"settlement [{name}]")
 
 
+#: A piston on y+ of the study.
+MOVED = {"displacement": [None, 1, None], "traction": [0, 0, 0], "pressure": 0}
 KEY = "calibration.observations.creep"
 ROWS = [
     curve("nan", "creep.csv:3: settlement: expected a finite number, got 'nan'", CREEP.replace("0.2", "nan")),
@@ -366,6 +368,79 @@ ROWS = [
     row("damaged folder", "is damaged", files={"out/calibrate.json": "{"}),
     row("other folder", "holds another calibration", files={"out/calibrate.json": "{}"}),
     row("store", "--store and --no-store exclude each other", words=("--store", "kept", "--no-store")),
+    *(
+        row(
+            f"{name} below zero, {scale}",
+            f"calibration.unknowns.{name}.lower: expected a number above 0, as every value of '{name}' is, got -1.5; "
+            "give the least one that is possible",
+            {"unknowns": {name: {"lower": -1.5, "upper": 2, **({"scale": scale} if scale else {})}}},
+        )
+        for name, scale in (("viscosity", ""), ("modulus", "linear"), ("pore", "linear"), ("radius", "log"))
+    ),
+    row(
+        "Poisson's ratio below zero in the logarithm",
+        "poisson_ratio.lower: expected a number above 0 for a search in ln x, got -0.1; or scale: linear",
+        {"unknowns": {"poisson_ratio": {"lower": -0.1, "upper": 0.4, "scale": "log"}}},
+    ),
+    *(
+        Row(
+            f"{command} with a curve that is prescribed: {name}",
+            (command, CONFIG),
+            (
+                f"{KEY}.{expected}; fit another quantity, such as the force on a surface that is held or moved",
+            ),
+            {
+                CONFIG: study(
+                    {
+                        "macro.boundary.y+": MOVED,
+                        "macro.probes": {"top": [0, 7.5, 0], "wall": [0, 5, 0]},
+                        "calibration": {**SECTION, "observations": {"creep": {**CURVE, **changes}}},
+                    }
+                ),
+                "creep.csv": CREEP,
+            },
+            prints=command == "check",
+        )
+        for command in ("check", "calibrate")
+        for name, changes, expected in (
+            (
+                "settlement",
+                {},
+                "quantity: expected a curve that depends on the unknowns, but macro.boundary.y+ prescribes the "
+                "settlement",
+            ),
+            (
+                "probe on the piston",
+                {"quantity": "displacement", "probe": "top", "component": 2},
+                "probe: expected a curve that depends on the unknowns, but macro.boundary.y+.displacement prescribes "
+                "the displacement 2 at top",
+            ),
+            (
+                "probe on a wall",
+                {"quantity": "displacement", "probe": "wall", "component": 1},
+                "probe: expected a curve that depends on the unknowns, but macro.boundary.x-.displacement prescribes "
+                "the displacement 1 at wall",
+            ),
+            (
+                "pressure where it drains",
+                {"quantity": "pressure", "probe": "top"},
+                "probe: expected a curve that depends on the unknowns, but macro.boundary.y+.pressure prescribes the "
+                "pressure at top",
+            ),
+        )
+    ),
+    curve(
+        "rows before loading",
+        "creep.csv:2: time: expected a time from 0, the beginning of the test, got -3; leave out the rows before it by "
+        "'since: 0'",
+        CREEP.replace("1,0.1", "-3,0.1"),
+    ),
+    curve(
+        "behind the end from the first",
+        "creep.csv:2: time: the times begin at 101, behind the end of the study at 12; times count from the beginning "
+        "of the test: subtract that of its beginning from all of them, or raise macro.time.end where the test",
+        "time,settlement\n101,0.1\n102,0.2\n103,0.3\n",
+    ),
     Row(
         "calibrate no section",
         ("calibrate", CONFIG, "--out", "out"),

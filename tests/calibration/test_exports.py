@@ -624,6 +624,33 @@ def test_numbers_without_units_in_a_study_with_scales_are_noted(tmp_path: Path) 
     assert read(tmp_path, rows("time [s];force [N]", *BLOCK)).notes == ()
 
 
+def test_times_of_the_day_are_told(tmp_path: Path) -> None:
+    table = rows("time;force [N]", "14:03:02;1", "14:03:04;2", "14:03:06;3")
+    said = (
+        r"force\.csv:2: time: the times begin at 14:03:02, behind the end of the study at 3600 s, and look like times "
+        r"of the day; times count from the beginning of the test: subtract that of its beginning from all of them$"
+    )
+    with pytest.raises(ConfigurationError, match=said):
+        read(tmp_path, table, HOUR)
+
+
+def test_a_first_row_of_ones_is_data(tmp_path: Path) -> None:
+    """It was taken for a row of units, and left out."""
+    table = rows("time [s];force [N]", "1;1", "2;2", "3;3")
+    np.testing.assert_array_equal(read(tmp_path, table).displayed_times, [1, 2, 3])
+    unitless = rows("time;force", "s;1", "1;1", "2;2", "3;3")
+    np.testing.assert_array_equal(
+        read(tmp_path, unitless, quantity="force", unit="N").displayed_times, [1, 2, 3]
+    )
+
+
+def test_falling_times_keep_no_fewer_rows_than_a_curve_has(tmp_path: Path) -> None:
+    with pytest.raises(ConfigurationError, match=r"got 50 after 80; sort the rows by their times$"):
+        read(tmp_path, rows("time [s];force [N]", "80;1", "50;2", "30;3"))
+    with pytest.raises(ConfigurationError, match=r"as by 'last_line: 4'$"):
+        read(tmp_path, rows("time [s];force [N]", "1;1", "2;2", "3;3", "1;3"))
+
+
 #: An hour in the times of the study.
 HOUR = float(3600 / SCALES.exact.time)
 LAST = {

@@ -55,6 +55,13 @@ def test_only_the_part_between_since_and_until_counts(tmp_path: Path) -> None:
     np.testing.assert_allclose(read(tmp_path, since="45 s", until="1 h").displayed_times, [1, 2, 4])
 
 
+def test_rows_before_loading_are_left_out_by_since(tmp_path: Path) -> None:
+    table = "time [min],settlement [um]\n-3,0\n-1,0.1\n0,0\n1,2\n2,3\n"
+    np.testing.assert_allclose(read(tmp_path, table, since="0 s").displayed_times, [0, 1, 2])
+    with pytest.raises(ConfigurationError, match=r"curve\.csv:3: time: .* got -1; .* by 'since: 0 min'$"):
+        read(tmp_path, table, since="-2 min")
+
+
 def test_other_tables_and_dimensionless_ones(tmp_path: Path) -> None:
     german = "# from the machine\n\nzeit (min);weg [um]\n1;2\n\n2;3\n3;4\n"
     assert len(read(tmp_path, german, time="Zeit")) == 3
