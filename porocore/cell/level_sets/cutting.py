@@ -501,7 +501,7 @@ def _wall_edges(mesh: TwoPhases, edges: IntArray) -> IntArray:
 #: Smallest piece of a phase that the mesh keeps, in cubes: four tetrahedra. At a neck as narrow as an element single
 #: ones come off.
 CRUMB = 1 / 3
-#: Share of the solid up to which pieces that came loose are taken for specks. Of 22 images of smoothed noise with such
+#: Share of the solid up to which pieces that came loose are taken for islands. Of 22 images of smoothed noise with such
 #: pieces, at three voxels a tetrahedron, they were at most 2 % of the solid in 19, and 4 to 7 % in three.
 SPECKS = 0.02
 #: Smallest number of cubes along any side of the meshed part; with fewer, a periodic node may meet its own image.
@@ -571,7 +571,7 @@ def _without_crumbs(mesh: TwoPhases, least: float) -> TwoPhases:
 
 
 def _without_specks(mesh: TwoPhases) -> TwoPhases:
-    """Return a mesh with all pieces of the solid but its largest in the fluid, unless they are more than specks."""
+    """Return a mesh with all pieces of the solid but its largest in the fluid, unless these are larger than islands."""
     sizes = volumes(mesh.points, mesh.cells)
     loose = mesh.solid & crumbs(mesh.cells, mesh.first, mesh.solid, sizes, np.inf)
     if sizes[loose].sum() > SPECKS * sizes[mesh.solid].sum():

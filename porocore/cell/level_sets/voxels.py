@@ -156,7 +156,7 @@ class Voxels(FromFile, LevelSetGeometry):
     crop: Annotated[tuple[Span, Span, Span] | None, Unit("voxels")] = None
     """First voxel of the part that is used, and the one after its last, along x, y and z; null: all of the image."""
     drop_grains: bool = False
-    """True: pieces of the solid apart from its largest one become pores, and so do specks that come loose in the mesh,
+    """True: pieces of the solid apart from its largest one become pores, and so do islands that come loose in the mesh,
     of up to 2 % of the solid."""
     fill_pores: Annotated[int, Field(ge=0), Unit("voxels")] = 0
     """Pieces of the pores of at most so many voxels become solid."""
