@@ -9,6 +9,7 @@ from calibration_models import Formula, data_of, misfit_of
 from porocore.calibration.infer import infer
 from porocore.calibration.problem import Misfit, Unknown
 from porocore.calibration.suggestions import FurtherData, experiment, ranked, repeated_parts
+from porocore.errors import ConfigurationError
 
 T = np.linspace(0.1, 2.0, 16)
 PAIR = (Unknown("a", 2.0, 0.1, 50.0, "log"), Unknown("b", 3.0, 0.1, 50.0, "log"))
@@ -64,3 +65,20 @@ def test_a_gain_that_leaves_a_direction_unseen_does_not_separate():
     assert found.gain == pytest.approx(2)
     assert found.helps
     assert not found.separates
+
+
+def test_curves_that_no_unknown_changes_are_refused_before_anything_is_divided_by_their_slopes():
+    misfit = misfit_of(Formula(PAIR, lambda v: T + 0 * v[0]), [2.0, 3.0], 0.02)
+    with pytest.raises(
+        ConfigurationError, match=r"expected a curve that a and b can change, but .* would be the same"
+    ):
+        infer(misfit, misfit.at(misfit.start), rays=0)
+
+
+def test_a_curve_that_no_unknown_changes_is_named_beside_one_that_sees():
+    model = Formula(PAIR, lambda v: np.concatenate([v[0] * v[1] * T, T]))
+    data = replace(
+        data_of(np.zeros(32), 0.1, times=T, names=("force", "settlement")), curve=np.repeat([0, 1], 16)
+    )
+    misfit = Misfit(model, data)
+    assert misfit.unmoved(misfit.at(misfit.start)) == ["settlement"]
