@@ -130,7 +130,7 @@ def _unknown(
     if not lower < upper:
         raise ConfigurationError(f"expected lower < upper, got {echo(given.lower)} and {echo(given.upper)}")
     if lower <= 0:
-        _require_sign(given, scale, numbers, experiments)
+        _require_sign(given, upper, scale, numbers, experiments)
     prior, smoothing = _prior(given, unit, number, scale), _smoothing(given, unit, number, scale, control)
     resolution = None if given.resolution is None else _number("resolution", given.resolution, unit, number)
     if resolution is not None and resolution <= 0:
@@ -143,16 +143,22 @@ def _unknown(
 
 def _require_sign(
     given: UnknownSettings,
+    upper: float,
     scale: Scale,
     numbers: Mapping[str, StudyNumber],
     experiments: Mapping[str, Experiment],
 ) -> None:
-    """Refuse a lower bound, which is not above 0, of a number that is, or is searched in its logarithm."""
+    """Refuse a lower bound, not above 0, of a number that must be; of one of the boundary whose bounds hold 0."""
     number, config = next((each, experiments[name].config) for name, each in numbers.items())
     if number.is_positive or (number.kind == "cell" and declared_positive(number.name, config)):
         raise ConfigurationError(
             f"lower: expected a number above 0, as every value of {echo(number.name)} is, got {echo(given.lower)}; "
             "give the least one that is possible"
+        )
+    if number.kind == "boundary" and scale == "linear" and not upper < 0:
+        raise ConfigurationError(
+            f"expected bounds of one sign for {echo(number.name)}, whose derivatives are taken relative to it, got "
+            f"{echo(given.lower)} and {echo(given.upper)}; leave out 0"
         )
     if scale == "log":
         raise ConfigurationError(

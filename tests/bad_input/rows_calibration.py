@@ -378,6 +378,12 @@ ROWS = [
         for name, scale in (("viscosity", ""), ("modulus", "linear"), ("pore", "linear"), ("radius", "log"))
     ),
     row(
+        "traction from zero",
+        "expected bounds of one sign for 'boundary.y+.traction.y', whose derivatives are taken relative to it, got 0 "
+        "and 2; leave out 0",
+        {"unknowns": {"boundary.y+.traction.y": {"lower": 0, "upper": 2}}},
+    ),
+    row(
         "Poisson's ratio below zero in the logarithm",
         "poisson_ratio.lower: expected a number above 0 for a search in ln x, got -0.1; or scale: linear",
         {"unknowns": {"poisson_ratio": {"lower": -0.1, "upper": 0.4, "scale": "log"}}},
