@@ -379,8 +379,8 @@ ROWS = [
     ),
     row(
         "traction from zero",
-        "expected bounds of one sign for 'boundary.y+.traction.y', whose derivatives are taken relative to it, got 0 "
-        "and 2; leave out 0",
+        "expected bounds of one sign for 'boundary.y+.traction.y', whose derivatives are taken relative to it, got 0.0 "
+        "and 2.0; leave out 0",
         {"unknowns": {"boundary.y+.traction.y": {"lower": 0, "upper": 2}}},
     ),
     row(
