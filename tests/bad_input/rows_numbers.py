@@ -29,6 +29,17 @@ COMMAS = [
         "expected a list of 3 entries (along x, y and z), got [0, 0, 5, 0]; commas separate the entries",
     ),
 ]
+#: Lines of a file with such a number in a list or within braces, where YAML makes two entries of it, and what is said.
+HALVES = [
+    ("macro: {x: {radius: 0,25}}", "macro.x.radius: got the key '25' without a value", "write 'radius: 0.25'"),
+    ("macro: {radius: 0,05, b: 1}", "macro.radius: got the key '05'", "write 'radius: 0.05'"),
+    ("macro: {ramp: -0,1 mm, until: 10 s}", "macro.ramp: got the key '1 mm'", "write 'ramp: -0.1 mm'"),
+    ("macro: {ramp: -0,08 mm}", "macro.ramp: got the key '08 mm'", "write 'ramp: -0.08 mm'"),
+    ("macro: {ramp: 1,5e-3 m}", "macro.ramp: got the key '5e-3 m'", "write 'ramp: 1.5e-3 m'"),
+    ("range: [-0,35, 0,02]", "commas separate the entries of a list, decimals stand after", "write 0.02, else"),
+    ("range: [0,05 kPa, 1 kPa]", "decimals stand after a point; if '0,05 kPa' was meant", "write 0.05 kPa,"),
+    ("range: [0,09]", "decimals stand after a point; if '0,09' was meant as one number, write 0.09"),
+]
 #: Words of a command with such a number.
 WORDS: list[tuple[tuple[str, ...], str]] = [
     (("cell", CONFIG, "--at", "H22=-0,1"), "got 'H22=-0,1'; decimals stand after a point: write -0.1"),
@@ -91,6 +102,10 @@ ROWS = [
         "comma before a unit",
         {**SCALES, "macro.time.end": "12,0 s"},
         "macro.time.end: expected a number, got '12,0 s'; decimals stand after a point: write 12.0 s",
+    ),
+    *(
+        Row(f"comma: {text}", ("check", CONFIG), (f"{CONFIG}:1: ", *parts), {CONFIG: text})
+        for text, *parts in HALVES
     ),
     *(Row(f"comma: {' '.join(words)}", words, (part,), {CONFIG: study()}) for words, part in WORDS),
     *(Row(f"{key}: yes", ("check", CONFIG), (key, part), {CONFIG: switched(key)}) for key, part in SWITCHES),

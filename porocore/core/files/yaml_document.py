@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,8 @@ NUMBERS, TEXT = ("tag:yaml.org,2002:int", "tag:yaml.org,2002:float"), "tag:yaml.
 SWITCH = "tag:yaml.org,2002:bool"
 #: A whole number that is written in one way only.
 _PLAIN = re.compile(r"0|-?[1-9]\d{0,17}")
+#: The halves of a number with a decimal comma, of which the second may have a unit.
+_INTEGER, _DECIMALS = re.compile(r"[-+]?\d+"), re.compile(r"\d+([eE][-+]?\d+)?(\s*[^\W\d].*)?", re.S)
 
 
 def load(text: str) -> tuple[yaml.Node | None, Any]:
@@ -109,11 +112,22 @@ def _count(node: yaml.Node, known: dict[int, int], above: set[int]) -> int:
     children: list[yaml.Node] = []
     if isinstance(node, yaml.MappingNode):
         children = [part for pair in node.value for part in pair]
-        for key, _ in node.value:
-            if key.tag == NUMBERS[0] and _PLAIN.fullmatch(key.value):
-                key.tag = TEXT  # a tag of a mesh names a region or a surface, with quotes or without
+        for i, (key, value) in enumerate(node.value):
+            # A tag of a mesh names a region or a surface, with quotes or without.
+            if key.tag == NUMBERS[0] and (
+                _PLAIN.fullmatch(key.value) or (i and node.flow_style and _decimal(node.value[i - 1], key, value))
+            ):
+                key.tag = TEXT
     elif isinstance(node, yaml.SequenceNode):
         children = node.value
+        for first, second in pairwise(children):
+            if (number := _halves(first, second)) and re.match(r"0\d", second.value):
+                raise _fault(
+                    first,
+                    f"commas separate the entries of a list, decimals stand after a point; if '{number}' was meant as "
+                    f"one number, write {number.replace(',', '.')}, else leave out the 0 in front of "
+                    f"'{cut(second.value)}'",
+                )
     above.add(id(node))
     count = 1
     for child in children:
@@ -359,7 +373,7 @@ def _record(
             if key.tag != TEXT:
                 yield line, f"{dotted(at)}: {_no_text(key)}"
             elif node.flow_style and before is not None and (meant := _decimal(before, key, value)):
-                yield line, f"{dotted(at)}: {meant}"
+                yield line, f"{dotted((*location, str(before[0].value)))}: {meant}"
             # Keys merged in by '<<' stand before the node's own and may be overridden.
             elif name in own and own[name] >= node.start_mark.line + 1:
                 yield line, f"{dotted(at)}: given twice, first on line {own[name]}; keep one"
@@ -388,15 +402,24 @@ def _read_as(kind: str, written: str) -> str:
     return _READ_AS.get(kind, "another kind of value")
 
 
+def _halves(first: Any, second: Any) -> str:
+    """Return the number with a decimal comma of which two neighbours may be the halves; empty where they are none."""
+    if not all(isinstance(half, yaml.ScalarNode) and half.style is None for half in (first, second)):
+        return ""
+    if not (_INTEGER.fullmatch(first.value) and _DECIMALS.fullmatch(second.value)):
+        return ""
+    return f"{cut(first.value)},{cut(second.value)}"
+
+
 def _decimal(before: tuple[Any, Any], key: Any, value: Any) -> str:
     """Return the advice on a number with a decimal comma within braces, of which YAML makes two entries; empty: none.
 
     ``before`` are the key and the value in front of ``key``.
     """
-    if value.value or not (key.style is None and key.value.isdigit() and before[1].tag in NUMBERS):
+    if value.value or not (number := _halves(before[1], key)):
         return ""
-    name, number = cut(before[0].value), cut(f"{before[1].value},{key.value}")
+    name = cut(before[0].value)
     return (
-        f"a key without a value, since a comma within braces ends an entry; if '{name}: {number}' was meant as a "
-        f"number, write '{name}: {number.replace(',', '.')}'"
+        f"got the key '{cut(key.value)}' without a value, since a comma within braces ends an entry; if "
+        f"'{name}: {number}' was meant as a number, write '{name}: {number.replace(',', '.')}'"
     )
