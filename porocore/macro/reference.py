@@ -223,6 +223,10 @@ def porosity_before_swelling(solver: CellSolver, cell: Cell) -> float:
     return float(response.fluid_volume[0])
 
 
+#: Poisson's ratio above which a solid that cannot be solved at rest fails most likely for it.
+NEARLY_INCOMPRESSIBLE = 0.499
+
+
 def porosity_at_rest(solver: CellSolver, prepared: Any, cell: Cell) -> float:
     """Return φ_f of the undeformed cell, before its solid swells: of the mesh that the responses belong to.
 
@@ -245,6 +249,12 @@ def _require_solved(response: CellResponse, cell: Cell) -> None:
         raise ConfigurationError(
             f"cell: held at H = 0 while its solid swells, the cell ended with status '{name}'; let it swell less "
             "(swelling)"
+        )
+    ratio = getattr(cell.solid, "poisson_ratio", None)
+    if ratio is not None and ratio > NEARLY_INCOMPRESSIBLE:
+        raise ConfigurationError(
+            f"cell.material.poisson_ratio: the undeformed cell ended with status '{name}'; {ratio:g} is that of a "
+            f"nearly incompressible solid, which cannot be solved here; give one up to {NEARLY_INCOMPRESSIBLE:g}"
         )
     raise PorocoreError(
         f"the undeformed cell ended with status '{name}'; "

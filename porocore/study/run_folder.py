@@ -333,6 +333,11 @@ class RunFolder(RunFiles):
                 f"{path / RECORD}: expected {FORMAT} version {VERSION}, got {found[0]} version {found[1]}; "
                 "use the porocore that made it, or start again in another --out"
             )
+        if not os.path.lexists(path / CONFIG):
+            raise RunFolderError(
+                f"{path / CONFIG}: no such file, so the run folder is incomplete; put back the {CONFIG} that was "
+                "there, or start again in another --out"
+            )
         config = load_config(path / CONFIG)
         if config.identity != identity:
             raise RunFolderError(

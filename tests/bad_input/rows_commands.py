@@ -166,6 +166,12 @@ ROWS = [
         ("cells.yaml:1: cells: expected the name of a cell with --cell: clay",),
         {"cells.yaml": "cells:\n  clay: {}\n"},
     ),
+    *(
+        incomplete_run(
+            command, "config.yaml", "config.yaml: no such file, so the run folder is incomplete; put back"
+        )
+        for command in ("report", "train")
+    ),
     incomplete_run("train", "samples.h5", "make it first: porocore sample run"),
     incomplete_run("solve", "surrogate.h5", "make it first: porocore train run"),
     incomplete_run("report", "solutions/mean-gradient_load-0.04.h5", "make it first: porocore solve run"),

@@ -12,6 +12,10 @@ from bad_row import Content, Row, faulty
 
 HALF = np.zeros((8, 8, 8), dtype=np.uint8)
 HALF[:4] = 1
+#: A grey image of which one voxel is zero.
+GREY = np.full((8, 8, 8), 200, dtype=np.uint8)
+GREY[:4] = 90
+GREY[2, 5, 3] = 0
 
 
 def npy(array: np.ndarray) -> bytes:
@@ -320,6 +324,21 @@ ROWS = [
             files={"image.npy": npy(array)},
         )
         for array in (np.full((8, 8, 8), 7), np.full((8, 8, 8), 7.0))
+    ),
+    faulty(
+        "image of a threshold for other grey values",
+        {"cell.geometry": {"kind": "voxels", "path": "image.npy", "threshold": 0.5}},
+        "cell.geometry.threshold: 0.5 makes pores of 0.195 % of the voxels, whose values are",
+        "'threshold: otsu' parts them at",
+        "or give a smaller cell.mesh",
+        files={"image.npy": npy(GREY)},
+    ),
+    faulty(
+        "image of a threshold below all grey values",
+        {"cell.geometry": {"kind": "voxels", "path": "image.npy", "threshold": -1}},
+        "no voxel of",
+        "'threshold: otsu' parts them at",
+        files={"image.npy": npy(GREY)},
     ),
     faulty(
         "image of voxels that contradict the scales",

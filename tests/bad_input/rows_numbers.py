@@ -31,12 +31,20 @@ COMMAS = [
 ]
 #: Lines of a file with such a number in a list or within braces, where YAML makes two entries of it, and what is said.
 HALVES = [
-    ("macro: {x: {radius: 0,25}}", "macro.x.radius: got the key '25' without a value", "write 'radius: 0.25'"),
+    (
+        "macro: {x: {radius: 0,25}}",
+        "macro.x.radius: got the key '25' without a value",
+        "write 'radius: 0.25'",
+    ),
     ("macro: {radius: 0,05, b: 1}", "macro.radius: got the key '05'", "write 'radius: 0.05'"),
     ("macro: {ramp: -0,1 mm, until: 10 s}", "macro.ramp: got the key '1 mm'", "write 'ramp: -0.1 mm'"),
     ("macro: {ramp: -0,08 mm}", "macro.ramp: got the key '08 mm'", "write 'ramp: -0.08 mm'"),
     ("macro: {ramp: 1,5e-3 m}", "macro.ramp: got the key '5e-3 m'", "write 'ramp: 1.5e-3 m'"),
-    ("range: [-0,35, 0,02]", "commas separate the entries of a list, decimals stand after", "write 0.02, else"),
+    (
+        "range: [-0,35, 0,02]",
+        "commas separate the entries of a list, decimals stand after",
+        "write 0.02, else",
+    ),
     ("range: [0,05 kPa, 1 kPa]", "decimals stand after a point; if '0,05 kPa' was meant", "write 0.05 kPa,"),
     ("range: [0,09]", "decimals stand after a point; if '0,09' was meant as one number, write 0.09"),
 ]
@@ -129,6 +137,22 @@ ROWS = [
         ("cell", CONFIG, "--at", "H24=1"),
         ("expected finite values of some of H11, H12, H13, H21, H22, H23, H31, H32, H33, p, got H24 = 1.0",),
         {CONFIG: study()},
+    ),
+    *(
+        Row(
+            f"a member beyond a bound: {at}", ("cell", CONFIG, "--parameters", at), (part,), {CONFIG: study()}
+        )
+        for at, part in (
+            ("radius=0.7", "cell.geometry.radius: expected a number with 0 < radius < 0.5, got 0.7"),
+            ("poisson_ratio=0.6", "expected a number with -1 < poisson_ratio < 0.5, got 0.6"),
+            ("swelling=9", "cell.material.swelling: expected a number with 0.2 <= swelling <= 5, got 9"),
+        )
+    ),
+    faulty(
+        "a nearly incompressible solid",
+        {"cell.material.poisson_ratio": 0.499999},
+        "cell.material.poisson_ratio: the undeformed cell ended with status",
+        "give one up to 0.499",
     ),
     faulty(
         "a probe without units",

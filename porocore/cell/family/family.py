@@ -18,7 +18,7 @@ from porocore.cell.geometry.pore_geometry import PoreGeometry
 from porocore.core.echo import cut, echo, joined, suggestion
 from porocore.core.files.yaml_document import Location, dotted
 from porocore.core.inputs import NAMES
-from porocore.core.models.strict import RANGE, Place, StrictModel, is_number, walk
+from porocore.core.models.strict import RANGE, Place, StrictModel, bounds, fault_text, is_number, walk
 from porocore.core.units import Dimension
 from porocore.errors import ConfigurationError, MemberError
 from porocore.states import Array
@@ -498,9 +498,19 @@ def replaced(data: Any, values: Mapping[Location, Any], at: Location = ()) -> An
     return data
 
 
-def refusals(error: ValidationError) -> str:
-    """Return the faults of a member in one line."""
-    return "; ".join(dict.fromkeys(e["msg"].removeprefix("Value error, ") for e in error.errors()))
+def refusals(cell: Family, error: ValidationError) -> str:
+    """Return the faults of a member of a family in one line, in the words for a value of the configuration."""
+    declared = {place.path: place.metadata for place in walk(type(cell), cell)}
+    told = []
+    for fault in error.errors():
+        text = fault_text(fault)
+        for parameter in cell.parameters:
+            if fault["type"] != "value_error" and all(part in fault["loc"] for part in parameter.path):
+                expected = bounds(parameter.path[-1], declared.get(parameter.path, ()))
+                text = f"expected {expected}, got {echo(fault['input'])}" if expected else text
+                text = f"{parameter.key}: {text}"
+        told.append(text)
+    return "; ".join(dict.fromkeys(told))
 
 
 class Family(StrictModel):
@@ -593,7 +603,7 @@ class Family(StrictModel):
             found = rebuilt(self, dict(zip(paths, numbers, strict=True)))
         except ValidationError as error:
             at = ", ".join(f"{p.name} = {x:g}" for p, x in zip(self._parameters, numbers, strict=True))
-            raise MemberError(f"no cell has {at}: {refusals(error)}") from None
+            raise MemberError(f"no cell has {at}: {refusals(self, error)}") from None
         found._parameters, found._values = self._parameters, numbers
         return found
 

@@ -120,6 +120,8 @@ UNITS = {"micron": "um", "microns": "um", "µm": "um", "\\u00B5m": "um", "\u03bc
 METRES = {"nm": 1e-9, "um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0}
 #: Larger voxels [m] are most likely a number without a unit, in µm or mm.
 HUGE = 1e-3
+#: A given threshold that takes less than this share of the voxels for pores, or for solid, is most often a slip.
+FEW_PORES = 0.01
 #: Share by which the edges of a voxel may differ from those that its file states.
 SAME = 0.01
 #: First place of a part, and the place after its last.
@@ -237,9 +239,23 @@ class Voxels(FromFile, LevelSetGeometry):
     def value_warnings(self) -> tuple[str, ...]:
         """Sentences on a file of any size that is not segmented, lacks slices, or looks otherwise in a viewer."""
         grey = _grey(Path(self.path), self.sha256)
-        found = () if self.threshold is not None else not_segmented(grey, self.pore)
+        found = not_segmented(grey, self.pore) if self.threshold is None else self._of_threshold(grey)
         gaps = "" if self.slices is None else self.slices.gaps
         return (*([gaps] if gaps else ()), *self._of_view(grey), *found)
+
+    def _of_threshold(self, grey: GreyValues) -> tuple[str, ...]:
+        """Return a sentence on a given threshold that takes nearly all or nearly no voxels for pores."""
+        if not isinstance(self.threshold, float):
+            return ()
+        dark, by_otsu = grey.share(self.threshold), grey.share(grey.otsu)
+        if FEW_PORES <= dark <= 1 - FEW_PORES:
+            return ()
+        pores, others = (1 - dark, 1 - by_otsu) if self.bright_pores else (dark, by_otsu)
+        return (
+            f"cell.geometry.threshold: {self.threshold:g} makes pores of {100 * pores:.3g} % of the voxels, whose "
+            f"values are {grey.extent}; 'threshold: otsu' parts them at {grey.otsu:g} and makes pores of "
+            f"{100 * others:.3g} %",
+        )
 
     def _of_view(self, grey: GreyValues) -> tuple[str, ...]:
         """Return a sentence on a file of which a viewer shows low values brighter than high ones."""
@@ -430,7 +446,8 @@ def _periodic(geometry: Voxels) -> tuple[Mask, str]:
             )
         side = "above" if geometry.bright_pores else "at or below"
         raise ConfigurationError(
-            f"cell.geometry.threshold: {which} of {path} is {side} {level:g}; its values are {found.extent}"
+            f"cell.geometry.threshold: {which} of {path} is {side} {level:g}; its values are {found.extent}; "
+            f"'threshold: otsu' parts them at {found.otsu:g}"
         )
     if geometry.repeat == "layer":
         return blended(~pores, geometry.layer)

@@ -297,12 +297,17 @@ def _require_porosity(geometry: PoreGeometry, settings: MeshSettings, phase: Pha
     if less == 0 or abs(found - exact) <= MISSED * less:
         return
     key = "size" if phase == "solid" else "fluid_size"
-    suspect = "".join(f"{warning}; " for warning in geometry.warnings)
-    raise ConfigurationError(
-        f"cell.mesh.{key}: expected a mesh of the porosity {exact:.3g}, which is that of {geometry.description}, got "
-        f"{found:.3g} with the {phase}'s mesh of size {getattr(settings, key):g}; {suspect}give a smaller "
-        f"cell.mesh.{key}, with several elements across pores and walls"
+    told = (
+        f"expected a mesh of the porosity {exact:.3g}, which is that of {geometry.description}, got {found:.3g} with "
+        f"the {phase}'s mesh of size {getattr(settings, key):g}"
     )
+    advice = f"give a smaller cell.mesh.{key}, with several elements across pores and walls"
+    warnings = geometry.warnings
+    if warnings and warnings[0].startswith("cell.geometry."):
+        raise ConfigurationError(
+            f"{'; '.join(warnings)}; so the mesh misses these pores: {told}; or {advice}"
+        )
+    raise ConfigurationError("; ".join((f"cell.mesh.{key}: {told}", *warnings, advice)))
 
 
 @lru_cache(maxsize=4)

@@ -115,7 +115,8 @@ def _count(node: yaml.Node, known: dict[int, int], above: set[int]) -> int:
         for i, (key, value) in enumerate(node.value):
             # A tag of a mesh names a region or a surface, with quotes or without.
             if key.tag == NUMBERS[0] and (
-                _PLAIN.fullmatch(key.value) or (i and node.flow_style and _decimal(node.value[i - 1], key, value))
+                _PLAIN.fullmatch(key.value)
+                or (i and node.flow_style and _decimal(node.value[i - 1], key, value))
             ):
                 key.tag = TEXT
     elif isinstance(node, yaml.SequenceNode):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import types
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated, Any, TypeGuard, Union, get_args, get_origin
 
@@ -103,6 +103,26 @@ def fault_text(error: ErrorDetails) -> str:
     for words, plain in _PLAIN.items():
         expected = expected.replace(words, plain)
     return f"expected {expected}, got {echo(value)}{comma_advice(value)}"
+
+
+def bounds(name: str, metadata: Iterable[Any], kind: str = "a number") -> str:
+    """Return a text such as ``a number with 0 < radius < 0.5`` for the constraints of a field; empty without any."""
+    lower = upper = ""
+    for constraint in metadata:
+        if (bound := getattr(constraint, "gt", None)) is not None:
+            lower = f"{_said(bound)} < "
+        elif (bound := getattr(constraint, "ge", None)) is not None:
+            lower = f"{_said(bound)} <= "
+        elif (bound := getattr(constraint, "lt", None)) is not None:
+            upper = f" < {_said(bound)}"
+        elif (bound := getattr(constraint, "le", None)) is not None:
+            upper = f" <= {_said(bound)}"
+    return f"{kind} with {lower}{name}{upper}" if lower or upper else ""
+
+
+def _said(bound: float) -> str:
+    """Return a bound as a message names it: all digits of a whole number."""
+    return str(bound) if isinstance(bound, int) else f"{bound:g}"
 
 
 def by_kind(base: type[BaseModel], default: str) -> Discriminator:

@@ -12,7 +12,7 @@ from pydantic_core import ErrorDetails
 
 from porocore.core.echo import choices, comma_advice, cut, did_you_mean, echo, joined
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted, leaves
-from porocore.core.models.strict import bare, is_section, is_union
+from porocore.core.models.strict import bare, bounds, is_section, is_union
 from porocore.errors import ConfigurationError
 from porocore.macro.laws import CLOSURES
 from porocore.plugins.kinds import Kind
@@ -301,7 +301,7 @@ def _expected(error: ErrorDetails, at: Location, root: type[BaseModel]) -> str:
     kind, context = error["type"], error.get("ctx", {})
     name = at[-1] if at and not at[-1].isdigit() else "value"
     if kind in ("greater_than", "greater_than_equal", "less_than", "less_than_equal"):
-        return _bounds(name, _hint(root, at)[1]) or error["msg"].removeprefix("Input should be ")
+        return bounds(name, _hint(root, at)[1]) or error["msg"].removeprefix("Input should be ")
     if kind == "literal_error":
         return str(context["expected"])
     if kind == "string_pattern_mismatch":
@@ -315,7 +315,7 @@ def _expected(error: ErrorDetails, at: Location, root: type[BaseModel]) -> str:
     if kind == "finite_number":
         return "a finite number"
     if kind.startswith("int_"):
-        return _bounds(name, _hint(root, at)[1], "a whole number") or "a whole number"
+        return bounds(name, _hint(root, at)[1], "a whole number") or "a whole number"
     if kind == "tuple_type" and (length := next(iter(_lengths(_hint(root, at)[0])), 0)):
         return f"a list of {length} entries"
     if kind in ("tuple_type", "list_type"):
@@ -346,26 +346,6 @@ def _names(at: Location) -> list[str]:
         return list(CLOSURES)
     kind = BACKENDS.get(dotted(at))
     return registry().names(kind) if kind is not None else []
-
-
-def _bounds(name: str, metadata: Iterable[Any], kind: str = "a number") -> str:
-    """Return a text such as ``a number with 0 < radius < 0.5`` for the constraints of a field."""
-    lower = upper = ""
-    for constraint in metadata:
-        if (bound := getattr(constraint, "gt", None)) is not None:
-            lower = f"{_said(bound)} < "
-        elif (bound := getattr(constraint, "ge", None)) is not None:
-            lower = f"{_said(bound)} <= "
-        elif (bound := getattr(constraint, "lt", None)) is not None:
-            upper = f" < {_said(bound)}"
-        elif (bound := getattr(constraint, "le", None)) is not None:
-            upper = f" <= {_said(bound)}"
-    return f"{kind} with {lower}{name}{upper}" if lower or upper else ""
-
-
-def _said(bound: float) -> str:
-    """Return a bound as a message names it: all digits of a whole number."""
-    return str(bound) if isinstance(bound, int) else f"{bound:g}"
 
 
 def _without_tags(location: Location) -> Location:
