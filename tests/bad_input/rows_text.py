@@ -50,7 +50,7 @@ FILES: dict[str, tuple[Content, str]] = {
     "a key with line breaks": (study() + '"a\\nb": 1\n', "unknown key"),
     "a kind of 4000 characters": (study({"cell.geometry.kind": "k" * LONG}), "cell.geometry.kind: expected one of"),
     "a surface of 4000 characters": (
-        study({"macro.boundary." + "s" * LONG: {"pressure": 0}}), "no such surface",
+        study({"macro.boundary." + "s" * LONG: {"pressure": 0}}), "expected a name of at most 200 characters, got 4000",
     ),
     "a closure of 4000 characters": (study(closure="c" * LONG), "unknown closure"),
     "a sampler of 4000 characters": (study({"sampling.sampler": "s" * LONG}), "sampler"),

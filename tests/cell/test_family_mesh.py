@@ -18,7 +18,9 @@ def geometry(kind, **numbers):
 
 
 def family_of(base, **settings):
-    return FamilyMesh(base, MeshSettings(**{**COARSE, **settings}))
+    # A coarser mesh of thin sheets is refused.
+    fine = {"size": 0.12, "fluid_size": 0.12} if getattr(base, "solid", "") == "sheet" else {}
+    return FamilyMesh(base, MeshSettings(**{**COARSE, **fine, **settings}))
 
 
 def at(base, key, number):

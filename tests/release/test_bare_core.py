@@ -94,6 +94,7 @@ def place(finished, write_coarse, tmp_path_factory):
     (folder / "test.yaml").write_text(TEST)
     (folder / "draws.yaml").write_text(f"{TEST}posterior: {{}}\n")
     shutil.copytree(finished, folder / "run")
+    (folder / "kept").mkdir()
     return folder
 
 

@@ -35,7 +35,9 @@ def test_images_stay_open(tmp_path, seed):
 @pytest.mark.slow
 @pytest.mark.parametrize("keys", SURFACES, ids=lambda keys: f"{keys['surface']}-{keys['solid']}")
 def test_minimal_surfaces_stay_open(keys):
-    assert status(TriplyPeriodic(kind="tpms", **keys), 0.2, 0).has_values
+    # A coarser mesh of the gyroid's sheet is refused.
+    size = 0.15 if keys["solid"] == "sheet" else 0.2
+    assert status(TriplyPeriodic(kind="tpms", **keys), size, 0).has_values
 
 
 @pytest.mark.slow

@@ -193,7 +193,7 @@ def _suite_faults(kind: Kind, name: str, implementation: type[Any]) -> list[str]
     if find_spec("pytest") is None:
         return []
     from porocore.plugins.table import complaint
-    from porocore.testing.installed.check import find_suites
+    from porocore.testing.installed.suites import find_suites
 
     offered = registry().find(kind, name)
     found = attempt(find_suites, kind, offered.offer, implementation)

@@ -24,7 +24,6 @@ import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
-import porocore.testing.cell_laws.exact as identities
 from porocore.cell.cell import Cell
 from porocore.cell.contact.settings import ContactSettings
 from porocore.cell.geometry.kinds import Geometry, OrthogonalChannels, TriplyPeriodic, Voxels
@@ -34,7 +33,9 @@ from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellSolver
 from porocore.macro.laws.closure import ConductivityLaw, PulledBack
 from porocore.states import Array, CellResponse, MacroState, Status
-from porocore.testing.cell_laws.exact import STEPS, WEIGHTS, ExactCells
+from porocore.testing.cell_laws import identities
+from porocore.testing.cell_laws.exact import ExactCells
+from porocore.testing.cell_laws.identities import STEPS, WEIGHTS
 from porocore.testing.cell_laws.suite import (
     RESPONSES,
     STATES,

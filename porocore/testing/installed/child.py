@@ -16,7 +16,7 @@ from porocore.testing.installed.check import LawResult, Result, law_text
 
 def collect_suites(kind: Kind, name: str) -> dict[str, type[Any]]:
     """The suites of a plugin, by names that pytest collects."""
-    from porocore.testing.installed.check import find_suites
+    from porocore.testing.installed.suites import find_suites
 
     offered = registry().find(kind, name)
     suites = find_suites(kind, offered.offer, registry().get(kind, name))

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-import porocore.testing.cell_laws.exact as identities
 from porocore.cell.cell import Cell
 from porocore.cell.geometry.kinds import CylinderArray, Geometry, NoPores, OrthogonalChannels, SphereArray
 from porocore.cell.materials.hyperelastic import NeoHookean
@@ -17,6 +16,7 @@ from porocore.cell.meshing.mesh import MeshSettings
 from porocore.interfaces.cell import CellSolver
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.states import Array, CellResponse, MacroState
+from porocore.testing.cell_laws import identities
 from porocore.verification.crosscheck.bodies import AVERAGES
 from porocore.verification.ladder.case import Check, VerificationCase, observed_order, relative_check
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from porocore.interfaces.cell import CellSolution
 from porocore.states import CellSlopes, MacroState
-from porocore.testing.cell_laws.exact import STEPS, WEIGHTS
+from porocore.testing.cell_laws.identities import STEPS, WEIGHTS
 from porocore.testing.cell_laws.suite import RESPONSES
 
 sys.path.insert(0, str(Path(__file__).parent))
