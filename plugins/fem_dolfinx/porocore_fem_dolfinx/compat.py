@@ -42,16 +42,20 @@ FORMS = folder(dolfinx.__version__)
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Suppress the log of the C compiler's driver, which is the root logger's, and warnings about FFCx's own code."""
+    """Suppress all logs but errors, such as that of the C compiler's driver, and warnings about FFCx's own code.
+
+    The driver sets the level of the root logger itself, so that a level set here would not last.
+    """
     root = logging.getLogger()
-    before = root.level
-    root.setLevel(logging.ERROR)
+    before, disabled = root.level, root.manager.disable
+    logging.disable(max(disabled, logging.WARNING))
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)
             warnings.filterwarnings("ignore", r"Applying str\(\) to a metadata value")
             yield
     finally:
+        logging.disable(disabled)
         root.setLevel(before)
 
 

@@ -61,6 +61,13 @@ def test_forms_are_kept_apart_from_those_of_other_programs(tmp_path):
     assert kept == [("porocore", FORMS.name)]
 
 
+def test_compiling_logs_nothing(tmp_path):
+    """The C compiler's driver logs each call; where a handler is there it stood on standard error."""
+    done = start(tmp_path)
+    out, err = done.communicate(timeout=120)
+    assert (out.strip(), err) == (VOLUME, "")
+
+
 def test_two_processes_may_compile_the_same_form_at_once(tmp_path):
     both = [start(tmp_path) for _ in range(2)]
     assert [printed(process) for process in both] == [VOLUME, VOLUME]
