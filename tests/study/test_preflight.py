@@ -19,7 +19,7 @@ from porocore.study.config.loading import load_config
 from porocore.study.notes.checks import check_backends, check_sampling, place
 from porocore.study.notes.guess import decision_time, decisions, rounds
 from porocore.study.notes.linear_reach import prescribed_reach
-from porocore.study.notes.magnitudes import left_out
+from porocore.study.notes.magnitudes import left_out, unloaded
 from porocore.study.notes.outline import outline
 from porocore.study.notes.workload import as_time
 
@@ -134,6 +134,37 @@ def test_check_notes_drained_surfaces_that_no_pore_leads_to(tmp_path):
     assert "note: the cell conducts no fluid in any direction" in invoke("check", path).stdout
     path = study_of(tmp_path, cell__geometry={"kind": "orthogonal-channels", "axes": "x", "radius": 0.2})
     assert "note: the cell conducts no fluid along y (K_22 = 0)" in invoke("check", path).stdout
+
+
+FREE = {"y-": {"displacement": [0, 0, 0]}, "y+": {"displacement": [0, None, 0], "pressure": 0}}
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({}, "all prescribed values are 0"),
+        (
+            {"macro__boundary": {**FREE, "x+": {"traction": [0, {"ramp": 0, "until": 1}, 0]}}},
+            "prescribed values",
+        ),
+        (
+            {"macro__boundary": {**FREE, "x+": {"traction": [0, 1, 0]}}, "macro__loads": [0]},
+            "macro.loads are all 0",
+        ),
+        ({"macro__boundary": {**FREE, "x+": {"traction": [0, 1, 0]}}}, ""),
+        ({"macro__boundary": {**FREE, "x+": {"flux": {"expression": "t"}}}}, ""),
+        ({"macro__body_force": [0, -1, 0]}, ""),
+        ({"macro__initial": {"pressure": 0.01}}, ""),
+        ({"cell__material": {"kind": "neo-hookean", "swelling": 1.1}}, ""),
+    ],
+)
+def test_check_notes_a_body_that_nothing_loads(changes, said, tmp_path):
+    config = load_config(study_of(tmp_path, **({"macro__boundary": FREE, "macro__loads": [1]} | changes)))
+    lines = list(unloaded(config))
+    assert len(lines) == bool(said)
+    assert all(line.startswith("nothing loads the body") and said in line for line in lines)
+    if not changes:
+        assert f"note: {lines[0]}" in list(outline(config))
 
 
 @pytest.mark.parametrize(

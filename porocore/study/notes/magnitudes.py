@@ -13,6 +13,7 @@ from itertools import combinations
 import numpy as np
 from pydantic import BaseModel
 
+from porocore.cell.materials.material import SWELLING
 from porocore.core.echo import echo
 from porocore.core.files.yaml_document import dotted
 from porocore.core.formulas import Expression, TimeFunction, Value
@@ -265,6 +266,23 @@ def long_step(macro: MacroSetup, units: ResultUnits) -> Iterator[str]:
             f"macro.time.step is {step}, longer than the whole run, which ends at {end}: after the ramp it takes one "
             "step; give a shorter step, or a later end"
         )
+
+
+def unloaded(config: RunConfig) -> Iterator[str]:
+    """Yield a note where all that is prescribed is 0 and no solid swells, so that the body stays as it is."""
+    macro, times = config.macro, prescribed_times(config.macro)
+    values = [*macro.body_force, *(value for face in macro.boundary.values() for value in _values(face))]
+    acts = any(_course(macro, value, times).any() for value in values)
+    begun = macro.initial.pressure != 0 or np.any(macro.initial.gradient)
+    cells = [config.of_cell(name).cell for name in config.cell_names]
+    swells = any(cell.solid.swells or any(p.path[-1] == SWELLING for p in cell.parameters) for cell in cells)
+    if acts or begun or swells:
+        return
+    yield (
+        "nothing loads the body, since all prescribed values are 0, and all results are 0: under macro.boundary give a "
+        "displacement, normal, traction, follower, plate, pressure or flux other than 0, or give macro.body_force, "
+        "macro.initial or cell.material.swelling"
+    )
 
 
 def _unit(units: ResultUnits) -> str:

@@ -36,7 +36,7 @@ from porocore.study.notes.abilities import (
 from porocore.study.notes.at_rest import cell_length, edges
 from porocore.study.notes.checks import place
 from porocore.study.notes.guess import RunTimes, decisions
-from porocore.study.notes.magnitudes import formulas, left_out, long_step, separation
+from porocore.study.notes.magnitudes import formulas, left_out, long_step, separation, unloaded
 from porocore.study.notes.workload import Workload, share_solved, sheared, work_lines
 
 #: Points of a table that are shown.
@@ -84,6 +84,7 @@ def outline(config: RunConfig) -> Iterator[str]:
         )
     yield from (f"note: {warning}" for warning in late_functions(config.macro, config.result_units))
     yield from (f"note: {warning}" for warning in long_step(config.macro, config.result_units))
+    yield from (f"note: {warning}" for warning in unloaded(config))
     # K is not known yet, but along which axes it is positive in any of the cells.
     percolates = [any(axis not in quality.blocked for quality in measured.values()) for axis in "xyz"]
     yield from (f"note: {warning}" for warning in undrained(config.macro, np.diag(percolates).astype(float)))

@@ -78,7 +78,7 @@ def _learn(
         begin = pool.start if starts_early(config) else load_libraries
         if folder.cell is None:
             reference.solve_reference(folder, config, console=console, store=store, begin=begin)
-            reference.tell_drainage(folder.whole, whole, console=console)
+            reference.warn_of_loading(folder.whole, whole, console=console)
         sampling.sample(folder, config, console=console, store=store, pool=pool, sampled=sampled)
     training.train(folder, config, console=console, store=store, begun=next(iter(begun.values()), None))
 
@@ -101,7 +101,7 @@ def solve_reference(
     """Solve every undeformed cell of a study; see :func:`porocore.study.stages.reference.solve_reference`."""
     for files, one in folder.of_each_cell(config):
         reference.solve_reference(files, one, console=console, store=store)
-    reference.tell_drainage(folder, config, console=console)
+    reference.warn_of_loading(folder, config, console=console)
 
 
 def sample(

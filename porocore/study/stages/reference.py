@@ -23,6 +23,7 @@ from porocore.sampling.execution.solved_store import StoringSolver
 from porocore.states import Array, CellResponse, CellSlopes, MacroState, Status
 from porocore.study.config.config import FemSettings, RunConfig, cell_identity
 from porocore.study.notes.abilities import broken_by_the_mesh
+from porocore.study.notes.magnitudes import unloaded
 from porocore.study.run_folder import RunFolder, StageClock, timed
 from porocore.study.stages.stage_files import load_reference, prepare_cell
 from porocore.study.store import cell_key, fetch_files, keep_files, solved_states, told
@@ -63,8 +64,10 @@ def solve_reference(
         console.warn(folder.said_of_cell(warning))
 
 
-def tell_drainage(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
-    """Warn of surfaces through which nothing leaves, whichever of the cells lies there; the cells are solved."""
+def warn_of_loading(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
+    """Warn of a body that nothing loads, and of surfaces through which no fluid leaves; the cells are solved."""
+    for warning in unloaded(config):
+        console.warn(warning)
     found = [load_reference(*each).conductivity for each in folder.of_each_cell(config)]
     for warning in undrained(config.macro, np.max(found, axis=0)):
         console.warn(warning)

@@ -37,6 +37,7 @@ from porocore.states import MacroState
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
 from porocore.study.notes.at_rest import edges
+from porocore.study.notes.magnitudes import unloaded
 from porocore.study.notes.members import body_cells, direct_costs, fallbacks_done, rest_of_body
 from porocore.study.notes.parameters import family_summary, output_checks
 from porocore.study.notes.publication import crease_line, published_values
@@ -71,6 +72,7 @@ def report_context(results: RunResults) -> ReportContext:
         config_text=config.resolved_yaml(),
         published=published_values(config),
         warnings=(
+            *unloaded(config),
             *undrained(
                 config.macro, np.max([each.reference.conductivity for each in cells.values()], axis=0)
             ),
