@@ -358,8 +358,11 @@ class _Variants:
             name = self.model.experiment.name
             experiment = replace(self.model.experiment, load=factor * self.model.experiment.load)
             prediction = self._computed(experiment)
-            if prediction is not None and not prediction.flagged:
-                rows = np.concatenate([rows for _, rows in self._rows(experiment, prediction)])
+            if prediction is None or prediction.flagged:
+                continue
+            # A curve that stays 0 has no row.
+            if found := self._rows(experiment, prediction):
+                rows = np.concatenate([rows for _, rows in found])
                 test = f"the test '{name}'" if name else "the same test"
                 return [FurtherData(f"{test} under {factor:g} times the load, too", rows)]
         return []
