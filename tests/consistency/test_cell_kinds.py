@@ -16,7 +16,7 @@ from porocore.cell.level_sets.cutting import LevelSetGeometry
 from porocore.cell.level_sets.tpms import Nodal
 from porocore.cell.meshing.mesh import CellMesh, MeshSettings
 from porocore.states import MacroState, Status
-from porocore.testing.cell_laws import exact as identities
+from porocore.testing.cell_laws import identities
 from porocore.verification.crosscheck.bodies import relative
 from porocore.verification.crosscheck.comparison import CELL
 

@@ -176,7 +176,7 @@ CASES = [
             (
                 "commadec2",
                 2,
-                "cell.geometry.25",
+                "cell.geometry.radius",
                 ("if 'radius: 0,25' was meant as a number, write 'radius: 0.25'",),
             ),
         )

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from porocore.errors import ConfigurationError, RunFolderError
+from porocore.errors import RunFolderError
 from porocore.study import run_folder as runfolder
 from porocore.study.config.loading import benchmark_path, load_config
 from porocore.study.run_folder import RunFolder
@@ -243,7 +243,7 @@ def test_an_edited_configuration_is_noticed(tmp_path, config):
     with pytest.raises(RunFolderError, match="was changed after the run began"):
         RunFolder.open(tmp_path)
     path.unlink()
-    with pytest.raises(ConfigurationError, match="no such file"):
+    with pytest.raises(RunFolderError, match="so the run folder is incomplete"):
         RunFolder.open(tmp_path)
 
 
