@@ -8,13 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
-
-if TYPE_CHECKING:
-    pass
-
 
 _KEY = "porocore"
 #: Axis of the parameters of a cell in the shape of a field.
