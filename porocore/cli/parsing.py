@@ -11,6 +11,8 @@ from typer.core import TyperGroup
 
 from porocore.core.echo import choices, cut, did_you_mean, echo, joined, suggestion, without_long_words
 
+#: Names, without their dashes, under which a run folder is given to commands that take it as an argument.
+OF_A_FOLDER = ("o", "out", "output", "output-dir", "dir", "folder", "run", "in")
 #: Similarity of an option that is meant.
 LIKE = 0.75
 
@@ -73,6 +75,8 @@ def _plain(error: Any, message: str, command: Any) -> str:
         names = [name for param in command.params for name in param.opts if name.startswith("--")]
         question = did_you_mean(option, names, cutoff=LIKE)  # all share the dashes
         known = choices([*names, "--help"], "the options are")
+        if option.lstrip("-") in OF_A_FOLDER and any(param.metavar == "RUN" for param in command.params):
+            question = "the folder is the argument RUN, without an option;"
         return f"There is no option {cut(option)}; {question} {known}".replace(";  ", "; ")
     if extra := re.fullmatch(r"Got unexpected extra argument\(s\) \((.*)\)", message, re.DOTALL):
         takes = [param.metavar or param.name.upper() for param in command.params if param.opts[0][0] != "-"]

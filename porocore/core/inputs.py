@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -73,6 +74,23 @@ def farthest(points: Array, count: int) -> IntArray:
 
 NAMES = (*(f"H{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)), "p")
 
+#: Other measures of deformation, by pattern of a name, and the components of H that are meant.
+_MEASURES = {
+    r"[Ff]_?([123])\1": r"H\1\1 = F\1\1 − 1",
+    r"[Ff]_?([123])([123])": r"H\1\2 = F\1\2",
+    r"(?:[Ee]|[Ee]ps|epsilon|strain)_?([123])\1": r"for a small strain along an axis H\1\1 is that strain",
+    r"(?:[Jj]|det_?F)": "J = det(I + H) follows from the components of H",
+}
+
+
+def input_meant(name: str) -> str:
+    """Return the advice on the name of an input that is none: the component that is meant; empty where none is near."""
+    for pattern, meant in _MEASURES.items():
+        if found := re.fullmatch(pattern, name):
+            return f"the inputs are of H = grad u = F − I: {found.expand(meant)}"
+    return did_you_mean(name, NAMES, most=3, cutoff=0.5)
+
+
 #: Share of the largest sampled component of H that others may move by unnoticed.
 NEGLIGIBLE = 2e-3
 #: Components of H below the diagonal.
@@ -129,7 +147,10 @@ class InputSpace:
             )
         for name in self.names[:own]:
             if name not in NAMES:
-                raise ConfigurationError(f"unknown input '{name}'; the inputs are {', '.join(NAMES)}")
+                meant = input_meant(name)
+                raise ConfigurationError(
+                    f"unknown input '{name}'; the inputs are {', '.join(NAMES)}{meant and f'; {meant}'}"
+                )
         for name in self.parameters:
             if name in NAMES:
                 raise ConfigurationError(f"'{name}' is a component of the state and cannot name a parameter")
@@ -580,7 +601,7 @@ def named_state(components: Mapping[str, float]) -> Array:
     row = np.zeros(10)
     for name, value in components.items():
         if name not in NAMES or not isinstance(value, int | float | np.number) or not np.isfinite(value):
-            question = "" if name in NAMES else did_you_mean(str(name), NAMES, cutoff=0.5)
+            question = "" if name in NAMES else input_meant(str(name))
             raise ConfigurationError(
                 f"expected finite values of some of {', '.join(NAMES)}, got {cut(str(name))} = {cut(str(value))}"
                 + (f"; {question}" if question else "")

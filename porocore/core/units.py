@@ -19,7 +19,7 @@ from typing import Annotated, Any, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
-from porocore.core.echo import comma_advice, echo
+from porocore.core.echo import comma_advice, cut, echo
 from porocore.core.files.yaml_document import Location, dotted
 from porocore.core.models.strict import Place, StrictModel, bare, is_section, walk
 from porocore.errors import ConfigurationError
@@ -689,16 +689,41 @@ def resolved(
     """
     found: dict[Location, float] = {}
     faults: list[tuple[Location, str]] = []
+    #: By list and dimension, its first entry with a unit, and its numbers without one that are not 0.
+    given: dict[tuple[Location, Dimension], str] = {}
+    plain: dict[tuple[Location, Dimension], list[Place]] = {}
     for place, dimension in dimensions(model, data):
-        if not isinstance(place.value, str):
+        if not isinstance(place.value, str | int | float) or isinstance(place.value, bool):
             continue
         dimension = dimension or _of_a_member(place.annotation)
-        if dimension is not None and has_unit(place.value):
+        if dimension is None:
+            continue
+        entries = (place.path[:-1], dimension)
+        if not isinstance(place.value, str):
+            plain.setdefault(entries, []).extend([place] if place.value else [])
+        elif has_unit(place.value):
+            given.setdefault(entries, place.value)
             try:
                 found[place.path] = _number(place.value, dimension, scales)
             except UnitError as error:
                 faults.append((place.path, f"{dotted(place.path)}: {error}"))
+    faults += [
+        (place.path, f"{dotted(place.path)}: {_without_unit(place.value, given[entries], entries[1])}")
+        for entries, places in plain.items()
+        if entries in given
+        for place in places
+        if place.path[-1].isdigit()
+    ]
     return _replaced(data, found, ()), faults
+
+
+def _without_unit(value: float, beside: str, dimension: Dimension) -> str:
+    """Return the complaint about a number without a unit in a list in which another one has a unit."""
+    kind = f"in {QUANTITIES[dimension.quantity].unit}" if dimension.si else "a multiple of its scale"
+    return (
+        f"expected a unit, as {echo(beside)} has one in the same list, got {echo(value)}; write "
+        f"{echo(value)} {cut(unit_within(beside))} (a number without a unit is {kind})"
+    )
 
 
 def dimensions(model: type[BaseModel], data: Any) -> Iterator[tuple[Place, Dimension | None]]:

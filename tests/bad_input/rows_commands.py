@@ -138,6 +138,14 @@ ROWS = [
     ),
     Row("check: a line break in a path", ("check", "a\nb.yaml"), (r"a\nb.yaml: no such file",)),
     *(unknown_option(command) for command in sorted(commands())),
+    *(
+        Row(
+            f"{command}: {option}",
+            (command, "run", option, "out"),
+            ("the folder is the argument RUN, without an",),
+        )
+        for command, option in (("train", "-o"), ("solve", "--out"), ("report", "--output"))
+    ),
     *(no_configuration(command, kind) for command in WITH_CONFIG for kind in NO_CONFIGURATION),
     *(damaged_record(command, kind) for command in WITH_RUN for kind in RECORDS),
     *(

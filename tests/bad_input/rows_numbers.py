@@ -78,7 +78,7 @@ SWITCHES = [
 #: Lists of another length, and what their entries are.
 LISTS = [
     ("macro.body.elements", [1, 2], "expected a list of 3 entries (along x, y and z), got [1, 2]"),
-    ("macro.body.size", 3, "expected a list of 3 entries, got 3"),
+    ("macro.body.size", 3, "expected a list of 3 entries (along x, y and z), got 3"),
     ("macro.probes", {"a": [0, 1]}, "macro.probes.a: expected a list of 3 entries (along x, y and z)"),
     (
         "sampling.inputs.p.range",
@@ -92,6 +92,48 @@ LISTS = [
     ),
     ("macro.time.load_curve", [[1]], "a list of 2 entries (a time and a factor)"),
 ]
+#: Values beside the scales whose units are not what they should be, and what is said.
+UNITS = [
+    (
+        "sampling.inputs.p",
+        {"range": ["-1 kPa", 25], "step": "1 kPa"},
+        "sampling.inputs.p.range.1: expected a unit, as '-1 kPa' has one in the same list, got 25; write 25 kPa",
+    ),
+    ("macro.body.size", ["1 mm", 2, "1 mm"], "macro.body.size.1: expected a unit, as '1 mm' has one", "2 mm"),
+    (
+        "cell.viscosity",
+        {"range": ["1 mPa*s", 2]},
+        "cell.viscosity.range.1: expected a unit, as '1 mPa*s' has one in the same list, got 2; write 2 mPa*s",
+    ),
+    (
+        "cell.geometry.radius",
+        "5 nm",
+        "expected a number with 0 < radius < 0.5 without a unit, got '5 nm'",
+        "it is a share of the cell's edge",
+    ),
+    ("cell.mesh.size", "1 um", "without a unit, got '1 um'; it is a share of the cell's edge"),
+    ("cell.geometry.radius", {"range": ["1 um", "2 um"]}, "with two numbers without units, got [1 um, 2 um]"),
+    ("cell.material.poisson_ratio", "3 kPa", "a number with -1 < poisson_ratio < 0.5 without a unit"),
+]
+#: Numbers in place of vectors, and their form.
+VECTORS = [
+    (
+        "macro.boundary.y-.displacement",
+        0,
+        "a list of 3 entries (along x, y and z), such as [null, 0, null], got 0",
+    ),
+    ("macro.boundary.x-.displacement", 1, "such as [1, null, null], got 1"),
+    ("macro.boundary.y+.traction", "-5 kPa", "such as [0, -5 kPa, 0], got '-5 kPa'"),
+    ("macro.body_force", -5, "such as [0, -5, 0], got -5"),
+]
+#: Names of other measures of deformation, or a part of a name, and the input that is meant.
+MEANT = {
+    "F22": "the inputs are of H = grad u = F − I: H22 = F22 − 1",
+    "F_12": "H12 = F12",
+    "eps33": "for a small strain along an axis H33 is that strain",
+    "J": "J = det(I + H) follows from the components of H",
+    "H2": "did you mean 'H21' or 'H22' or 'H23'?",
+}
 #: A whole number has no decimals, and a range has two numbers that may have commas.
 OTHERS = [
     ("sampling.test.count", "1,000", "got '1,000'; digits are not grouped: write 1000"),
@@ -106,6 +148,34 @@ def switched(key: str) -> Content:
 
 ROWS = [
     *(faulty(f"comma: {key} = {value}", {key: value}, part) for key, value, part in (*COMMAS, *OTHERS)),
+    *(
+        faulty(f"unit: {key} = {value}", {**SCALES, key: value}, *parts)
+        for key, value, *parts in (*UNITS, *VECTORS)
+    ),
+    *(
+        faulty(
+            f"sampling: {name}",
+            {"sampling.inputs": {name: {"range": [-0.1, 0.1]}}},
+            f"sampling.inputs.{name}: unknown key; ",
+            part,
+        )
+        for name, part in MEANT.items()
+    ),
+    *(
+        Row(
+            f"cell: {name}",
+            ("cell", CONFIG, "--at", f"{name}=0.1"),
+            (f"got {name} = 0.1; ", part),
+            {CONFIG: study()},
+        )
+        for name, part in MEANT.items()
+    ),
+    Row(
+        "stability: F22",
+        ("stability", CONFIG, "--along", "F22=0.9"),
+        ("unknown input 'F22' of a stability map", MEANT["F22"]),
+        {CONFIG: study()},
+    ),
     faulty(
         "comma before a unit",
         {**SCALES, "macro.time.end": "12,0 s"},

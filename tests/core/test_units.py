@@ -239,7 +239,7 @@ def test_plain_numbers_have_no_unit():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"macro": {"loads": ["1 kPa"]}}, "macro.loads.0: expected a number, got '1 kPa'"),
+        ({"macro": {"loads": ["1 kPa"]}}, "macro.loads.0: expected a number without a unit, got '1 kPa'"),
         (
             {"macro": {"time": {"end": "5 mm"}}},
             "macro.time.end: expected a time, such as 30 s, got '5 mm', which is a length",

@@ -297,7 +297,9 @@ def test_an_entry_that_is_refused_is_one_fault(edit):
     with pytest.raises(ConfigurationError) as error:
         load_config(edit(("loads: [-0.2, -0.01]", "loads: ['2 kPa']")))
     assert len(str(error.value).splitlines()) == 1
-    assert "macro.loads.0: expected a number, got '2 kPa'; a load multiplies" in str(error.value)
+    assert "macro.loads.0: expected a number without a unit, got '2 kPa'; a load multiplies" in str(
+        error.value
+    )
 
 
 def test_a_plate_bears_its_force_alone(edit):

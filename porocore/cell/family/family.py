@@ -16,10 +16,10 @@ from pydantic_core import InitErrorDetails
 
 from porocore.cell.geometry.pore_geometry import PoreGeometry
 from porocore.core.echo import cut, echo, joined, suggestion
-from porocore.core.files.yaml_document import Location, dotted
+from porocore.core.files.yaml_document import Location, dotted, leaves
 from porocore.core.inputs import NAMES
 from porocore.core.models.strict import RANGE, Place, StrictModel, bounds, fault_text, is_number, walk
-from porocore.core.units import Dimension
+from porocore.core.units import Dimension, has_unit
 from porocore.errors import ConfigurationError, MemberError
 from porocore.states import Array
 
@@ -339,7 +339,10 @@ def _ends(value: Mapping[str, Any]) -> tuple[float, float]:
         isinstance(end, int | float) and not isinstance(end, bool) for end in ends
     )
     if not numbers or len(ends) != 2:
-        raise ValueError(f"expected {{range: [lower, upper]}} with two numbers, got {echo(ends)}")
+        bare = (
+            " without units" if any(has_unit(end) for _, end in leaves(ends) if isinstance(end, str)) else ""
+        )
+        raise ValueError(f"expected {{range: [lower, upper]}} with two numbers{bare}, got {echo(ends)}")
     lower, upper = map(float, ends)
     if not (math.isfinite(lower) and math.isfinite(upper) and lower < upper):
         raise ValueError(f"expected [lower, upper] with lower < upper, got {echo(ends)}")

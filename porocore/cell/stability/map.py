@@ -17,7 +17,7 @@ from porocore.core.echo import echo
 from porocore.core.field_check import known_statuses
 from porocore.core.files.plain_data import write_csv
 from porocore.core.hdf5 import Contents, Kind, atomic_hdf5, numbered, opened
-from porocore.core.inputs import NAMES
+from porocore.core.inputs import NAMES, input_meant
 from porocore.core.models.bounds import MOST_LINES
 from porocore.core.units import spoken
 from porocore.errors import ConfigurationError, DataError
@@ -67,9 +67,10 @@ class MapPlan:
         names = ("H11", "H22", "H33", "p")
         for name in (*self.along, self.across):
             if name not in names:
+                meant = "" if name in NAMES else input_meant(name)
                 raise ConfigurationError(
                     f"unknown input {echo(name)} of a stability map; expected one of {', '.join(names)}: its states "
-                    "keep the mirror planes of the cell"
+                    f"keep the mirror planes of the cell{meant and f'; {meant}'}"
                 )
         if self.across in self.along:
             raise ConfigurationError(

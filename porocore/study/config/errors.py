@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, Literal, get_args, get_origin
 
@@ -12,7 +12,9 @@ from pydantic_core import ErrorDetails
 
 from porocore.core.echo import choices, comma_advice, cut, did_you_mean, echo, joined
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted, leaves
+from porocore.core.inputs import NAMES, input_meant
 from porocore.core.models.strict import bare, bounds, is_section, is_union
+from porocore.core.units import Unit, has_unit
 from porocore.errors import ConfigurationError
 from porocore.macro.laws import CLOSURES
 from porocore.plugins.kinds import Kind
@@ -128,6 +130,8 @@ BACKENDS: dict[str, Kind] = {
 }
 #: Of lists with an entry for each.
 AXES = ("x", "y", "z")
+#: Vectors of which usually one component is given, and what the others are then.
+VECTORS = {"traction": "0", "body_force": "0", "displacement": "null"}
 #: A section of more keys than these is not described by them.
 MOST_KEYS = 8
 #: Names that pydantic adds behind the key of a value that may be a number or a section.
@@ -161,6 +165,17 @@ def _list_of(length: int, document: YamlDocument, at: Location) -> str:
     elif at[-2:-1] == ("load_curve",):
         meaning = "a time and a factor"
     return f"a list of {length} entries" + (f" ({meaning})" if meaning else "")
+
+
+def _as_vector(at: Location, value: Any) -> str:
+    """Return the form of a vector with one component, across the surface that it belongs to; empty for other lists."""
+    rest = VECTORS.get(at[-1])
+    if rest is None or isinstance(value, Mapping | list | bool) or value is None:
+        return ""
+    across = at[-2][:1]
+    entries = [rest] * len(AXES)
+    entries[AXES.index(across) if across in AXES else 1] = value if isinstance(value, str) else echo(value)
+    return f", such as [{', '.join(map(cut, entries))}]"
 
 
 def _is_below(error: ErrorDetails, whole: ErrorDetails) -> bool:
@@ -264,6 +279,9 @@ def _text(document: YamlDocument, at: Location, group: list[ErrorDetails], root:
         return f"{key}: unknown key; {_other_keys(place, root, advice)}"
     if kind != "value_error" and error["loc"] and error["loc"][-1] == "[key]":
         names = _options(_hint(root, at[:-1])[0], keys=True)
+        if set(names) == set(NAMES):
+            advice = input_meant(at[-1]) or "remove it"
+            return f"{key}: unknown key; {advice}; {choices(names, 'the keys here are')}".replace("?;", "?")
         return f"{key}: unknown key; {_nearest(at[-1], names)}"
     if kind == "missing":
         if at[-1].isdigit():
@@ -279,8 +297,10 @@ def _text(document: YamlDocument, at: Location, group: list[ErrorDetails], root:
     if kind == "too_long" and (length := error["ctx"]["max_length"]) in _lengths(_hint(root, place)[0]):
         text = unexpected(at, _list_of(length, document, at), document.value(at))
         return f"{text}; commas separate the entries, and decimals stand after a point"
-    expected = " or ".join(dict.fromkeys(_expected(e, place, root) for e in group))
+    expected = " or ".join(dict.fromkeys(_expected(e, document, at, place, root) for e in group))
     text = unexpected(at, expected, document.value(at) if at in document else error["input"])
+    if "a number" in expected and Unit("cell") in _hint(root, place)[1]:
+        text += "; it is a share of the cell's edge"
     if kind == "literal_error" and isinstance(error["input"], str):
         return _with_question(text, error["input"], _options(_hint(root, place)[0]))
     return text
@@ -297,11 +317,13 @@ def _with_question(text: str, name: str, names: list[str]) -> str:
     return f"{text}; {question}" if question else text
 
 
-def _expected(error: ErrorDetails, at: Location, root: type[BaseModel]) -> str:
+def _expected(
+    error: ErrorDetails, document: YamlDocument, at: Location, place: Location, root: type[BaseModel]
+) -> str:
     kind, context = error["type"], error.get("ctx", {})
-    name = at[-1] if at and not at[-1].isdigit() else "value"
+    name = place[-1] if place and not place[-1].isdigit() else "value"
     if kind in ("greater_than", "greater_than_equal", "less_than", "less_than_equal"):
-        return bounds(name, _hint(root, at)[1]) or error["msg"].removeprefix("Input should be ")
+        return bounds(name, _hint(root, place)[1]) or error["msg"].removeprefix("Input should be ")
     if kind == "literal_error":
         return str(context["expected"])
     if kind == "string_pattern_mismatch":
@@ -311,27 +333,34 @@ def _expected(error: ErrorDetails, at: Location, root: type[BaseModel]) -> str:
     if kind == "too_short":
         return f"at least {context['min_length']} {'entry' if context['min_length'] == 1 else 'entries'}"
     if kind.startswith("float_"):
-        return "a number"
+        return _number(name, error["input"], _hint(root, place)[1])
     if kind == "finite_number":
         return "a finite number"
     if kind.startswith("int_"):
-        return bounds(name, _hint(root, at)[1], "a whole number") or "a whole number"
-    if kind == "tuple_type" and (length := next(iter(_lengths(_hint(root, at)[0])), 0)):
-        return f"a list of {length} entries"
+        return bounds(name, _hint(root, place)[1], "a whole number") or "a whole number"
+    if kind == "tuple_type" and (length := next(iter(_lengths(_hint(root, place)[0])), 0)):
+        return _list_of(length, document, at) + _as_vector(at, document.value(at))
     if kind in ("tuple_type", "list_type"):
         return "a list"
     if kind in ("model_type", "dict_type"):
-        sections = [b for b in _branches(_hint(root, at)[0]) if is_section(b)]
+        sections = [b for b in _branches(_hint(root, place)[0]) if is_section(b)]
         keys = dict.fromkeys(name for section in sections for name in section.model_fields)
         named = f" ({', '.join(keys)})" if 0 < len(keys) <= MOST_KEYS else ""
         return f"a section with keys below it{named} (or leave the whole key out)"
     if kind == "string_too_long":
         return f"text of at most {context['max_length']} characters"
     if kind == "string_type":
-        patterns = (extra.pattern for extra in _hint(root, at)[1] if getattr(extra, "pattern", None))
-        names = _names(at)
+        patterns = (extra.pattern for extra in _hint(root, place)[1] if getattr(extra, "pattern", None))
+        names = _names(place)
         return f"one of {', '.join(names)}" if names else next(map(_matching, patterns), "text")
     return error["msg"].removeprefix("Input should be ")
+
+
+def _number(name: str, value: Any, metadata: list[Any]) -> str:
+    """Return the words for a number in place of ``value``; for a value with a unit that it has none, and its bounds."""
+    if not isinstance(value, str) or not has_unit(value):
+        return "a number"
+    return f"{bounds(name, metadata) or 'a number'} without a unit"
 
 
 def _matching(pattern: str) -> str:
