@@ -397,7 +397,7 @@ def pretty(unit: str) -> str:
 
 def _word(unit: str) -> str:
     """Return a unit without blanks, capitals and the point of an abbreviation."""
-    return unit.replace(" ", "").rstrip(".").casefold()
+    return re.sub("[µμ]", "u", unit.replace(" ", "").rstrip(".")).casefold()
 
 
 def _near(unit: str) -> str:
@@ -407,10 +407,12 @@ def _near(unit: str) -> str:
 
 
 def _begun(unit: str, quantity: str) -> str:
-    """Return the question whether a unit of the quantity is meant of which only the beginning stands there."""
+    """Return the question whether a unit of the quantity is meant: in other capitals, or only its beginning."""
     dimensions = _measured(QUANTITIES[quantity].unit)[1]
-    word = FOREIGN.get(_word(unit))
-    if word is not None and _measured(word)[1] == dimensions:  # Min. would be a million inches.
+    word = _near(unit)
+    if (
+        word and _measured(word)[1] == dimensions
+    ):  # Min. would be a million inches, and µM is a concentration.
         return f"; did you mean '{word}'?"
     for known in COMMON:
         if 0 < len(known) - len(unit) <= CUT and known.startswith(unit) and _measured(known)[1] == dimensions:
@@ -689,9 +691,9 @@ def resolved(
     """
     found: dict[Location, float] = {}
     faults: list[tuple[Location, str]] = []
-    #: By list and dimension, its first entry with a unit, and its numbers without one that are not 0.
+    #: By list and dimension, its first entry with a unit, and its first number without one that is not 0.
     given: dict[tuple[Location, Dimension], str] = {}
-    plain: dict[tuple[Location, Dimension], list[Place]] = {}
+    plain: dict[tuple[Location, Dimension], Place] = {}
     for place, dimension in dimensions(model, data):
         if not isinstance(place.value, str | int | float) or isinstance(place.value, bool):
             continue
@@ -700,29 +702,31 @@ def resolved(
             continue
         entries = (place.path[:-1], dimension)
         if not isinstance(place.value, str):
-            plain.setdefault(entries, []).extend([place] if place.value else [])
+            if place.value and place.path[-1].isdigit():
+                plain.setdefault(entries, place)
         elif has_unit(place.value):
             given.setdefault(entries, place.value)
             try:
                 found[place.path] = _number(place.value, dimension, scales)
             except UnitError as error:
                 faults.append((place.path, f"{dotted(place.path)}: {error}"))
-    faults += [
-        (place.path, f"{dotted(place.path)}: {_without_unit(place.value, given[entries], entries[1])}")
-        for entries, places in plain.items()
-        if entries in given
-        for place in places
-        if place.path[-1].isdigit()
-    ]
+    for (at, dimension), place in plain.items():
+        if (at, dimension) in given:
+            faults.append((at, f"{dotted(at)}: {_without_unit(place, given[at, dimension], dimension)}"))
     return _replaced(data, found, ()), faults
 
 
-def _without_unit(value: float, beside: str, dimension: Dimension) -> str:
+def _without_unit(place: Place, beside: str, dimension: Dimension) -> str:
     """Return the complaint about a number without a unit in a list in which another one has a unit."""
+    assert place.above is not None
+    unit, entries = cut(unit_within(beside)), place.above.value
+    whole = ", ".join(
+        f"{echo(v)} {unit}" if isinstance(v, int | float) and v else str(v or 0) for v in entries
+    )
     kind = f"in {QUANTITIES[dimension.quantity].unit}" if dimension.si else "a multiple of its scale"
     return (
-        f"expected a unit, as {echo(beside)} has one in the same list, got {echo(value)}; write "
-        f"{echo(value)} {cut(unit_within(beside))} (a number without a unit is {kind})"
+        f"expected a unit with each number of the list, got {echo(place.value)} without one beside {echo(beside)}; "
+        f"write [{cut(whole)}] (a number without a unit is {kind})"
     )
 
 

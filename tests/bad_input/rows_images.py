@@ -350,6 +350,31 @@ ROWS = [
         "scales.pore: expected 48 µm",
         files={"image.npy": npy(HALF)},
     ),
+    faulty(
+        "image of voxels without a unit beside scales.pore",
+        {
+            "scales": {"modulus": "1 kPa", "length": "1 mm", "pore": "1 um", "viscosity": "1 mPa*s"},
+            "cell.viscosity": 1,
+            "cell.geometry": {"kind": "voxels", "path": "image.npy", "pore": 1, "voxel_size": 12},
+        },
+        "scales.pore: expected 192 m",
+        "voxel_size 12 has no unit and was read in metres: write the unit",
+        files={"image.npy": npy(HALF)},
+    ),
+    faulty(
+        "images of several voxel sizes",
+        {
+            "cell.geometry": {"kind": "voxels", "path": "image.npy", "pore": 1, "voxel_size": "12 um"},
+            "cells": {
+                name: {"geometry": {"kind": "voxels", "path": "image.npy", "pore": 1, "voxel_size": size}}
+                for name, size in (("b", "10 um"), ("c", "5 um"))
+            },
+            "macro.regions": {"r": {"cell": "b", "above": 5}, "s": {"cell": "c", "below": 1}},
+        },
+        "cells.b.geometry.voxel_size: expected a cell of 192 µm, as by cell.geometry.voxel_size, got 160 µm of 'b' and "
+        "80 µm of 'c'; all cells of a study have one edge",
+        files={"image.npy": npy(HALF)},
+    ),
     *(
         faulty(
             f"slices {name}",

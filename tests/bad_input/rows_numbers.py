@@ -97,13 +97,20 @@ UNITS = [
     (
         "sampling.inputs.p",
         {"range": ["-1 kPa", 25], "step": "1 kPa"},
-        "sampling.inputs.p.range.1: expected a unit, as '-1 kPa' has one in the same list, got 25; write 25 kPa",
+        "sampling.inputs.p.range: expected a unit with each number of the list, got 25 without one beside '-1 kPa'; "
+        "write [-1 kPa, 25 kPa]",
     ),
-    ("macro.body.size", ["1 mm", 2, "1 mm"], "macro.body.size.1: expected a unit, as '1 mm' has one", "2 mm"),
+    (
+        "macro.body.size",
+        ["1 mm", 2, "1 mm"],
+        "macro.body.size: expected a unit with each",
+        "write [1 mm, 2 mm, 1 mm]",
+    ),
     (
         "cell.viscosity",
         {"range": ["1 mPa*s", 2]},
-        "cell.viscosity.range.1: expected a unit, as '1 mPa*s' has one in the same list, got 2; write 2 mPa*s",
+        "cell.viscosity.range: expected a unit with each",
+        "write [1 mPa*s, 2 mPa*s]",
     ),
     (
         "cell.geometry.radius",
@@ -113,6 +120,9 @@ UNITS = [
     ),
     ("cell.mesh.size", "1 um", "without a unit, got '1 um'; it is a share of the cell's edge"),
     ("cell.geometry.radius", {"range": ["1 um", "2 um"]}, "with two numbers without units, got [1 um, 2 um]"),
+    ("macro.time.end", "5 MIN", "got '5 MIN'; the unit 'MIN' is not known; did you mean 'min'?"),
+    ("macro.time.end", "5 S", "got '5 S'; did you mean 's'?"),
+    ("macro.body.size.0", "5 µM", "got '5 µM'; did you mean 'um'?"),
     ("cell.material.poisson_ratio", "3 kPa", "a number with -1 < poisson_ratio < 0.5 without a unit"),
 ]
 #: Numbers in place of vectors, and their form.

@@ -21,7 +21,7 @@ import yaml
 from pydantic import AfterValidator, Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
 from porocore.cell.cell import Cell
-from porocore.core.echo import cut, echo, suggestion
+from porocore.core.echo import cut, echo, joined, suggestion
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.yaml_document import Location, dotted
 from porocore.core.inputs import MOST, InputSpace, farthest
@@ -295,17 +295,24 @@ def cell_faults(config: RunConfig) -> Iterator[tuple[Location, str]]:
 
 
 def other_lengths(config: RunConfig) -> Iterator[tuple[Location, str]]:
-    """Yield faults of images whose edge is not that of the other cells, in multiples of which all of them are."""
-    edge = config.cell.geometry.length if config.scales is None else config.scales.pore
-    for name, cell in config.cells.items():
-        own = cell.geometry.length
-        if own is not None and edge is not None and not math.isclose(own, edge, rel_tol=SAME_LENGTH):
-            at = ("cells", name, "geometry", "voxel_size")
-            yield (
-                at,
-                f"{dotted(at)}: expected a cell of {length_text(edge)}, which is the edge of the others, got "
-                f"{length_text(own)}; all cells of a study have one edge",
-            )
+    """Yield one fault of all images whose edge is not that of the first cell, in multiples of which all lengths are."""
+    first = config.cell.geometry.length
+    edge = first if config.scales is None else config.scales.pore
+    others = {name: cell.geometry.length for name, cell in config.cells.items()}
+    wrong = {
+        name: own
+        for name, own in others.items()
+        if own is not None and edge is not None and not math.isclose(own, edge, rel_tol=SAME_LENGTH)
+    }
+    if wrong and edge is not None:
+        at = ("cells", next(iter(wrong)), "geometry", "voxel_size")
+        got = joined(f"{length_text(own)} of '{name}'" for name, own in wrong.items())
+        source = "scales.pore" if first is None else "cell.geometry.voxel_size"
+        yield (
+            at,
+            f"{dotted(at)}: expected a cell of {length_text(edge)}, as by {source}, got {got}; all cells of a study "
+            "have one edge: voxel_size times the number of voxels, twice that with mirrors",
+        )
 
 
 def of_one_cell(config: RunConfig, name: str | None) -> RunConfig:

@@ -253,7 +253,8 @@ def _scales(document: YamlDocument) -> tuple[Scales | None, list[tuple[Location,
         found += [fault for fault in faults(document, error.errors(), RunConfig) if fault[0] not in unread]
         return None, [(at, _with_voxel_size(document, at, text)) for at, text in found]
     if not found and length is not None and not math.isclose(scales.pore, length, rel_tol=SAME_LENGTH):
-        found.append((("scales", "pore"), _other_length(length, section["pore"])))
+        edges = document.value(("cell", "geometry", "voxel_size"))
+        found.append((("scales", "pore"), _other_length(length, section["pore"], edges)))
     return scales, found
 
 
@@ -307,10 +308,12 @@ def _length(document: YamlDocument) -> tuple[float | None, list[tuple[Location, 
         return cell.geometry.length, found
 
 
-def _other_length(length: float, given: Any) -> str:
+def _other_length(length: float, given: Any, edges: Any) -> str:
+    bare = [edge for _, edge in leaves(edges) if not isinstance(edge, str)]
+    read = f"; voxel_size {echo(bare[0])} has no unit and was read in metres: write the unit" if bare else ""
     return (
         f"scales.pore: expected {length_text(length)}, the length of the cell by cell.geometry.voxel_size (the cube "
-        f"root of its volume), got {echo(given)}; leave scales.pore out, or voxel_size"
+        f"root of its volume), got {echo(given)}{read}; leave scales.pore out, or voxel_size"
     )
 
 
