@@ -60,7 +60,7 @@ FAULTS = [
         "y-: {displacement: [0, 0, 0]}",
         "y-: {displacement: [0, null, 0]}",
         "macro.boundary",
-        "nothing holds the body",
+        "nothing holds the body in direction 2; prescribe u_2 on some surface",
     ),
     ("y-: {displacement: [0, 0, 0]}", "y-: {displacement: [1, 0, 0]}", "macro.boundary.y-", "contradicts"),
     (

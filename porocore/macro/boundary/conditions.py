@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from porocore.core.echo import joined
 from porocore.core.formulas import TimeFunction, Value
 from porocore.core.units import spoken
 from porocore.errors import ConfigurationError
@@ -18,6 +19,9 @@ from porocore.macro.boundary.reactions import SAME_FRAME as SAME
 from porocore.macro.boundary.reactions import Constraint, Share, Support, in_frames, shares
 from porocore.macro.problem import Boundary, MacroProblem
 from porocore.states import Array, IntArray
+
+#: Of the largest motion of the body as one that is held, below which another one is not held.
+FREE = 1e-9
 
 
 @dataclass(frozen=True)
@@ -138,6 +142,8 @@ class BoundaryData:
         By which the reactions at all unknowns are summed up to the force on each surface that is held or moved.
     drains
         The same for the fluid that enters through each surface with a prescribed pressure.
+    turns
+        Axes about which nothing holds the body against a rotation; its tangent is singular, or small beside the load.
     """
 
     time_functions: tuple[Value, ...]
@@ -149,6 +155,7 @@ class BoundaryData:
     rotation: Any = None
     supports: Mapping[str, Share] = field(default_factory=dict)
     drains: Mapping[str, Share] = field(default_factory=dict)
+    turns: tuple[str, ...] = ()
 
     @property
     def acting(self) -> Array:
@@ -205,12 +212,16 @@ class Collector:
         #: TimeFunction and factor of each prescribed unknown; −1 where nothing is.
         self.function = np.full(mesh.size, -1)
         self.factor = np.zeros(mesh.size)
+        #: Keys of surfaces, and for each prescribed unknown the position of that which prescribes it.
+        self.keys: list[str] = []
+        self.by = np.full(mesh.size, -1)
         self.external: dict[int, Array] = {}
         self.oblique: dict[int, list[Constraint]] = {}
         self.plates: dict[str, IntArray] = {}
         self.followers: list[tuple[int, float, Facets]] = []
         self.held: dict[str, Support] = {}
         self.drains: dict[str, Support] = {}
+        self.turns: list[str] = []
 
     def result(self) -> BoundaryData:
         self.mesh.require_surfaces(self.problem.boundary, "macro.boundary")
@@ -245,6 +256,7 @@ class Collector:
             rotation,
             shares(self.mesh, self.held),
             shares(self.mesh, self.drains, fluid=True),
+            tuple(self.turns),
         )
 
     def split(self, value: Value) -> tuple[int, float]:
@@ -270,9 +282,12 @@ class Collector:
             other = unknowns[clash][0]
             before = self.time_functions[self.function[other]] if self.function[other] else self.factor[other]
             raise ConfigurationError(
-                f"{key}: {name} = {_show(value, name)} contradicts {name} = {_show(before, name)} of a "
-                "neighbouring surface where they meet; prescribe it on one of them only"
+                f"{key}: {name} = {_show(value, name)} contradicts {name} = {_show(before, name)} of "
+                f"{self.keys[self.by[other]]} where they meet; prescribe it on one of them only"
             )
+        if key not in self.keys:
+            self.keys.append(key)
+        self.by[unknowns] = self.keys.index(key)
         self.function[unknowns], self.factor[unknowns] = function, factor
 
     def _require_one_load_on_each_face(self) -> None:
@@ -304,7 +319,9 @@ class Collector:
         """Return the prescribed Cartesian components of a node."""
         functions, factors = (each[3 * node : 3 * node + 3].tolist() for each in (self.function, self.factor))
         return [
-            Constraint(np.eye(3)[i], functions[i], factors[i], f"macro.boundary: u_{i + 1}")
+            Constraint(
+                np.eye(3)[i], functions[i], factors[i], f"{self.keys[self.by[3 * node + i]]}: u_{i + 1}"
+            )
             for i in range(3)
             if functions[i] >= 0
         ]
@@ -318,16 +335,36 @@ class Collector:
         return axes
 
     def _check(self) -> None:
-        held = [bool((self.function[i : self.mesh.n_u : 3] >= 0).any()) for i in range(3)]
-        normals = [each.direction for constraints in self.oblique.values() for each in constraints]
-        for i in range(3):
-            if not held[i] and not any(abs(normal[i]) > SAME for normal in normals):
-                raise ConfigurationError(
-                    f"macro.boundary: nothing holds the body in direction {i + 1}; "
-                    f"prescribe u_{i + 1} on some surface, or on a small patch of one (macro.surfaces)"
-                )
         for name in self.plates:
             self._check_plate(name)
+        slides, self.turns = self._free()
+        if slides:
+            raise ConfigurationError(not_held(slides, self.turns))
+
+    def _free(self) -> tuple[list[str], list[str]]:
+        """Return the directions along which, and the axes about which, the body may move as one."""
+        mesh = self.mesh
+        held = np.flatnonzero(self.function[: mesh.n_u] >= 0)
+        nodes, directions = [held // 3], [np.eye(3)[held % 3]]
+        for node, constraints in self.oblique.items():
+            nodes.append(np.full(len(constraints), node))
+            directions.append(np.array([each.direction for each in constraints]))
+        x = (mesh.points - mesh.points.mean(axis=0)) / np.ptp(mesh.points, axis=0).max()
+        d = np.concatenate(directions)
+        rows = [np.concatenate([d, np.cross(x[np.concatenate(nodes)], d)], axis=1)]
+        for unknowns in self.plates.values():  # its nodes move alike
+            arms = x[unknowns // 3] - x[unknowns[0] // 3]
+            across = np.eye(3)[unknowns % 3]
+            rows.append(np.concatenate([np.zeros_like(arms), np.cross(arms, across)], axis=1))
+        return _directions(_null_space(d)), [
+            axis
+            for axis, turn in zip("xyz", _null_space(np.concatenate(rows))[:, 3:].T, strict=True)
+            if np.linalg.norm(turn) > FREE
+        ]
+
+    def _prescribing(self, unknowns: IntArray) -> str:
+        """Return the keys of the surfaces that prescribe some of the unknowns."""
+        return joined(self.keys[i] for i in np.unique(self.by[unknowns]) if i >= 0)
 
     def _check_plate(self, name: str) -> None:
         """Refuse other conditions on nodes of a plate along its axis."""
@@ -335,7 +372,7 @@ class Collector:
         axis = int(unknowns[0] % 3)
         if (self.function[unknowns] >= 0).any():
             raise ConfigurationError(
-                f"macro.boundary.{name}: the plate moves as one, but a neighbouring surface prescribes "
+                f"macro.boundary.{name}: the plate moves as one, but {self._prescribing(unknowns)} prescribes "
                 f"u_{axis + 1} on their common edge; leave that component free there"
             )
         for other, theirs in self.plates.items():
@@ -353,6 +390,32 @@ class Collector:
                         f"displacement of the common edge along ({normal}), a direction that is not perpendicular "
                         f"to {'xyz'[axis]}; end the plate before that surface"
                     )
+
+
+def not_held(slides: Sequence[str], turns: Sequence[str]) -> str:
+    """Return the complaint about a body that may move along directions and turn about axes as one."""
+    ways = [f"in direction{'s' * (len(slides) > 1)} {joined(slides)}"] if slides else []
+    ways += [f"against a rotation about {joined(turns)}"] if turns else []
+    wanted = [f"u_{name}" for name in slides if len(name) == 1] or ["a displacement that this moves"]
+    return (
+        f"macro.boundary: nothing holds the body {' and '.join(ways)}; prescribe {joined(wanted)} on some surface, or "
+        "on a small patch of one (macro.surfaces)"
+    )
+
+
+def _null_space(rows: Array) -> Array:
+    """Return orthonormal vectors (k, n) that all ``rows`` (m, n) take to 0."""
+    n = rows.shape[1]
+    _, sizes, vectors = np.linalg.svd(np.linalg.qr(np.concatenate([rows, np.zeros((n, n))]), mode="r"))
+    return np.asarray(vectors[sizes <= FREE * max(float(sizes[0]), 1.0)])
+
+
+def _directions(free: Array) -> list[str]:
+    """Return the directions (k, 3) as text: the numbers of axes among them, and the others as vectors."""
+    axes = [i for i in range(3) if np.linalg.norm(free[:, i]) > 1 - FREE]
+    others = _null_space(np.concatenate([np.eye(3)[axes], _null_space(free) if len(free) else np.eye(3)]))
+    signed = (np.round(v * np.sign(v[np.abs(v).argmax()]), 6) + 0.0 for v in others)
+    return [*(str(i + 1) for i in axes), *(f"({', '.join(f'{x:.3g}' for x in v)})" for v in signed)]
 
 
 def _contradiction(one: Boundary, other: Boundary) -> str:
@@ -390,4 +453,4 @@ def _contradiction(one: Boundary, other: Boundary) -> str:
 def _show(value: Value, name: str) -> str:
     if isinstance(value, TimeFunction):
         return "a function of time"
-    return spoken().text(value, "pressure" if name == "p" else "displacement", 6)
+    return spoken().text(value + 0.0, "pressure" if name == "p" else "displacement", 6)

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
+from porocore.core.echo import joined
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import BodyMesh, Facets
 from porocore.states import Array, IntArray
@@ -288,9 +289,10 @@ def _frame(
         elif np.abs(value).max() > SAME_FRAME * max(
             abs(factor), *(float(np.abs(known).max()) for _, known in basis)
         ):
+            others = dict.fromkeys(each.source for each in constraints if each.source != source)
             raise ConfigurationError(
-                f"{source} contradicts what neighbouring surfaces prescribe where they meet; "
-                "prescribe it on one of them only"
+                f"{source} contradicts what {joined(others)} prescribe where they meet; prescribe it on one of "
+                "them only"
             )
     prescribed = basis[len(kept) :]
     for axis in np.eye(3):

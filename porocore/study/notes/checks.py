@@ -10,7 +10,7 @@ from porocore.core.units import speaking
 from porocore.errors import ConfigurationError, PluginError
 from porocore.interfaces.surrogate import MORE_STATES, least_states
 from porocore.macro.body.mesh import BodyMesh
-from porocore.macro.boundary.conditions import boundary_data
+from porocore.macro.boundary.conditions import boundary_data, not_held
 from porocore.macro.boundary.probes import interpolation
 from porocore.macro.boundary.symmetry import Symmetry
 from porocore.macro.problem import MacroProblem, body_mesh
@@ -137,7 +137,8 @@ def place(config: RunConfig) -> BodyMesh:
     """
     problem: MacroProblem = config.macro.problem(config.macro.loads[0])
     mesh = body_mesh(problem)
-    boundary_data(mesh, problem)
+    if turns := boundary_data(mesh, problem).turns:
+        raise ConfigurationError(not_held((), turns))
     interpolation(mesh, problem.probes)
     Symmetry.of(problem)
     require_cells(config, problem, mesh)
