@@ -10,12 +10,13 @@ from typing import Any
 import yaml
 from pydantic import ValidationError
 
+from porocore.calibration.expectations import require_free, sign_note, size_note
 from porocore.calibration.observations import MeasuredSeries
 from porocore.calibration.plan import CalibrationPlan, Experiment, PlannedUnknown
 from porocore.calibration.posterior import require_emcee
-from porocore.calibration.reading import read_curve, require_free, sign_note
+from porocore.calibration.reading import read_curve
 from porocore.calibration.settings import CalibrationSettings, ExperimentSettings
-from porocore.calibration.unknowns import keyed, planned_unknowns
+from porocore.calibration.unknowns import bounds_notes, keyed, planned_unknowns
 from porocore.core.files.reading import read_text
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted
 from porocore.core.models.strict import StrictModel
@@ -176,6 +177,8 @@ def _plan(
     plain = {name: Experiment(name, config, load, ()) for name, (config, load, _) in studies.items()}
     unknowns = planned_unknowns(settings, plain, at)
     experiments, notes = [], dict[str, None]()
+    for each in unknowns:
+        notes |= dict.fromkeys(bounds_notes(each, plain))
     refused: list[str] = []
     for name, (config, load, experiment) in studies.items():
         family, said = _family(config, plain[name], unknowns, at)
@@ -193,11 +196,12 @@ def _plan(
                         observed, observation, document.folder, config.scales, config.macro.time.end,
                         experiment=name, synthetic=synthetic or (planned and observation.file is None),
                     )  # fmt: skip
+                    large = None if synthetic else size_note(curve, config.macro)
             except ConfigurationError as error:
                 refused.append(str(error))
             else:
                 curves.append(curve)
-                notes |= dict.fromkeys(f"{curve.name}: {note}" for note in curve.notes)
+                notes |= dict.fromkeys(f"{curve.name}: {note}" for note in (*curve.notes, large) if note)
         if not kinds & set(OF_LOAD):
             signs = ((curve, sign_note(curve, config.macro, load)) for curve in curves)
             notes |= dict.fromkeys(f"{curve.name}: {note}" for curve, note in signs if note)

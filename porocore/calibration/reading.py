@@ -1,11 +1,10 @@
-"""Reading of an observation (read_curve): columns of a file, the part that counts, signs that the load excludes."""
+"""Reading of an observation (read_curve): columns of a file, their units, the part that counts."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -19,16 +18,11 @@ from porocore.calibration.observations import (
     is_unit,
     size_of,
 )
-from porocore.calibration.settings import AXES, ObservationSettings, SyntheticTimes
+from porocore.calibration.settings import ObservationSettings, SyntheticTimes
 from porocore.calibration.tables import CurveTable, Numbers
 from porocore.core.echo import echo, joined
-from porocore.core.formulas import TimeFunction, Value
-from porocore.core.units import Scales
+from porocore.core.units import ResultUnits, Scales
 from porocore.errors import ConfigurationError
-from porocore.interfaces.macro import Part
-from porocore.macro.body.mesh import Facets
-from porocore.macro.boundary.probes import interpolation
-from porocore.macro.problem import Boundary, MacroSetup, body_mesh
 from porocore.states import Array
 
 #: Values that a measured curve has at least, and times that a planned one has.
@@ -86,12 +80,24 @@ def read_curve(
             "the largest one; give 'deviation:' in its place"
         )
     if (last := curve.times[-1]) > end * (1 + 1e-9):
-        t = last * curve.time_factor
+        unit = _unit(curve.time_unit)
+        bare = _bare_times(settings, curve.time_unit, scales) or "; "
         raise ConfigurationError(
-            f"the last time {t:g}{_unit(curve.time_unit)} lies behind the end of the study at "
-            f"{end * curve.time_factor:g}{_unit(curve.time_unit)}; raise its macro.time.end, or give 'until:'"
+            f"the last time {last * curve.time_factor:g}{unit} lies behind the end of the study at "
+            f"{end * curve.time_factor:g}{unit}{bare}raise its macro.time.end, or give 'until:'"
         )
     return curve
+
+
+def _bare_times(settings: ObservationSettings, unit: str, scales: Scales | None) -> str:
+    """Return that times without a unit are multiples of the study's scale, and what to write; empty with a unit."""
+    if unit or scales is None or settings.time_unit is not None:
+        return ""
+    heading = "" if settings.file is None else f" or a heading such as '{settings.time} [min]'"
+    return (
+        f", both multiples of the study's scale of time, {ResultUnits(scales).text(1.0, 'time')}, since the times have "
+        f"no unit; give 'time_unit:'{heading}, otherwise "
+    )
 
 
 def _unit(name: str) -> str:
@@ -185,8 +191,9 @@ def _measured(
     kept = _counting(str(table.path), settings, data.times, time, FEWEST)
     if data.times[kept][0] > end * time.factor:
         first = int(np.searchsorted(numbers[at].values, data.times[kept][0]))
+        bare = _bare_times(settings, time.name, scales)
         raise _all_behind(
-            rows, at, first, "" if timed is not table else time.name, end * time.factor, time.name
+            rows, at, first, "" if timed is not table else time.name, end * time.factor, time.name, bare
         )
     return ObservedCurve(
         title, series, data.times[kept] / time.factor, unit.name, time.name, unit.factor, time.factor,
@@ -293,11 +300,11 @@ def _require_rising(table: CurveTable, column: int, times: Array, since: float |
 
 
 def _all_behind(
-    table: CurveTable, column: int, row: int, unit: str, end: float, end_unit: str
+    table: CurveTable, column: int, row: int, unit: str, end: float, end_unit: str, bare: str
 ) -> ConfigurationError:
     """Return the complaint about times that begin behind the end of the study, by the first row that counts.
 
-    ``unit`` is that of the text in the row, empty for a clock time.
+    ``unit`` is that of the text in the row, empty for a clock time; ``bare`` what is said of times without any.
     """
     text = table.rows[row][column].strip()
     of_day = ":" in text
@@ -305,8 +312,8 @@ def _all_behind(
     longer = "" if of_day else ", or raise macro.time.end where the test lasts so long"
     return ConfigurationError(
         f"{table.path}:{table.lines[row]}: {table.names[column]}: the times begin at {text}{_unit(unit)}, behind the "
-        f"end of the study at {end:g}{_unit(end_unit)}{looks}; times count from the beginning of the test: subtract "
-        f"that of its beginning from all of them{longer}"
+        f"end of the study at {end:g}{_unit(end_unit)}{looks}{bare or '; '}times count from the beginning of the test: "
+        f"subtract that of its beginning from all of them{longer}"
     )
 
 
@@ -401,134 +408,3 @@ def _between(settings: ObservationSettings) -> str:
         for word, value in ends.items()
         if value is not None
     )
-
-
-#: Weights of nodes, and components of normals, below this are round-off.
-ON_A_NODE = 1e-9
-#: Axis and sign of the outward normal of the plane faces of bodies that are no files.
-FACES = {f"{axis}{sign}": (k, -1 if sign == "-" else 1) for k, axis in enumerate("xyz") for sign in "-+"}
-#: Values of the expected sign below this share of the largest size are noise about zero.
-NOISE = 0.05
-#: Parts of a study beside which one pressed face does not decide the sign of a force.
-_OTHERS: frozenset[Part] = frozenset(("body_force", "initial", "regions"))
-
-
-def sign_note(curve: ObservedCurve, macro: MacroSetup, load: float) -> str | None:
-    """Return the note that all values have the sign that the load excludes; None: they do not, or it may be so."""
-    pushed = _pushed(macro, load)
-    if pushed is None or curve.measured is None:
-        return None
-    face, pressed = pushed
-    expected = _expected(curve.series, face, pressed)
-    values = expected * curve.measured
-    if values.min() >= 0 or values.max() > -NOISE * values.min():
-        return None
-    found, there = ("below", "above") if expected > 0 else ("above", "below")
-    held = ", positive in compression," if curve.series.kind == "force" and not curve.series.component else ""
-    return (
-        f"the values are {found} 0, but the study {'presses' if pressed else 'pulls'} {face}, so that the "
-        f"{curve.series.words}{held} is {there} 0; give 'factor: -1' if the file counts the other way"
-    )
-
-
-def require_free(series: MeasuredSeries, macro: MacroSetup, load: float) -> None:
-    """Refuse a settlement, heave, displacement or pressure that the study prescribes, whatever its unknowns are.
-
-    Raises
-    ------
-    ConfigurationError
-        It is prescribed; the message begins with the key of the observation.
-    """
-    if series.probe:
-        held = _held_at(series, macro)
-    else:
-        pushed = _pushed(macro, load) if series.kind in ("settlement", "heave") else None
-        face, pressed = pushed or ("", False)
-        down = face == ("y+" if pressed else "y-")
-        moved = face in ("y+", "y-") and macro.boundary[face].is_moved
-        held = f"macro.boundary.{face}" if moved and down == (series.kind == "settlement") else ""
-    if held:
-        raise ConfigurationError(
-            f"{'probe' if series.probe else 'quantity'}: expected a curve that depends on the unknowns, but {held} "
-            f"prescribes the {series.words}; fit another quantity, such as the force on a surface that is held or "
-            "moved, or remove the curve"
-        )
-
-
-def _held_at(series: MeasuredSeries, macro: MacroSetup) -> str:
-    """Return the key of the surface that prescribes a series at its probe; empty where none does."""
-    mesh, place = body_mesh(macro), series.place
-    assert place.component is not None
-    rows = interpolation(mesh, {series.probe: macro.probes[series.probe]})
-    found = rows[place.component]
-    columns = found.indices[np.abs(found.data) > ON_A_NODE]
-    fluid = place.component == len(AXES)
-    nodes = mesh.p_nodes[columns - mesh.n_u] if fluid else columns // len(AXES)
-    for name, boundary in macro.boundary.items():
-        key = f"macro.boundary.{name}"
-        facets = Facets(mesh, mesh.surface(name, key))
-        if not np.isin(nodes, facets.nodes).all():
-            continue
-        if fluid and boundary.pressure is not None:
-            return f"{key}.pressure"
-        if not fluid and boundary.displacement[place.component] is not None:
-            return f"{key}.displacement"
-        if not fluid and boundary.normal is not None:
-            normal = facets.plane(f"{key}.normal")
-            if abs(normal[place.component]) > 1 - ON_A_NODE:
-                return f"{key}.normal"
-    return ""
-
-
-def _expected(series: MeasuredSeries, face: str, pressed: bool) -> int:
-    """Return the sign of a series; 0: it is not certain."""
-    if series.kind == "settlement":
-        return int(face == "y+" and pressed)
-    axis, side = FACES.get(series.surface, (-1, 0))
-    if series.kind != "force" or axis != FACES[face][0]:
-        return 0
-    sense = 1 if pressed else -1
-    if not series.component:
-        return sense
-    return -sense * side if series.component == axis + 1 else 0
-
-
-def _pushed(macro: MacroSetup, load: float) -> tuple[str, bool] | None:
-    """Return the only face that is loaded, ever more and along its normal, and True where it is pressed."""
-    constant = all(isinstance(value, int | float) for value in macro.fields.values())
-    loaded = [(name, each) for name, each in macro.boundary.items() if any(map(_acts, _values(each)))]
-    if macro.body.kind == "file" or not constant or _OTHERS & macro.parts or len(loaded) != 1:
-        return None
-    name, boundary = loaded[0]
-    acting = [value for value in _values(boundary) if _acts(value)]
-    if name not in FACES or len(acting) != 1:
-        return None
-    axis, side = FACES[name]
-    along = ((boundary.displacement[axis], side), (boundary.traction[axis], side), (boundary.plate, side))
-    for value, outward in (*along, (boundary.normal, 1), (boundary.follower, -1)):
-        if value is not None and _acts(value):
-            end = load * outward * _rising(value, macro)
-            return (name, end < 0) if end else None
-    return None
-
-
-def _values(boundary: Boundary) -> Sequence[Value | None]:
-    """Return everything that is prescribed on a surface."""
-    moved = (*boundary.displacement, boundary.normal)
-    return (*moved, *boundary.traction, boundary.follower, boundary.plate, boundary.pressure, boundary.flux)
-
-
-def _acts(value: Value | None) -> bool:
-    return value is not None and value != 0
-
-
-def _rising(value: Value, macro: MacroSetup) -> float:
-    """Return the last value of one that only grows in size; 0 for any other."""
-    if isinstance(value, TimeFunction):
-        if value.expression is not None:
-            return 0.0
-        course = [0.0, *(value.at(time) for time in value.corners)]
-    else:
-        course = [0.0, *(value * macro.ramp(time) for time in (*macro.corners, macro.time.end))]
-    grows = all(one * other >= 0 and abs(other) >= abs(one) for one, other in pairwise(course))
-    return course[-1] if grows else 0.0

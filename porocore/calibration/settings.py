@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import chain, pairwise
@@ -38,6 +39,21 @@ MOST_POINTS, MOST_CONTROLS = 100_000, 100
 def _no_switch(value: object) -> object:
     if isinstance(value, bool):
         raise ValueError(f"expected a number, got {echo(value)}; write a number")
+    return value
+
+
+def _share(value: object) -> object:
+    """Return a value that may be a share; one of 1 or more, or with a %, is refused as a percentage."""
+    text = str(_no_switch(value)).strip()
+    try:
+        number = float(text.removesuffix("%"))
+    except ValueError:
+        return value
+    if 1 <= number < math.inf or text.endswith("%"):
+        raise ValueError(
+            f"expected a share of the largest value, between 0 and 1, got {echo(value)}; write {number / 100:g} for "
+            f"{number:g} %"
+        )
     return value
 
 
@@ -173,7 +189,7 @@ class ObservationSettings(StrictModel):
     its own unit. It is subtracted before the factor is applied."""
     deviation: Value | None = None
     """Standard deviation of each value, in the unit of the values or with its own unit."""
-    deviation_share: Annotated[float, Field(gt=0, le=1)] | None = None
+    deviation_share: Annotated[float, Field(gt=0, lt=1), BeforeValidator(_share)] | None = None
     """Standard deviation of each value as a share of the largest absolute value of the curve, such as 0.01."""
     deviation_column: Name | None = None
     """Heading of a column of standard deviations, in the unit of the values."""

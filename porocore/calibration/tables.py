@@ -866,10 +866,12 @@ def _likely(path: Path, found: Sequence[tuple[list[_Row], str]]) -> _Place:
 
     rows, separator = max(found, key=lambda each: sum(map(numeric, each[0])))
     at = next((k for k, row in enumerate(rows) if numeric(row)), None)
-    if at == 0:
+    # A line with one entry, such as the name of a machine, is no line of headings.
+    if at == 0 or (at is not None and sum(map(bool, rows[at - 1].cells)) < 2 <= len(rows[at].cells)):
+        sign = "\\t" if separator == "\t" else f"{separator} "
         raise ConfigurationError(
-            f"{path}:{rows[0].line}: expected a line of headings such as 'time [s], settlement [mm]', got numbers; "
-            "add one above them"
+            f"{path}:{rows[at].line}: expected a line of headings above the numbers, by which columns are named, got "
+            f"none; add one, such as 'time [s]{sign}settlement [mm]'"
         )
     if at is None:
         if all(len(row.cells) < 2 for each, _ in found for row in each):

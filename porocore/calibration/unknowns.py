@@ -25,7 +25,18 @@ from porocore.calibration.settings import (
 )
 from porocore.core.echo import comma_advice, echo, suggestion
 from porocore.core.files.yaml_document import Location, dotted
-from porocore.core.units import NO_SCALES, QUANTITIES, UnitError, has_unit, in_si, unit_in_si, unit_within
+from porocore.core.units import (
+    NO_SCALES,
+    QUANTITIES,
+    ResultUnits,
+    UnitError,
+    has_unit,
+    in_si,
+    length_text,
+    pretty,
+    unit_in_si,
+    unit_within,
+)
 from porocore.errors import ConfigurationError
 
 #: Keys of an unknown and of an observation, with which complaints begin.
@@ -139,6 +150,37 @@ def _unknown(
     found = PlannedUnknown(unknown, numbers, resolution)
     start = _start(given, found, experiments[first], control)
     return replace(found, unknown=replace(found.unknown, start=start))
+
+
+def bounds_notes(planned: PlannedUnknown, experiments: Mapping[str, Experiment]) -> Iterator[str]:
+    """Yield notes on bounds that leave out the number of the study, and on those without a unit in scales."""
+    one, unit = planned.unknown, pretty(planned.unknown.unit)
+    for name, number in planned.numbers.items():
+        experiment = experiments[name]
+        of = f" of the experiment '{name}'" if name else ""
+        own, slack = number.value / planned.dimensionless(experiment), SAME * abs(one.upper - one.lower)
+        if number.kind != "time_shift" and not one.lower - slack <= own <= one.upper + slack:
+            said, value = f"{one.lower:.5g} to {one.upper:.5g} {unit}".rstrip(), f"{own:.4g} {unit}".rstrip()
+            yield (
+                f"unknown {one.name}: the bounds, {said}, leave out the value of the study{of}, {value}; check the "
+                "bounds and their unit"
+            )
+        units = experiment.config.result_units
+        if units.given and number.quantity and not one.unit:
+            low, high, scale = (
+                _in_units(value, number.quantity, units) for value in (one.lower, one.upper, 1.0)
+            )
+            yield (
+                f"unknown {one.name}: its values have no unit, so they are multiples of {scale}{of}, with bounds at "
+                f"{low} and {high}; write them with their unit"
+            )
+
+
+def _in_units(value: float, quantity: str, units: ResultUnits) -> str:
+    """Return a dimensionless value in the units of a study; that of a pore in the one that suits it."""
+    if quantity == "pore-size":
+        return length_text(value * units.factor(quantity))
+    return units.text(value, quantity)
 
 
 def _require_sign(

@@ -311,8 +311,11 @@ FOREIGN = {
     **dict.fromkeys(("min", "minuten"), "min"),
     **dict.fromkeys(("std", "stunde", "stunden", "heure", "heures"), "h"),
     **dict.fromkeys(("tag", "tage", "jour", "jours"), "day"),
+    **dict.fromkeys(("kp", "kilopond"), "kgf"),
 }
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+#: Units of mass, of which those of the weight end in f.
+_MASS = re.compile(r"\b([mk]?g|lb|t)\b")
 #: At most so many letters are missing where kP, kilopoise, stands for kPa.
 CUT = 2
 #: Characters of a value with its unit.
@@ -417,6 +420,9 @@ def _begun(unit: str, quantity: str) -> str:
     for known in COMMON:
         if 0 < len(known) - len(unit) <= CUT and known.startswith(unit) and _measured(known)[1] == dimensions:
             return f"; did you mean '{known}'?"
+    weight = _MASS.sub(r"\1f", unit)
+    if weight != unit and _measured(weight)[1] == dimensions:
+        return f"; did you mean '{weight}', the weight of that mass, 9.80665 N for 1 kg?"
     return ""
 
 
@@ -424,7 +430,8 @@ def _instead(dimensions: frozenset[tuple[str, Any]]) -> str:
     for quantity in QUANTITIES:
         if _measured(QUANTITIES[quantity].unit)[1] == dimensions:
             return f", which is {EXAMPLES[quantity].partition(',')[0]}"
-    return ", which is a temperature" if dict(dimensions) == {"[temperature]": 1} else ""
+    kind = next((name for name in ("temperature", "mass") if dict(dimensions) == {f"[{name}]": 1}), "")
+    return f", which is a {kind}" if kind else ""
 
 
 @cache

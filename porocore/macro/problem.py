@@ -135,12 +135,19 @@ class TimePlan(StrictModel):
         if "profiles" not in self.model_fields_set:
             # The model is frozen for its users.
             object.__setattr__(self, "profiles", tuple(t for t in self.profiles if t <= self.end))
-        if any(t > self.end for t in self.profiles):
-            raise ValueError(f"a profile time lies behind end = {_time(self.end)}")
+        for t in self.profiles:
+            if t > self.end:
+                raise ValueError(
+                    f"the profile time {_time(t)} lies behind end = {_time(self.end)}; leave it out of profiles, or "
+                    "give a later end"
+                )
         times = [time for time, _ in self.load_curve]
         require_later(times, "load_curve")
         if times and times[-1] > self.end:
-            raise ValueError(f"a time of load_curve lies behind end = {_time(self.end)}")
+            raise ValueError(
+                f"the last time of load_curve, {_time(times[-1])}, lies behind end = {_time(self.end)}; leave it out, "
+                "or give a later end"
+            )
         return self
 
     @property

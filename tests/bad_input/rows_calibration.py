@@ -289,6 +289,17 @@ ROWS = [
         f"{KEY}: the last time 40 lies behind",
         CREEP.replace("4,0", "40,0"),
     ),
+    curve(
+        "larger than the body",
+        f"{KEY}: the settlement reaches 90 in creep.csv; expected less than 7.5, the height of the body",
+        CREEP.replace("0.35", "90"),
+    ),
+    curve(
+        "share in percent",
+        f"{KEY}.deviation_share: expected a share of the largest value, between 0 and 1, got 2; write 0.02 for 2 %",
+        deviation=None,
+        deviation_share=2,
+    ),
     curve("no deviation", f"{KEY}: expected exactly one of deviation", deviation=None),
     curve("deviation below zero", f"{KEY}.deviation: expected a number above 0, got -1", deviation=-1),
     curve("quantity", f"{KEY}.quantity: expected 'settlement'", quantity="temperature"),

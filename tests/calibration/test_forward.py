@@ -337,6 +337,25 @@ def test_curves_of_zeros_tell_no_noise(plan: CalibrationPlan) -> None:
     assert _noise(some.experiments[0]) == pytest.approx(0.01 / 0.5)
 
 
+def test_curves_that_stay_zero_under_every_load_suggest_no_larger_one() -> None:
+    """A body that is pulled does not settle, however much it is pulled."""
+    some = {name: UNKNOWNS[name] for name in ("radius", "poisson_ratio")}
+    curves = {"settlement": {"quantity": "settlement", **CURVE}}
+    boundary = {**BOUNDARY, "y+": {"traction": [0, 0.05, 0], "pressure": 0}}
+    plan = planned(
+        some,
+        macro={**MACRO, "boundary": boundary, "loads": [1.0]},
+        calibration={"unknowns": some, "observations": curves},
+    )
+    (experiment,), count = plan.experiments, int(TIMES["count"])
+    assert not model_of(plan).curves(starts(plan)).values.any()
+    measured = tuple(replace(curve, measured=np.full(count, 0.01)) for curve in experiment.curves)
+    plan = replace(plan, experiments=(replace(experiment, curves=measured),))
+    found = [each.name for each in further_data([model_of(plan)], plan, starts(plan))]
+    assert "the drained volume" in found
+    assert not [name for name in found if "times the load" in name]
+
+
 def test_a_load_that_is_unknown_is_not_enlarged() -> None:
     some = {name: UNKNOWNS[name] for name in ("radius", "poisson_ratio", "load")}
     plan = planned(

@@ -92,6 +92,18 @@ REFUSED = {
     "no file": (None, {"file": "other.csv"}, "other.csv: no such file"),
     "empty": ("", {}, "got an empty file"),
     "no headings": ("1,2\n2,3\n3,4\n", {}, "curve.csv:1: expected a line of headings"),
+    "a name alone above the numbers": (
+        "Machine X\n1;2\n2;3\n3;4\n",
+        {},
+        "curve.csv:2: expected a line of headings above the numbers, by which columns are named, got none; add one, "
+        "such as 'time [s]; settlement [mm]'",
+    ),
+    "mass": (
+        "time,s [kg]\n1,2\n2,3\n3,4\n",
+        {"quantity": "force", "surface": "y+"},
+        "s: expected a force, such as 10 mN, got 'kg', which is a mass; did you mean 'kgf', the weight of that mass, "
+        "9.80665 N for 1 kg? correct it in the file",
+    ),
     "ragged": ("time,s\n1,2\n2\n3,4\n", {}, "curve.csv:3: expected 2 entries"),
     "text": ("time,s\n1,2\n2,x\n3,4\n", {}, "curve.csv:3: s: expected a finite number, got 'x'"),
     "nan": ("time,s\n1,2\n2,nan\n3,4\n", {}, "curve.csv:3: s: expected a finite number, got 'nan'"),
@@ -151,6 +163,30 @@ REFUSED = {
     ),
     "behind the end": ("time,s\n1,2\n2,3\n1e12,4\n", {}, "lies behind the end of the study"),
 }
+
+
+def test_times_behind_the_end_that_have_no_unit_say_so(tmp_path: Path) -> None:
+    """One unit of time is 0.5 ms: L² μ_c/(E d²)."""
+    table = "time,settlement [um]\n{},1\n60,2\n110,3\n"
+    settings = ObservationSettings(quantity="settlement", file="curve.csv", deviation=0.1)
+
+    def refused(first: int, scales: Scales | None, **changes: Any) -> str:
+        (tmp_path / "curve.csv").write_text(table.format(first).replace("[um]", "[um]" if scales else ""))
+        with pytest.raises(ConfigurationError) as error:
+            read_curve("creep", settings.model_copy(update=changes), tmp_path, scales, 20.0)
+        return str(error.value)
+
+    assert refused(1, SCALES) == (
+        "the last time 110 lies behind the end of the study at 20, both multiples of the study's scale of time, "
+        "0.0005 s, since the times have no unit; give 'time_unit:' or a heading such as 'time [min]', otherwise raise "
+        "its macro.time.end, or give 'until:'"
+    )
+    assert "give 'time_unit:' or a heading such as 'time [min]', otherwise times count from" in refused(
+        30, SCALES
+    )
+    for scales, changes in ((SCALES, {"time_unit": ""}), (SCALES, {"time_unit": "s"}), (None, {})):
+        for first in (1, 30):
+            assert "unit" not in refused(first, scales, **changes)
 
 
 @pytest.mark.parametrize("case", REFUSED)

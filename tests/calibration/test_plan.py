@@ -121,6 +121,28 @@ def test_the_section_leaves_the_study_alone(tmp_path: Path) -> None:
     assert with_it.identity == without.identity
 
 
+def test_bounds_that_leave_out_the_value_of_the_study_are_noted(tmp_path: Path) -> None:
+    """The pore of the study is 2 µm, its modulus 500 kPa."""
+    wide = {"pore": {"lower": "5 um", "upper": "100 um"}, "stiffness": None}
+    notes = read_plan(write(tmp_path, changed(**wide))).notes
+    assert [each for each in notes if each.startswith("unknown")] == [
+        "unknown pore: the bounds, 5 to 100 µm, leave out the value of the study, 2 µm; check the bounds and their unit"
+    ]
+    within = {"pore": {"lower": "2 um", "upper": "100 um"}, "stiffness": None}
+    assert not [each for each in read_plan(write(tmp_path, changed(**within))).notes if "unknown" in each]
+
+
+def test_bounds_without_a_unit_are_noted_with_what_they_are(tmp_path: Path) -> None:
+    plain = {"stiffness": {"of": "modulus", "lower": 0.5, "upper": 2}, "pore": {"lower": 0.5, "upper": 2}}
+    notes = read_plan(write(tmp_path, changed(**plain))).notes
+    assert [each for each in notes if each.startswith("unknown")] == [
+        "unknown stiffness: its values have no unit, so they are multiples of 500000 Pa, with bounds at 250000 Pa and "
+        "1e+06 Pa; write them with their unit",
+        "unknown pore: its values have no unit, so they are multiples of 2 µm, with bounds at 1 µm and 4 µm; write "
+        "them with their unit",
+    ]
+
+
 @pytest.fixture
 def two(tmp_path: Path) -> dict[str, Any]:
     """A file of its own with two studies, of which the second has another length and two loads."""

@@ -197,7 +197,9 @@ def test_default_profile_times_beyond_the_end_are_left_out():
     assert TimePlan().profiles == (1.0, 10.0, 40.0)
     assert TimePlan(end=10).profiles == (1.0, 10.0)
     assert TimePlan.model_validate(TimePlan(end=5).model_dump()) == TimePlan(end=5)
-    with pytest.raises(ValidationError, match="a profile time lies behind end = 5"):
+    with pytest.raises(
+        ValidationError, match="the profile time 10 lies behind end = 5; leave it out of profiles"
+    ):
         TimePlan(end=5, profiles=(1.0, 10.0, 40.0))
 
 

@@ -1,4 +1,4 @@
-"""The note on values whose sign the load excludes, against solutions."""
+"""Notes on values that the load or the size of the body excludes, against solutions."""
 
 from __future__ import annotations
 
@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from porocore.calibration.expectations import sign_note, size_note
 from porocore.calibration.observations import MeasuredSeries, ObservedCurve
-from porocore.calibration.reading import sign_note
+from porocore.calibration.settings import Kind
+from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
 from porocore.errors import ConfigurationError
 from porocore.macro.boundary.symmetry import whole_specimen
 from porocore.macro.problem import MacroProblem
@@ -22,6 +24,7 @@ SERIES = (
     MeasuredSeries("force", "y+", component=2),
     MeasuredSeries("force", "y-", component=2),
     MeasuredSeries("settlement"),
+    MeasuredSeries("heave"),
 )
 HELD = {"normal": 0}
 LOADED: dict[str, tuple[dict[str, Any], float]] = {
@@ -69,8 +72,17 @@ def test_the_sign_is_that_of_the_solution(name: str) -> None:
             values = series.values(solution)[1:]
             assert note(series, values, problem, load) is None
             told += [series] if note(series, -values, problem, load) else []
-    moved, pressed = "y+" in solution.reactions, name not in ("y+ pulled", "y- along the axis")
-    assert told == [s for s in SERIES if (pressed if not s.surface else moved or s.surface == "y-")]
+    moved, down = "y+" in solution.reactions, name not in ("y+ pulled", "y- along the axis")
+    vertical = "settlement" if down else "heave"
+    assert told == [s for s in SERIES if (moved or s.surface == "y-" if s.surface else s.kind == vertical)]
+    # The other movement stays 0, with which no measured values agree.
+    other = MeasuredSeries("heave" if down else "settlement")
+    assert not other.values(solution).any()
+    for values in ([0.1, 0.2], [-0.1, -0.2]):
+        assert f"so that the {other.kind} stays 0; change the sign of the load" in str(
+            note(other, values, problem, load)
+        )
+    assert note(other, [0.1, -0.1], problem, load) is None
 
 
 def test_the_note_says_what_to_do() -> None:
@@ -83,6 +95,55 @@ def test_the_note_says_what_to_do() -> None:
     assert "the study pulls y+, so that the force 2 on y- is below 0" in str(
         note(SERIES[3], [1, 2], problem, -1.0)
     )
+
+
+def test_a_note_on_a_curve_that_stays_0_says_what_was_measured() -> None:
+    pulled = problem_of({"y-": HELD, "y+": {"traction": (0, {"ramp": 0.01, "until": 1}, 0), "pressure": 0}})
+    assert note(SERIES[4], [0, 0.1, 0.3], pulled, 1.0) == (
+        "the values reach 0.3, but the study pulls y+, so that the settlement stays 0; change the sign of the load, or "
+        "give 'quantity: heave' if the movement along +y was measured"
+    )
+    assert "give 'quantity: settlement' and 'factor: -1' if the movement against y was measured" in str(
+        note(SERIES[5], [0, -0.1], pulled, -1.0)
+    )
+    hung = problem_of({"x-": HELD, "y+": {"traction": (0, 0.01, 0), "pressure": 0}})
+    assert note(SERIES[4], [0, 0.1, 0.3], hung, 1.0) is None
+
+
+def sized(kind: Kind, value: float, boundary: dict[str, Any], factor: float = 1.0) -> str | None:
+    """Return the note on one value in units of which the length of the study, 1, has ``factor``."""
+    times, unit = np.ones(1), "" if factor == 1 else "mm"
+    series = MeasuredSeries(
+        kind, probe="top" if kind == "displacement" else "", component=2 if kind == "displacement" else 0
+    )
+    curve = ObservedCurve("one", series, times, unit, "", factor, 1, times, np.array([value]))
+    return size_note(curve, problem_of(boundary, probes={"top": (0, 2, 0)}))
+
+
+def test_a_settlement_beyond_the_height_of_a_standing_body_is_refused() -> None:
+    """The body is 1 by 2 by 1."""
+    standing = {"y-": HELD, "y+": {"normal": -0.01}}
+    assert sized("settlement", 2.0, standing) is None
+    with pytest.raises(ConfigurationError) as refused:
+        sized("settlement", 90.0, standing, factor=0.5)
+    assert str(refused.value) == (
+        "the settlement reaches 90 mm; expected less than 1 mm, the height of the body, which stands on y-; check the "
+        "unit of the values (it is taken from 'unit:' or the heading), and macro.body"
+    )
+    scales = ResultUnits(
+        Scales(modulus=1e3, length=1e-3, pore=1e-6, viscosity=1e-3), OutputUnits(length="mm")
+    )
+    with speaking(scales), pytest.raises(ConfigurationError) as refused:
+        sized("settlement", 90.0, standing)
+    assert "(give 'unit:' or the heading), without which they are multiples of 1 mm" in str(refused.value)
+
+
+def test_displacements_several_times_as_large_as_the_body_are_noted() -> None:
+    hanging = {"y+": HELD, "y-": {"normal": 0.01}}
+    for kind, sign in (("settlement", 1), ("heave", 1), ("heave", -1), ("displacement", -1)):
+        assert sized(kind, 6.0 * sign, hanging) is None
+        assert "but the body is at most 2 long; check the unit" in str(sized(kind, 6.1 * sign, hanging))
+    assert sized("pressure", 1e9, hanging) is None
 
 
 UNCERTAIN: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {

@@ -1,0 +1,204 @@
+"""Expectations of a measured curve before it is computed: its sign, its size, values that the study prescribes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from porocore.calibration.observations import MeasuredSeries, ObservedCurve
+from porocore.calibration.settings import AXES, Kind
+from porocore.core.formulas import TimeFunction, Value
+from porocore.core.units import pretty, spoken
+from porocore.errors import ConfigurationError
+from porocore.interfaces.macro import Part
+from porocore.macro.body.mesh import Facets
+from porocore.macro.boundary.probes import interpolation
+from porocore.macro.problem import Boundary, MacroSetup, body_mesh
+
+#: Weights of nodes, and components of normals, below this are round-off.
+ON_A_NODE = 1e-9
+#: Axis and sign of the outward normal of the plane faces of bodies that are no files.
+FACES = {f"{axis}{sign}": (k, -1 if sign == "-" else 1) for k, axis in enumerate("xyz") for sign in "-+"}
+#: Values of the expected sign below this share of the largest size are noise about zero.
+NOISE = 0.05
+#: Of the movements along y, the other one and its direction in words.
+OPPOSITE: dict[Kind, tuple[Kind, str]] = {
+    "settlement": ("heave", "the movement along +y"),
+    "heave": ("settlement", "the movement against y"),
+}
+#: Displacements so many times as large as the body are noted.
+SEVERAL = 3.0
+#: Parts of a study beside which one pressed face does not decide the sign of a force.
+_OTHERS: frozenset[Part] = frozenset(("body_force", "initial", "regions"))
+
+
+def sign_note(curve: ObservedCurve, macro: MacroSetup, load: float) -> str | None:
+    """Return the note that all values have the sign that the load excludes; None: they do not, or it may be so."""
+    pushed = _pushed(macro, load)
+    if pushed is None or curve.measured is None:
+        return None
+    face, pressed = pushed
+    expected = _expected(curve.series, macro, face, pressed)
+    acts = f"the study {'presses' if pressed else 'pulls'} {face}, so that the {curve.series.words}"
+    low, high = float(curve.measured.min()), float(curve.measured.max())
+    if expected == 0 and (low < -high * NOISE) != (high > -low * NOISE):
+        other, along = OPPOSITE[curve.series.kind]
+        factor = " and 'factor: -1'" if high < -low else ""
+        return (
+            f"the values reach {high if high > -low else low:.4g} {pretty(curve.unit)}".rstrip()
+            + f", but {acts} stays 0; change the sign of the load, or give 'quantity: {other}'{factor} if {along} was "
+            "measured"
+        )
+    values = (expected or 0) * curve.measured
+    if values.min() >= 0 or values.max() > -NOISE * values.min():
+        return None
+    found, there = ("below", "above") if expected == 1 else ("above", "below")
+    held = ", positive in compression," if curve.series.kind == "force" and not curve.series.component else ""
+    return (
+        f"the values are {found} 0, but {acts}{held} is {there} 0; give 'factor: -1' if the file counts the "
+        "other way"
+    )
+
+
+def size_note(curve: ObservedCurve, macro: MacroSetup) -> str | None:
+    """Return the note that a displacement is several times as large as the body; None: it is not.
+
+    Raises
+    ------
+    ConfigurationError
+        A settlement is larger than the height of a body that stands on a held face.
+    """
+    if curve.series.quantity != "displacement" or curve.measured is None:
+        return None
+    sizes, units = np.ptp(body_mesh(macro).points, axis=0) * curve.factor, spoken()
+    stands = curve.series.kind == "settlement" and _is_held(macro, "y-")
+    reached = float(curve.measured.max() if stands else np.abs(curve.measured).max())
+    size = float(sizes[1] if stands else SEVERAL * sizes.max())
+    if reached <= size * (1 + ON_A_NODE):
+        return None
+    words = f"{size if stands else size / SEVERAL:.4g} {pretty(curve.unit)}".rstrip()
+    where = "" if curve.file is None else f" in {curve.file.name}"
+    advice = f"check the unit of the values ({'it is taken from' if curve.unit else 'give'} 'unit:' or the heading)"
+    if units.given and not curve.unit:
+        advice += f", without which they are multiples of {units.text(1.0, 'displacement')}"
+    advice += f", and macro.body{' with scales.length' if units.given else ''}"
+    told = f"the {curve.series.words} reaches {reached:.4g} {pretty(curve.unit)}".rstrip() + where
+    if stands:
+        raise ConfigurationError(
+            f"{told}; expected less than {words}, the height of the body, which stands on y-; {advice}"
+        )
+    return f"{told}, but the body is at most {words} long; {advice}"
+
+
+def require_free(series: MeasuredSeries, macro: MacroSetup, load: float) -> None:
+    """Refuse a settlement, heave, displacement or pressure that the study prescribes, whatever its unknowns are.
+
+    Raises
+    ------
+    ConfigurationError
+        It is prescribed; the message begins with the key of the observation.
+    """
+    if series.probe:
+        held = _held_at(series, macro)
+    else:
+        pushed = _pushed(macro, load) if series.kind in ("settlement", "heave") else None
+        face, pressed = pushed or ("", False)
+        down = face == ("y+" if pressed else "y-")
+        moved = face in ("y+", "y-") and macro.boundary[face].is_moved
+        held = f"macro.boundary.{face}" if moved and down == (series.kind == "settlement") else ""
+    if held:
+        raise ConfigurationError(
+            f"{'probe' if series.probe else 'quantity'}: expected a curve that depends on the unknowns, but {held} "
+            f"prescribes the {series.words}; fit another quantity, such as the force on a surface that is held or "
+            "moved, or remove the curve"
+        )
+
+
+def _held_at(series: MeasuredSeries, macro: MacroSetup) -> str:
+    """Return the key of the surface that prescribes a series at its probe; empty where none does."""
+    mesh, place = body_mesh(macro), series.place
+    assert place.component is not None
+    rows = interpolation(mesh, {series.probe: macro.probes[series.probe]})
+    found = rows[place.component]
+    columns = found.indices[np.abs(found.data) > ON_A_NODE]
+    fluid = place.component == len(AXES)
+    nodes = mesh.p_nodes[columns - mesh.n_u] if fluid else columns // len(AXES)
+    for name, boundary in macro.boundary.items():
+        key = f"macro.boundary.{name}"
+        facets = Facets(mesh, mesh.surface(name, key))
+        if not np.isin(nodes, facets.nodes).all():
+            continue
+        if fluid and boundary.pressure is not None:
+            return f"{key}.pressure"
+        if not fluid and boundary.displacement[place.component] is not None:
+            return f"{key}.displacement"
+        if not fluid and boundary.normal is not None:
+            normal = facets.plane(f"{key}.normal")
+            if abs(normal[place.component]) > 1 - ON_A_NODE:
+                return f"{key}.normal"
+    return ""
+
+
+def _expected(series: MeasuredSeries, macro: MacroSetup, face: str, pressed: bool) -> int | None:
+    """Return the sign of a series, 0 where it stays 0; None: it is not certain."""
+    sense = 1 if pressed else -1
+    if series.kind in OPPOSITE and face in ("y-", "y+"):
+        down = sense * FACES[face][1]
+        if down == (1 if series.kind == "settlement" else -1):
+            return 1
+        return 0 if _is_held(macro, "y-" if face == "y+" else "y+") else None
+    axis, side = FACES.get(series.surface, (-1, 0))
+    if series.kind != "force" or axis != FACES[face][0]:
+        return None
+    if not series.component:
+        return sense
+    return -sense * side if series.component == axis + 1 else None
+
+
+def _is_held(macro: MacroSetup, face: str) -> bool:
+    """Return True for a face across y that does not move along it."""
+    boundary = macro.boundary.get(face)
+    return boundary is not None and 0 in (boundary.normal, boundary.displacement[1])
+
+
+def _pushed(macro: MacroSetup, load: float) -> tuple[str, bool] | None:
+    """Return the only face that is loaded, ever more and along its normal, and True where it is pressed."""
+    constant = all(isinstance(value, int | float) for value in macro.fields.values())
+    loaded = [(name, each) for name, each in macro.boundary.items() if any(map(_acts, _values(each)))]
+    if macro.body.kind == "file" or not constant or _OTHERS & macro.parts or len(loaded) != 1:
+        return None
+    name, boundary = loaded[0]
+    acting = [value for value in _values(boundary) if _acts(value)]
+    if name not in FACES or len(acting) != 1:
+        return None
+    axis, side = FACES[name]
+    along = ((boundary.displacement[axis], side), (boundary.traction[axis], side), (boundary.plate, side))
+    for value, outward in (*along, (boundary.normal, 1), (boundary.follower, -1)):
+        if value is not None and _acts(value):
+            end = load * outward * _rising(value, macro)
+            return (name, end < 0) if end else None
+    return None
+
+
+def _values(boundary: Boundary) -> Sequence[Value | None]:
+    """Return everything that is prescribed on a surface."""
+    moved = (*boundary.displacement, boundary.normal)
+    return (*moved, *boundary.traction, boundary.follower, boundary.plate, boundary.pressure, boundary.flux)
+
+
+def _acts(value: Value | None) -> bool:
+    return value is not None and value != 0
+
+
+def _rising(value: Value, macro: MacroSetup) -> float:
+    """Return the last value of one that only grows in size; 0 for any other."""
+    if isinstance(value, TimeFunction):
+        if value.expression is not None:
+            return 0.0
+        course = [0.0, *(value.at(time) for time in value.corners)]
+    else:
+        course = [0.0, *(value * macro.ramp(time) for time in (*macro.corners, macro.time.end))]
+    grows = all(one * other >= 0 and abs(other) >= abs(one) for one, other in pairwise(course))
+    return course[-1] if grows else 0.0
