@@ -11,31 +11,28 @@ import itertools
 import json
 import math
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
-from contextlib import closing
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from multiprocessing import active_children, get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from porocore.core.console import Console, duration
+from porocore.core.console import Console
 from porocore.core.echo import cut, echo
 from porocore.core.files.atomic import atomic_path
 from porocore.core.files.plain_data import stable_hash, write_json
 from porocore.core.files.reading import read_json
 from porocore.core.files.store import ResultStore
-from porocore.core.parallel.children import begin_child, require_children, starting_children
-from porocore.errors import ConfigurationError, DataError, PorocoreError
+from porocore.core.parallel.calls import Tell
+from porocore.errors import ConfigurationError, DataError
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Array, CellResponse, MacroState
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
 from porocore.study.run_folder import RunFolder
+from porocore.study.series import Case, RunSeries
 from porocore.study.stages.stage_files import training_set
 from porocore.study.store import arrays_hash, training_key
 from porocore.surrogates.network.options import MOST_LAYERS, MOST_WIDTH
@@ -172,7 +169,12 @@ class Result:
 
 
 def train_candidate(
-    config: RunConfig, candidate: Candidate, data: TrainingSet, states: MacroState, truth: CellResponse
+    tell: Tell,
+    config: RunConfig,
+    candidate: Candidate,
+    data: TrainingSet,
+    states: MacroState,
+    truth: CellResponse,
 ) -> Result:
     """Train a candidate and return its error on the held-out states."""
     surrogate: Surrogate = make_backend("surrogate", config)
@@ -221,46 +223,77 @@ def _learned_outputs(truth: CellResponse) -> int:
 TUNINGS = "tunings"
 
 
-class KnownTrainings:
-    """Results of candidates in the store, by all that they depend on.
+class TuningSeries(RunSeries[Result]):
+    """Candidates that are trained on the samples of a run, and measured on its held-out states.
+
+    The run folder keeps each in a file; other samples, held-out states or options give another folder.
 
     Parameters
     ----------
-    data, held_out
-        Samples that the candidates are trained on, and states with responses that they are measured on.
+    folder, config
+        The run, and its configuration or one with another surrogate.
+    store
+        Networks that it knows are not trained.
     """
 
-    def __init__(
-        self,
-        store: ResultStore,
-        config: RunConfig,
-        data: TrainingSet,
-        held_out: tuple[MacroState, CellResponse],
-    ) -> None:
-        self._store, self._config, self._data = store, config, data
-        self._measured = arrays_hash(*held_out)
+    title, unit = "tuning", "candidates"
+    function = train_candidate
 
-    def find(self, grid: Sequence[Candidate], tell: Callable[[str], None]) -> dict[Candidate, Result]:
-        """Return the results that the store holds, and tell how many they are."""
-        stored = {candidate: self._store.find(TUNINGS, self._key(candidate)) for candidate in grid}
-        found = {
-            candidate: Result(**json.loads(each.payload))
-            for candidate, each in stored.items()
-            if each is not None
-        }
-        if found:
-            took = duration(sum(result.seconds for result in found.values()))
-            tell(f"tuning: {len(found)} trained networks came from the store, which saved {took}")
-        return found
+    def __init__(self, folder: RunFolder, config: RunConfig, store: ResultStore | None) -> None:
+        # No candidate may leave out the states that it flags.
+        self._data = replace(training_set(folder, config), tolerance=None)
+        self._held_out, self._config, self._store = _held_out(folder, config), config, store
+        self._measured = arrays_hash(*self._held_out)
+        stages = with_options(config, {}).stages
+        self._folder = folder.path / "tune" / stable_hash(f"{stages.training} {stages.test}", length=12)
 
-    def keep(self, candidate: Candidate, result: Result) -> None:
-        """Keep the result of a candidate."""
-        payload = json.dumps(asdict(result)).encode()
-        self._store.keep(TUNINGS, self._key(candidate), payload, {"seconds": result.seconds})
+    def cases(self, grid: Sequence[Candidate]) -> list[Case]:
+        """Return the candidates as cases, those first that take longest."""
+        longest_first = sorted(grid, key=lambda each: -each.parameters(len(self._data.inputs), 1))
+        return [
+            Case(
+                each.key,
+                (with_architecture(self._config, each), each, self._data, *self._held_out),
+                f"the network {each.key}",
+            )
+            for each in longest_first
+        ]
 
-    def _key(self, candidate: Candidate) -> str:
-        surrogate = with_architecture(self._config, candidate).surrogate
-        options = surrogate.options | {"model": self._config.surrogate_model, "measured on": self._measured}
+    def find(self, case: Case) -> Result | None:
+        """Return a finished candidate, None for one to train again."""
+        try:
+            document = read_json(self._place(case))
+            if (document.pop("format"), document.pop("version")) != (FORMAT, VERSION):
+                return None
+            return Result(**document)
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            return None
+
+    def keep(self, case: Case, result: Result) -> None:
+        """Keep a candidate in the folder and in the store."""
+        document = {"format": FORMAT, "version": VERSION, **asdict(result)}
+        write_json(self._place(case), document, allow_nan=False)
+        if self._store is not None:
+            payload = json.dumps(asdict(result)).encode()
+            self._store.keep(TUNINGS, self._key(case), payload, {"seconds": result.seconds})
+
+    def stored(self, case: Case) -> tuple[Result, float] | None:
+        """Return a candidate that the store knows."""
+        found = None if self._store is None else self._store.find(TUNINGS, self._key(case))
+        result = None if found is None else Result(**json.loads(found.payload))
+        return None if result is None else (result, result.seconds)
+
+    def describe(self, case: Case, result: Result) -> str:
+        """Return the candidate and its error."""
+        return case.key if result.error is None else f"{case.key}, error {100 * result.error:.2g} %"
+
+    def _place(self, case: Case) -> Path:
+        return self._folder / f"{case.key}.json"
+
+    def _key(self, case: Case) -> str:
+        """Return the hash of all that the result depends on."""
+        surrogate, model = case.arguments[0].surrogate, self._config.surrogate_model
+        options = surrogate.options | {"model": model, "measured on": self._measured}
         return training_key(surrogate.backend, options, surrogate.seed, self._data)
 
 
@@ -308,61 +341,6 @@ def text_table(results: Sequence[Result], chosen: Result) -> Iterator[str]:
         mark = "  <- chosen" if r == chosen else ""
         hidden = str(r.candidate.hidden)
         yield f"{hidden:<16}{r.activation:<12}{r.parameters:>11}{error:>11}{r.seconds:>9.1f} s{mark}"
-
-
-#: Key, and a function at the top level of a module with its first arguments.
-Task = tuple[str, tuple[Callable[..., Any], tuple[Any, ...]]]
-
-_shared: tuple[Any, ...] = ()
-
-
-def run_tasks(
-    tasks: list[Task], shared: tuple[Any, ...], workers: int
-) -> Generator[tuple[str, Any], None, None]:
-    """Yield (key, result) of each task, called with its arguments followed by ``shared``, in the order of completion.
-
-    With one worker, or one task, they run in this process. Workers ignore Ctrl-C and end when this generator is
-    left or this process ends.
-
-    Raises
-    ------
-    PorocoreError
-        A worker died, or this process may not have workers; an exception of a task is raised as it is.
-    """
-    workers = min(workers, len(tasks))
-    if workers <= 1:
-        for key, (function, arguments) in tasks:
-            yield key, function(*arguments, *shared)
-        return
-    require_children()
-    others = set(active_children())
-    executor = ProcessPoolExecutor(workers, get_context("spawn"), initializer=_start, initargs=(shared,))
-    try:
-        with starting_children():  # a worker starts as its task is submitted
-            futures = {
-                executor.submit(_call, function, arguments): key for key, (function, arguments) in tasks
-            }
-        for future in as_completed(futures):
-            yield futures[future], future.result()
-    except BrokenProcessPool as error:
-        raise PorocoreError(
-            "a worker process ended without a message; if memory ran out, use fewer with --workers"
-        ) from error
-    finally:
-        executor.shutdown(wait=False, cancel_futures=True)
-        for process in set(active_children()) - others:
-            process.terminate()
-            process.join()
-
-
-def _start(shared: tuple[Any, ...]) -> None:
-    global _shared
-    _shared = shared
-    begin_child()
-
-
-def _call(function: Callable[..., Any], arguments: tuple[Any, ...]) -> Any:
-    return function(*arguments, *_shared)
 
 
 @dataclass(frozen=True)
@@ -414,66 +392,12 @@ def tune(
     RunFolderError, DataError
         Sampling is not finished or gave too few states, all trainings diverged, or the folder cannot be written.
     """
-    with console.task("tuning", "candidates") as task:
-
-        def show(done: int, result: Result | None) -> None:
-            detail = "" if result is None else result.candidate.key
-            if result is not None and result.error is not None:
-                detail += f", error {100 * result.error:.2g} %"
-            task.update(done, len(grid), detail=detail)
-
-        count = config.sampling.worker_count() if workers is None else workers
-        results = train_all(
-            folder, config, grid, workers=count, on_result=show, store=store, tell=console.note
-        )
+    count = config.sampling.worker_count() if workers is None else workers
+    trainings = TuningSeries(folder, config, store)
+    results = trainings.run(trainings.cases(grid), console, count)
+    results.sort(key=lambda r: (r.parameters, r.depth, r.activation))
     chosen = smallest_good(results, margin)
     return Tuning(results, chosen, write_tables(folder, config, results, chosen, margin))
-
-
-def train_all(
-    folder: RunFolder,
-    config: RunConfig,
-    grid: Sequence[Candidate],
-    *,
-    workers: int = 1,
-    on_result: Callable[[int, Result | None], None] | None = None,
-    store: ResultStore | None = None,
-    tell: Callable[[str], None] = lambda text: None,
-) -> list[Result]:
-    """Train all candidates that the folder does not hold; return all results, smallest network first.
-
-    See :func:`tune`; ``on_result`` is called with the number of results and the latest one, first for those that the
-    folder and the store hold. The workers have one thread each. ``tell`` is called with what came from the store.
-    """
-    # No candidate may leave out the states that it flags.
-    data = replace(training_set(folder, config), tolerance=None)
-    held_out = _held_out(folder, config)
-    places = {candidate: _place(folder, config, candidate) for candidate in grid}
-    results = {candidate: found for candidate, path in places.items() if (found := _read(path)) is not None}
-    missing = [candidate for candidate in grid if candidate not in results]
-    known = KnownTrainings(store, config, data, held_out) if store is not None else None
-    if known is not None:
-        for candidate, result in known.find(missing, tell).items():
-            _write(places[candidate], result)
-            results[candidate] = result
-    if on_result is not None:
-        on_result(len(results), None)
-    tasks: list[Task] = [
-        (candidate.key, (train_candidate, (with_architecture(config, candidate), candidate)))
-        for candidate in sorted(grid, key=lambda c: -c.parameters(len(data.inputs), 1))  # the longest first
-        if candidate not in results
-    ]
-    by_key = {candidate.key: candidate for candidate in grid}
-    with closing(run_tasks(tasks, (data, *held_out), workers)) as finished:
-        for key, result in finished:
-            candidate = by_key[key]
-            _write(places[candidate], result)
-            if known is not None:
-                known.keep(candidate, result)
-            results[candidate] = result
-            if on_result is not None:
-                on_result(len(results), result)
-    return sorted(results.values(), key=lambda r: (r.parameters, r.depth, r.activation))
 
 
 def smallest_good(results: Sequence[Result], margin: float) -> Result:
@@ -501,25 +425,3 @@ def _held_out(folder: RunFolder, config: RunConfig) -> tuple[MacroState, CellRes
             f"{path}: none of the {len(dataset)} held-out states is stable; narrow sampling.inputs"
         )
     return dataset.states()[good], responses[good]
-
-
-def _place(folder: RunFolder, config: RunConfig, candidate: Candidate) -> Path:
-    """Return the file of a candidate; other samples, held-out states or options give another folder."""
-    stages = with_options(config, {}).stages
-    identity = stable_hash(f"{stages.training} {stages.test}", length=12)
-    return folder.path / "tune" / identity / f"{candidate.key}.json"
-
-
-def _read(path: Path) -> Result | None:
-    """Return a finished candidate, None for one to train again."""
-    try:
-        document = read_json(path)
-        if (document.pop("format"), document.pop("version")) != (FORMAT, VERSION):
-            return None
-        return Result(**document)
-    except (OSError, ValueError, KeyError, TypeError, AttributeError):
-        return None
-
-
-def _write(path: Path, result: Result) -> None:
-    write_json(path, {"format": FORMAT, "version": VERSION, **asdict(result)}, allow_nan=False)

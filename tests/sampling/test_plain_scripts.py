@@ -13,7 +13,7 @@ from campaigns import gone, solves
 
 #: Both kinds of workers; the list of all processes that ran the script stands in a file.
 SCRIPT = """
-import math, multiprocessing, os, sys
+import io, multiprocessing, os, sys
 with open("begun", "a") as begun:
     print(os.getpid(), file=begun)
 if sys.argv[1:]:
@@ -21,11 +21,13 @@ if sys.argv[1:]:
 from pathlib import Path
 from campaigns import sample
 from fake_cell import Fake
-from porocore.study.tuning import run_tasks
+from porocore.core.console import Console
+from series_cases import Squares, cases
 
 dataset, summary = sample(Path("data.h5"), Fake(log="log"), workers=2, {where})
-roots = dict(run_tasks([(str(i), (math.sqrt, (i,))) for i in (4, 9)], (), 2))
-print(summary.solved == len(dataset), sorted(roots.values()), __spec__ and __spec__.name)
+os.mkdir("squares")
+squares = Squares("squares").run(cases([2, 3]), Console(io.StringIO()), 2)
+print(summary.solved == len(dataset), squares, __spec__ and __spec__.name)
 """
 HELPERS = Path(__file__).parents[1] / "helpers"
 WAYS = {
@@ -59,7 +61,7 @@ def run(folder: Path, words: list[str], **settings: str) -> subprocess.Completed
 def test_a_plain_script_runs_once(tmp_path: Path, way: str) -> None:
     words, name = WAYS[way]
     done = run(tmp_path, words)
-    assert (done.stdout, done.stderr) == (f"True [2.0, 3.0] {name}\n", "")
+    assert (done.stdout, done.stderr) == (f"True [4.0, 9.0] {name}\n", "")
     assert len((tmp_path / "begun").read_text().split()) == 1
     solvers = {int(process) for process, _, _ in solves(tmp_path / "log")}
     assert len(solvers) == 2
@@ -70,7 +72,7 @@ def test_a_plain_script_runs_once(tmp_path: Path, way: str) -> None:
 def test_a_plain_script_runs_once_with_dask(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     done = run(tmp_path, ["plain.py"], where='executor="dask"')
-    assert (done.stdout, done.stderr) == ("True [2.0, 3.0] None\n", "")
+    assert (done.stdout, done.stderr) == ("True [4.0, 9.0] None\n", "")
     assert len((tmp_path / "begun").read_text().split()) == 1
 
 

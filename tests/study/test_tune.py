@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import csv
 import importlib
+import io
 import json
-import os
 import shutil
-import signal
-import subprocess
 import sys
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,6 +16,7 @@ import pytest
 import yaml
 
 from porocore.cli import main
+from porocore.core.console import Console
 from porocore.core.inputs import NAMES
 from porocore.errors import ConfigurationError, DataError
 from porocore.interfaces.records import SolvedState
@@ -37,7 +35,7 @@ from porocore.study.tuning import Candidate, Result, candidates, held_out_errors
 from porocore.testing.synthetic.cell import INPUTS, respond, synthetic_training_set
 
 #: Read by the plugin of tune_fakes.
-LOG, SLEEP = "POROCORE_TUNE_LOG", "POROCORE_TUNE_SLEEP"
+LOG = "POROCORE_TUNE_LOG"
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -191,29 +189,15 @@ def test_what_is_trained_is_not_trained_again(folder, command, log):
     assert "6 of 6 candidates" in err or "8 of 8 candidates" in err
 
 
-def test_other_settings_are_not_mixed_up(folder, command, log):
+@pytest.mark.usefixtures("undrawn")
+def test_other_settings_are_not_mixed_up(folder, log):
     """A seed is part of what a candidate belongs to."""
-    grid = candidates(folder.config, [1], [4], ["tanh"])
-    tune.train_all(folder, folder.config, grid)
+    grid, console = candidates(folder.config, [1], [4], ["tanh"]), Console(io.StringIO())
+    tune.tune(folder, folder.config, grid, console=console)
     surrogate = folder.config.surrogate.model_copy(update={"seed": 5})
-    tune.train_all(folder, folder.config.model_copy(update={"surrogate": surrogate}), grid)
+    tune.tune(folder, folder.config.model_copy(update={"surrogate": surrogate}), grid, console=console)
     assert len(log()) == 2
     assert len(list(folder.path.glob("tune/*"))) == 2
-
-
-@pytest.mark.usefixtures("undrawn")
-def test_candidates_in_processes(folder, command, log, monkeypatch):
-    """One thread each, in two processes, and the same table."""
-    monkeypatch.setenv("OMP_NUM_THREADS", "7")
-    monkeypatch.setenv(SLEEP, "0.3")
-    command(folder.path, "--depths", 1, "--widths", "4,8,16,32", "--activations", "tanh", "--workers", 2)
-    lines = log()
-    assert len(lines) == 4
-    assert {line[1] for line in lines} == {"1"}
-    processes = {line[0] for line in lines}
-    assert len(processes) == 2
-    assert str(os.getpid()) not in processes
-    assert os.environ["OMP_NUM_THREADS"] == "7"
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -227,7 +211,7 @@ def test_another_run_on_the_same_samples_trains_none_again(folder, tmp_path, log
     shutil.rmtree(folder.path / "tune")
     status, again, err = command(folder.path, *words)
     assert (status, len(log())) == (0, 3)
-    assert "tuning: 3 trained networks came from the store, which saved " in err
+    assert "tuning: 3 candidates came from the store, which saved " in err
     assert again == out
     assert json.loads((folder.path / "tune.json").read_text()) == table
     shutil.rmtree(folder.path / "tune")
@@ -235,38 +219,14 @@ def test_another_run_on_the_same_samples_trains_none_again(folder, tmp_path, log
     assert len(log()) == 6
 
 
-@pytest.mark.usefixtures("undrawn")
-def test_a_search_that_is_interrupted_goes_on(folder, fakes, log, command):
-    """Ctrl-C in another process: finished candidates stay, the message says how to go on, no process is left."""
-    path = os.pathsep.join(
-        [str(fakes), str(Path(__file__).parents[1] / "helpers"), os.environ.get("PYTHONPATH", "")]
-    )
-    environment = os.environ | {SLEEP: "1.0", "PYTHONPATH": path}
-    words = ["tune", str(folder.path), "--depths", "1", "--widths", "4,8,16,32,64", "--activations", "tanh"]
-    process = subprocess.Popen(
-        [sys.executable, "-c", "from porocore.cli import main; main()", *words, "--workers", "2"],
-        env=environment,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    deadline = time.monotonic() + 60
-    while not list(folder.path.glob("tune/*/*.json")) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=30)
-    assert process.returncode == 130
+def test_a_search_that_is_interrupted_says_how_it_goes_on(folder, command, monkeypatch):
+    def interrupted(*given):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(tune.TuningSeries, "function", interrupted)
+    status, _, err = command(folder.path, "--depths", "1", "--widths", "4,8", "--workers", 1)
+    assert status == 130
     assert f"continue with: porocore tune {folder.path} --depths 1" in err
-    workers = {int(line[0]) for line in log()}
-    assert workers
-    for worker in workers:
-        with pytest.raises(ProcessLookupError):
-            os.kill(worker, 0)
-    kept = len(list(folder.path.glob("tune/*/*.json")))
-    before = len(log())
-    assert 1 <= kept < 5
-    status, _, _ = command(*words[1:], "--workers", 1)
-    assert status == 0
-    assert len(log()) - before == 5 - kept
 
 
 @pytest.mark.usefixtures("undrawn")

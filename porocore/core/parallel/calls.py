@@ -43,6 +43,10 @@ class Failure:
         return UnexpectedError(f"{who} raised {self.kind} {where}: {self.message}", self.details)
 
 
+class ProcessEnded(PorocoreError):
+    """End of a process that had a call, without a message."""
+
+
 #: Seconds between two looks at processes and interrupts while nothing is reported.
 PATIENCE = 0.2
 #: Takes what a call has to tell while it runs.
@@ -143,6 +147,8 @@ class Call:
 
     Attributes
     ----------
+    future
+        Its result, or what it raised as text.
     began, ended
         Times of its begin and end by the monotonic clock; None before they are known.
     """
@@ -152,7 +158,7 @@ class Call:
         self.began: float | None = None
         self.ended: float | None = None
         self._shown = 0.0
-        self._future, self._processes = future, processes
+        self.future, self._processes = future, processes
         self._waiting: deque[Report] = deque()
 
     def take(self, report: Report) -> None:
@@ -172,14 +178,23 @@ class Call:
     def reports(self) -> Iterator[Any]:
         """Yield what the call has told since the last time, and what it tells until it ends."""
         while True:
-            while self._waiting:
-                report = self._waiting.popleft()
-                self._shown = report.at
-                yield report.told
+            yield from self._told()
             if self.ended is not None:
                 self._shown = self.ended
                 return
             self._look()
+
+    def told(self) -> list[Any]:
+        """Return what the call has told since the last time, without waiting."""
+        while self._processes.receive(0):
+            pass
+        return list(self._told())
+
+    def _told(self) -> Iterator[Any]:
+        while self._waiting:
+            report = self._waiting.popleft()
+            self._shown = report.at
+            yield report.told
 
     def time(self) -> float:
         """Return the time of what :meth:`reports` has yielded last, by the monotonic clock, or of the begin or end."""
@@ -199,17 +214,17 @@ class Call:
         """
         for _ in self.reports():
             pass
-        found = self._future.result()
+        found = self.future.result()
         if isinstance(found, Failure):
             raise found.as_error("a process", self.what)
         return found
 
     def _look(self) -> None:
-        if self._processes.receive(PATIENCE) or not self._future.done():
+        if self._processes.receive(PATIENCE) or not self.future.done():
             return
-        trouble = self._future.exception()
+        trouble = self.future.exception()
         if isinstance(trouble, BrokenProcessPool):
-            raise PorocoreError(
+            raise ProcessEnded(
                 f"a process ended without a message {self.what} (out of memory, or killed); what is finished is kept: "
                 "resume, where memory is short with sampling.workers: 1"
             )
