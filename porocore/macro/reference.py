@@ -26,7 +26,7 @@ from porocore.core.files.plain_data import write_json
 from porocore.core.files.reading import read_json, set_aside
 from porocore.core.formulas import TimeFunction
 from porocore.core.units import spoken
-from porocore.errors import ConfigurationError, DataError, PorocoreError
+from porocore.errors import ConfigurationError, DataError, SolveError
 from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.mesh import BodyMesh, Facets
@@ -134,12 +134,12 @@ class CellReference:
         ConfigurationError
             The cell has no pores, its solid is not connected across the periodic cell, or it swells so much that it
             cannot be held.
-        PorocoreError
+        SolveError
             The undeformed cell has no solution, which a mesh or backend fault must cause.
         """
         cell.require_pores()
         response = solution_of(solver, prepared, MacroState.zeros(1)).response
-        _require_solved(response, cell)
+        require_solved(response, cell)
         # Of a cell that has an eighth it is told whether the states are solved there or not.
         part: Domain = "whole" if cell.geometry.unfolding == "whole" else "eighth"
         solid, fluid = cell.make_mesh("solid", part), cell.make_mesh("fluid", part)
@@ -218,7 +218,7 @@ def porosity_before_swelling(solver: CellSolver, cell: Cell) -> float:
     """Return φ_f of a cell before its solid swells, as the solver's own mesh has it."""
     dry = cell.before_swelling
     response = solution_of(solver, solver.prepare(dry), MacroState.zeros(1), tangent=False).response
-    _require_solved(response, dry)
+    require_solved(response, dry)
     assert response.fluid_volume is not None
     return float(response.fluid_volume[0])
 
@@ -241,7 +241,16 @@ def porosity_at_rest(solver: CellSolver, prepared: Any, cell: Cell) -> float:
     return cell.mesh_porosity if found is None else float(found[0])
 
 
-def _require_solved(response: CellResponse, cell: Cell) -> None:
+def require_solved(response: CellResponse, cell: Cell) -> None:
+    """Refuse an undeformed cell that could not be solved, with what to change.
+
+    Raises
+    ------
+    ConfigurationError
+        Its solid swells too much, or is nearly incompressible.
+    SolveError
+        Anything else.
+    """
     if response.status[0] == Status.converged:
         return
     name = Status(response.status[0]).name
@@ -256,7 +265,7 @@ def _require_solved(response: CellResponse, cell: Cell) -> None:
             f"cell.material.poisson_ratio: the undeformed cell ended with status '{name}'; {ratio:g} is that of a "
             f"nearly incompressible solid, which cannot be solved here; give one up to {NEARLY_INCOMPRESSIBLE:g}"
         )
-    raise PorocoreError(
+    raise SolveError(
         f"the undeformed cell ended with status '{name}'; "
         "refine the mesh (cell.mesh.size) or try another backend (--fem)"
     )

@@ -32,6 +32,13 @@ NO_CONFIGURATION: dict[str, tuple[Content | None, str]] = {
     "tab": ("a: 1\n\ta: 2", f"{CONFIG}:2: expected an indentation by spaces, got a tab"),
     "object": ("!!python/object/apply:os.system ['touch hacked']", "not valid YAML"),
     "HDF5": (b"\x89HDF\r\n\x1a\n\xff", "expected a configuration, which is YAML text, got an HDF5 file"),
+    "JPEG": (b"\xff\xd8\xff\xe0" + bytes(99), "got a JPEG picture by its first bytes; give another file"),
+    "PNG": (b"\x89PNG\r\n\x1a\n" + bytes(99), "got a PNG picture by its first bytes"),
+    "PDF": ("%PDF-1.4\n1 0 obj\n<< /Type >>", "got a PDF document by its first bytes"),
+    "ZIP": (b"PK\x03\x04\x14\0\x06\0", "got a ZIP archive by its first bytes"),
+    "web page": ("<!doctype html><html>", "got a web page by its first bytes"),
+    "old Office": (b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1" + bytes(99), "got a document of an older Office"),
+    "null bytes": (b"a: 1\0\0", "got a file that is no text"),
     "bytes": (b"\x80\x00\x01", "expected a configuration, which is YAML text, got a file that is no text"),
     "loop of links": (link(CONFIG), f"{CONFIG}: cannot be read: a symbolic link that leads back to itself"),
     "dangling link": (link("nowhere"), f"{CONFIG}: a symbolic link to nowhere, which does not exist"),
@@ -160,7 +167,21 @@ ROWS = [
         Row(f"check: {name}", ("check", "cell.yaml"), (expected,), {"cell.yaml": text})
         for name, text, expected in (
             ("a part of a study", "cell: {viscosity: 1.0}\nsampling: {}\n", "macro: "),
-            ("no cell", "title: of nothing\n", "sampling: "),
+            (
+                "no cell",
+                "title: of nothing\n",
+                "sampling: missing; add 'sampling:' at the top level; 'porocore init'",
+            ),
+            (
+                "a fluid",
+                "cell: {}\nfluid: {viscosity: 1}\n",
+                "fluid: unknown key; of the fluid the viscosity alone",
+            ),
+            (
+                "a solid",
+                "cell: {}\nsolid: {E: 1}\n",
+                "solid: unknown key; the solid is 'material:' under 'cell:'",
+            ),
             (
                 "a force without a length",
                 "cell: {}\nscales: {force: 1 N, pore: 1 um}\n",

@@ -195,7 +195,7 @@ FAULTS: dict[str, tuple[str, Content, str, str]] = {
     "a flat mesh": (".msh", altered(shrunk), "same place", "which is flat"),
     "pyramids too": (".msh", altered(pyramids), "expected volume elements of one kind", "expected tetrahedra"),
     "hexahedra too": (".msh", altered(hexahedra), "expected volume elements of one kind", "expected tetrahedra"),
-    "a surface only": (".msh", altered(surface_only), "expected volume elements", "no elements with a volume"),
+    "a surface only": (".msh", altered(surface_only), "has none: mesh the volume in three", "'gmsh -3' meshes it"),
     "lines only": (".msh", altered(lines_only), "expected volume elements", "no elements with a volume"),
     "a hexahedron turned inside out": (
         ".msh", altered(turned_hexahedron), "turned inside out or flat", "expected tetrahedra",

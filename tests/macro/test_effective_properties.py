@@ -10,6 +10,7 @@ from scipy.optimize import root
 
 from porocore import CellProblem
 from porocore.core.units import OutputUnits, ResultUnits, Scales
+from porocore.errors import ConfigurationError
 from porocore.macro.laws.linear import PROPERTIES, EffectiveProperties, LinearCoefficients
 
 POISSON = 0.3
@@ -22,6 +23,16 @@ def problem(mesh=MESH, **geometry):
     solid = {"kind": "neo-hookean", "poisson_ratio": POISSON}
     cell = {"geometry": geometry, "material": solid, "mesh": mesh, "viscosity": 0.5}
     return CellProblem(cell, store=False)
+
+
+def test_a_nearly_incompressible_solid_is_refused_by_its_key():
+    solid = {"kind": "neo-hookean", "poisson_ratio": 0.499999}
+    geometry, mesh = {"kind": "orthogonal-channels"}, {"size": 0.5, "fluid_size": 0.4}
+    cell = CellProblem({"geometry": geometry, "material": solid, "mesh": mesh}, store=False)
+    with pytest.raises(
+        ConfigurationError, match=r"cell.material.poisson_ratio: the undeformed cell ended with"
+    ):
+        assert cell.properties
 
 
 @pytest.fixture(scope="module")

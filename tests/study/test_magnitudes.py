@@ -11,7 +11,7 @@ from porocore.errors import ConfigurationError
 from porocore.macro.problem import MacroSetup, body_mesh
 from porocore.study.config.config import MacroSettings
 from porocore.study.notes.abilities import late_functions
-from porocore.study.notes.magnitudes import formulas, require_right_side_out, run_times, separation
+from porocore.study.notes.magnitudes import formulas, require_right_side_out, run_times, separation, too_thin
 
 SCALES = Scales(modulus=1e3, length=1e-3, pore=1e-6, viscosity=1e-3)
 SECOND = 1 / SCALES.factor("time")
@@ -115,7 +115,8 @@ def test_a_body_of_few_cells_is_noted_with_both_lengths():
     assert note.startswith(
         "the body is 6 cells thick: 3 mm along y, and the edge of the periodic cell along it is 500 µm (13 along x"
     )
-    (note,) = notes(plug, 4e-3)
+    assert not notes(plug, 4e-3)
+    (note,) = too_thin(Study(plug, 4e-3, True), body_mesh(plug))
     assert note.startswith("the body is thinner than one cell: 3 mm along y, and the edge of the periodic")
     assert "scales.pore" in note
 

@@ -45,6 +45,35 @@ def test_check_tells_what_a_run_would_do():
         assert part in done.stdout, part
 
 
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (("[0, 1, 0]", "[0, 0, 0]"), "warning: nothing loads the body"),
+        (
+            ("[-0.2, -0.01]", "[0.2]"),
+            "note: t_2 on y+ times the load 0.2 points out of the body: a positive normal tr",
+        ),
+        (
+            (
+                "cell:\n",
+                "scales: {modulus: 1e5, length: 1e-3, pore: 1e-2, viscosity: 1e-3}\ncell:\n",
+            ),
+            "warning: the body is thinner than one cell",
+        ),
+    ],
+)
+def test_a_warning_proposes_no_run(change, told, tmp_path):
+    path, text = tmp_path / "study.yaml", BENCHMARK.read_text(encoding="utf-8")
+    assert change[0] in text
+    path.write_text(text.replace(*change, 1), encoding="utf-8")
+    done = invoke("check", path)
+    assert told in done.stdout, done.output
+    last = done.stdout.splitlines()[-1]
+    assert last.startswith(
+        "no faults, but a run would be wasted" if told.startswith("warning") else "no faults; next"
+    )
+
+
 def test_check_tells_the_time_of_macro_runs_between_rounds(tmp_path):
     """It told 9.6 s of a sampling that took 30."""
     options = {
@@ -164,7 +193,7 @@ def test_check_notes_a_body_that_nothing_loads(changes, said, tmp_path):
     assert len(lines) == bool(said)
     assert all(line.startswith("nothing loads the body") and said in line for line in lines)
     if not changes:
-        assert f"note: {lines[0]}" in list(outline(config))
+        assert f"warning: {lines[0]}" in list(outline(config))
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,13 @@ from porocore.cell.meshing.tetrahedra import (
 )
 from porocore.cell.symmetry import RegionMap, region_maps
 from porocore.core.echo import did_you_mean, echo, joined
-from porocore.core.files.foreign_mesh import KNOWN_DATA, ForeignMesh, read_mesh, require_apart
+from porocore.core.files.foreign_mesh import (
+    IN_THREE_DIMENSIONS,
+    KNOWN_DATA,
+    ForeignMesh,
+    read_mesh,
+    require_apart,
+)
 from porocore.core.files.input_file import FromFile
 from porocore.core.tensors import PointGroup, Rotation, as_rotation
 from porocore.errors import ConfigurationError
@@ -128,7 +134,7 @@ def _read(geometry: MeshFile) -> tuple[dict[Phase, Tetrahedra], Sides]:
     if not kinds or not {*kinds} <= {"tetra", "tetra10"} or len(kinds) > 1:
         raise ConfigurationError(
             f"{path}: expected tetrahedra of 4 or of 10 nodes (tetra, tetra10), got "
-            f"{', '.join(sorted(kinds)) or 'no elements with a volume'}"
+            f"{', '.join(sorted(kinds)) or f'no elements with a volume: {IN_THREE_DIMENSIONS}'}"
         )
     ((kind, cells),) = mesh.elements[3].items()
     parts = _parts(geometry, path, mesh, kind)
@@ -218,9 +224,11 @@ def _require_tags(geometry: MeshFile, path: Path, mesh: ForeignMesh) -> None:
         told += [f"{joined(near)} under {phase}"] if near else []
     if told:
         first = next(phase for phase in phases if wrong[phase])
+        taken = {mesh.name(3, tag) for phase in phases for tag in getattr(geometry, phase)}
+        free = next((name for name in mesh.groups[3] if name not in taken), "NAME")
         raise ConfigurationError(
             f"cell.geometry.{first}: no tetrahedron of {path} has the tag {' and '.join(told)}; its tags are "
-            f"{_listed(mesh, mesh.groups[3])}"
+            f"{_listed(mesh, mesh.groups[3])}: write '{first}: [{free}]' under cell.geometry"
         )
 
 

@@ -92,6 +92,7 @@ def check(
     from porocore.study.notes.at_rest import at_rest
     from porocore.study.notes.cell_alone import outline_of_cells
     from porocore.study.notes.checks import check_backends
+    from porocore.study.notes.magnitudes import WARNING
     from porocore.study.notes.outline import outline
     from porocore.study.store import user_store
 
@@ -119,9 +120,13 @@ def check(
         check_backends(settings)
         plan = None if settings.calibration is None else read_plan(path, planned=True)
         of_plan = [] if plan is None else plan.section
+        warned = False
         for line in chain(outline(settings), at_rest(settings, user_store()), of_plan):
             typer.echo(line)
-    if plan is None:
+            warned |= line.startswith(WARNING)
+    if warned:
+        typer.echo("no faults, but a run would be wasted: first mend what is said behind 'warning:'")
+    elif plan is None:
         typer.echo(f"no faults; next: {command('run', config)}")
     else:
         typer.echo(f"no faults; next: {command('calibrate', config, synthetic=plan.is_planned)}")

@@ -59,6 +59,11 @@ FORMATS = (
     f"others such as .vtu, .xdmf and .mesh, where data of elements called {KNOWN_DATA} hold whole numbers"
 )
 
+#: What to do with a file of surfaces alone.
+IN_THREE_DIMENSIONS = (
+    "mesh the volume in three dimensions; in gmsh a surface loop makes a volume ('Surface Loop', 'Volume'), and "
+    "'gmsh -3' meshes it"
+)
 SAVE = "save the mesh anew, best as .msh of gmsh of version 4.1 or 2.2"
 #: Last tags of files in XML.
 _XML = {".vtu": b"</VTKFile>", ".xdmf": b"</Xdmf>", ".xmf": b"</Xdmf>"}

@@ -13,6 +13,7 @@ import yaml
 
 from porocore.core.echo import MOST, cut, echo, echo_path
 from porocore.core.files.reading import read_text
+from porocore.core.files.slices import told_by
 from porocore.errors import ConfigurationError
 
 #: Bytes of a file; keys, values and sections, with aliases spelt out; sections within sections; characters of a number.
@@ -142,9 +143,10 @@ def _count(node: yaml.Node, known: dict[int, int], above: set[int]) -> int:
 
 #: Where something stands in a document: keys and list positions, as text.
 Location = tuple[str, ...]
-#: Words for what YAML reads that is no text.
 #: Bytes at the beginning of a file in which a null byte tells that it is no text.
 _HEAD = 4096
+_NO_TEXT = "expected a configuration, which is YAML text, got a file that is no text; give another file"
+#: Words for what YAML reads that is no text.
 _READ_AS = {
     "null": "no value",
     "int": "a number",
@@ -209,40 +211,13 @@ class YamlDocument:
         text = _text(path)
         try:
             node, data = load(text)
-        except yaml.MarkedYAMLError as error:
-            mark = error.problem_mark or error.context_mark
-            where = f"{path}:{mark.line + 1}" if mark else f"{path}"
-            if mark and "\t" in _indentation(text, mark.line):
-                raise ConfigurationError(
-                    f"{where}: expected an indentation by spaces, got a tab, which YAML does not take there; replace "
-                    "each tab at the beginning of a line by two spaces"
-                ) from None
-            if "'\\t'" in (error.problem or ""):
-                raise ConfigurationError(
-                    f"{where}: expected a space, got a tab, which YAML does not take there; replace each tab of the "
-                    "line by a space"
-                ) from None
-            if isinstance(error, Refused):
-                raise ConfigurationError(f"{where}: {error.problem}") from None
-            context = f"{error.context}, " if error.context else ""
-            raise ConfigurationError(
-                f"{where}: not valid YAML: {cut(context + (error.problem or ''), 2 * MOST)}; "
-                "check indentation, colons and quotes on this line and the one above"
-            ) from None
-        except yaml.reader.ReaderError as error:
-            line = text.count("\n", 0, error.position) + 1
-            raise ConfigurationError(
-                f"{path}:{line}: expected YAML text, got the control character {chr(int(error.character))!a}; "
-                "remove it"
-            ) from None
         except (yaml.YAMLError, ValueError, RecursionError) as error:
-            raise ConfigurationError(
-                f"{path}: not valid YAML: {cut(' '.join(str(error).split()), 2 * MOST)}; check indentation, colons and "
-                "quotes"
-            ) from None
+            raise ConfigurationError(_other_kind(path) or _not_yaml(path, text, error)) from None
         if not isinstance(data, dict):
             found = "an empty file" if data is None else f"a {_KINDS.get(type(data), 'single value')}"
-            raise ConfigurationError(f"{path}: expected sections such as 'cell:' and 'macro:', got {found}")
+            raise ConfigurationError(
+                _other_kind(path) or f"{path}: expected sections such as 'cell:' and 'macro:', got {found}"
+            )
         lines: dict[Location, int] = {}
         switches: dict[Location, str] = {}
         refused = list(_record(node, (), lines, switches))
@@ -326,9 +301,50 @@ def _text(path: Path) -> str:
     except IsADirectoryError:
         raise ConfigurationError(f"{path}: expected a configuration file, got a folder") from None
     except UnicodeDecodeError as error:
-        raise ConfigurationError(f"{path}{_other_encoding(error)}") from None
+        raise ConfigurationError(_other_kind(path) or f"{path}{_other_encoding(error)}") from None
     except OSError as error:
         raise ConfigurationError(f"{echo_path(path)}: cannot be read: {error.strerror or error}") from None
+
+
+def _other_kind(path: Path) -> str:
+    """Return the complaint about a file that is no text by its first bytes; empty where they do not tell it."""
+    kind = told_by(path)
+    if kind is None or kind.name == "text":
+        return ""
+    wanted = "expected a configuration, which is YAML text"
+    return f"{path}: {wanted}, got {kind.name} by its first bytes; give another file"
+
+
+def _not_yaml(path: Path, text: str, error: Exception) -> str:
+    """Return the complaint about a text that is not YAML, or beyond a bound of this module."""
+    if isinstance(error, yaml.reader.ReaderError):
+        line = text.count("\n", 0, error.position) + 1
+        sign = chr(int(error.character))
+        if sign == "\0":
+            return f"{path}: {_NO_TEXT}"
+        return f"{path}:{line}: expected YAML text, got the control character {sign!a}; remove it"
+    if not isinstance(error, yaml.MarkedYAMLError):
+        why = cut(" ".join(str(error).split()), 2 * MOST)
+        return f"{path}: not valid YAML: {why}; check indentation, colons and quotes"
+    mark = error.problem_mark or error.context_mark
+    where = f"{path}:{mark.line + 1}" if mark else f"{path}"
+    if mark and "\t" in _indentation(text, mark.line):
+        return (
+            f"{where}: expected an indentation by spaces, got a tab, which YAML does not take there; replace each tab "
+            "at the beginning of a line by two spaces"
+        )
+    if "'\\t'" in (error.problem or ""):
+        return (
+            f"{where}: expected a space, got a tab, which YAML does not take there; replace each tab of the line by a "
+            "space"
+        )
+    if isinstance(error, Refused):
+        return f"{where}: {error.problem}"
+    context = f"{error.context}, " if error.context else ""
+    return (
+        f"{where}: not valid YAML: {cut(context + (error.problem or ''), 2 * MOST)}; check indentation, colons and "
+        "quotes on this line and the one above"
+    )
 
 
 def _indentation(text: str, line: int) -> str:
@@ -340,12 +356,10 @@ def _indentation(text: str, line: int) -> str:
 def _other_encoding(error: UnicodeDecodeError) -> str:
     """Return the line, where there are any, and what is wrong in a text that is no UTF-8."""
     data, at = error.object, error.start
-    if data.startswith(b"\x89HDF"):
-        return ": expected a configuration, which is YAML text, got an HDF5 file; give another file"
     if data.startswith((b"\xff\xfe", b"\xfe\xff")):
         return ": expected YAML text in UTF-8, got UTF-16; save the file as UTF-8"
     if b"\0" in data[:_HEAD]:
-        return ": expected a configuration, which is YAML text, got a file that is no text; give another file"
+        return f": {_NO_TEXT}"
     line, byte = data.count(b"\n", 0, at) + 1, data[at : at + 1]
     as_text = byte.decode("cp1252", "replace")
     meant = f", which is '{as_text}' in Latin-1 (Windows-1252)" if as_text.isprintable() else ""

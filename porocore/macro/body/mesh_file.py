@@ -14,6 +14,7 @@ from porocore.core.echo import echo, joined
 from porocore.core.files.foreign_mesh import (
     CORNERS,
     FORMATS,
+    IN_THREE_DIMENSIONS,
     SHARED,
     ForeignMesh,
     mesh_of_model,
@@ -71,7 +72,7 @@ def read_body(path: Path, size: float | None, scale: float) -> BodyMesh:
 
 def _body(foreign: ForeignMesh, path: Path, scale: float) -> BodyMesh:
     if len(foreign.elements[3]) != 1 or next(iter(foreign.elements[3])) not in VOLUMES:
-        held = " and ".join(foreign.elements[3]) or "none"
+        held = " and ".join(foreign.elements[3]) or f"none: {IN_THREE_DIMENSIONS}"
         raise ConfigurationError(
             f"expected volume elements of one kind, {', '.join(VOLUMES)}; {path.name} has {held}"
         )

@@ -18,18 +18,18 @@ from porocore.core.files.plain_data import merged
 from porocore.core.files.yaml_document import YamlDocument
 from porocore.core.inputs import given_states
 from porocore.core.units import ResultUnits
-from porocore.errors import ConfigurationError, PluginError, SolveError
+from porocore.errors import ConfigurationError, PluginError
 from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.solution import MacroSolution, Profile, file_name
 from porocore.macro.laws.linear import EffectiveProperties
-from porocore.macro.reference import CellReference, porosity_at_rest
+from porocore.macro.reference import CellReference, porosity_at_rest, require_solved
 from porocore.macro.series import HISTORY
 from porocore.plugins.border import conductivity_of, solution_of
 from porocore.plugins.registry import registry
 from porocore.report.context import reactions
 from porocore.report.dimensional import figures_with_units
 from porocore.sampling.execution.solved_store import StoringSolver
-from porocore.states import Array, CellResponse, MacroState, Status
+from porocore.states import Array, CellResponse, MacroState
 from porocore.study.config.config import RunConfig
 from porocore.study.config.loading import cell_from, examples, validated
 from porocore.study.run_folder import LINEAR
@@ -387,16 +387,13 @@ class CellProblem:
         Raises
         ------
         ConfigurationError
-            The solid is not connected across the periodic cell.
+            The solid is not connected across the periodic cell, swells too much or is nearly incompressible.
         SolveError
             The undeformed cell has no solution.
         """
         self.cell.require_stiffness()
         response = self.response(np.zeros((3, 3)))
-        if not response.valid.all():
-            raise SolveError(
-                f"the undeformed cell ended with status '{Status(int(response.status[0])).name}'"
-            )
+        require_solved(response, self.cell)
         before = self.porosity if self.cell.solid.swells else None
         return CellReference("", response, self.conductivity, {}, before).properties(self.cell, "piola")
 

@@ -53,6 +53,10 @@ INSTEAD = {
     "volume; the fluid feels no gravity",
     r"(density|rho|mass|inertia|acceleration)": "there is no inertia, so no density; a weight is 'macro.body_force:'",
     r"(permeability|conductivity_tensor|hydraulic_conductivity|k)": _OF_THE_CELL,
+    r"(fluid|water|mu|eta|dynamic_viscosity|fluid_viscosity)": "of the fluid the viscosity alone counts: 'viscosity: 1 "
+    "mPa*s' under 'cell:', with scales, else a multiple of μ_c",
+    r"(solid|skeleton|matrix)": "the solid is 'material:' under 'cell:', such as {kind: neo-hookean, poisson_ratio: "
+    "0.3}",
     r"(porosity|void_ratio|pore_size|pore_diameter)": "it follows from cell.geometry, which 'porocore check' tells; "
     "the pore size in metres is 'scales.pore:'",
     r"(e|youngs?_modulus|elastic_modulus|stiffness|bulk_modulus|shear_modulus|lame)": _MODULUS,
@@ -470,4 +474,6 @@ def _nearest(name: str, names: list[str]) -> str:
 
 
 def _under(at: Location) -> str:
-    return f"under '{dotted(at[:-1])}:'" if len(at) > 1 else "at the top level"
+    if len(at) > 1:
+        return f"under '{dotted(at[:-1])}:'"
+    return "at the top level; 'porocore init' lists examples to copy it from"

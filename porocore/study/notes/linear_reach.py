@@ -29,9 +29,10 @@ from porocore.report.words.results import LEAST_FLAGGED
 from porocore.states import MacroState
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig, lines_of_cell
-from porocore.study.notes.magnitudes import known, prescribed_times
+from porocore.study.notes.magnitudes import WARNING, known, prescribed_times, pulls
 from porocore.study.notes.parameters import extents, too_wide
 from porocore.study.notes.reach import (
+    DIAGONAL,
     LEAST_STRETCH,
     MINUS,
     ROUND_OFF,
@@ -200,6 +201,8 @@ def _reach(
         f"{'only if all of these are meant, ' if unlikely else ''}write under '{key}:'"
     )
     yield from (f"  {each.line(units, LINEAR_MARGIN)}, since {each.in_words(units)}" for each in reached)
+    if any(each.name in DIAGONAL and each.value > 0 for each in reached):
+        yield from (f"note: {note}" for note in pulls(config))
     yield from _crushed(found)
     nodes = len(config.cell.make_mesh("solid", "whole").points)
     for note in sheared(config, nodes, left):
@@ -219,8 +222,8 @@ def _unlikely(config: RunConfig, reached: Sequence[Reach]) -> Iterator[str]:
             solid = f"{key} {units.text(1.0, 'stress', 4)}"
             pores = f"scales.pore = {length_text(scales.pore)} (K goes with its square)"
         yield (
-            f"note: by linear poroelasticity {each.in_words(units)}, which no cell is likely to bear; is one of these "
-            "out by a factor of ten, or by a unit?"
+            f"{WARNING}by linear poroelasticity {each.in_words(units)}, which no cell is likely to bear; is one of "
+            "these out by a factor of ten, or by a unit?"
         )
         yield (
             f"  the loads and times under macro; {solid}; {pores}; cell.viscosity = "
@@ -239,8 +242,8 @@ def _crushed(found: Sequence[Found]) -> Iterator[str]:
         return
     what = f"to {least[k][row]:.2g} of its length" if least[k][row] > 0 else "until it is turned inside out"
     yield (
-        f"note: by linear poroelasticity the body is compressed {what} {found[k][1](row)}, which no cell is likely to "
-        "bear; lower the load, bring it up over a longer time ('until' of its ramp, else ramp_increments times "
+        f"{WARNING}by linear poroelasticity the body is compressed {what} {found[k][1](row)}, which no cell is likely "
+        "to bear; lower the load, bring it up over a longer time ('until' of its ramp, else ramp_increments times "
         "ramp_step), or check its unit"
     )
 

@@ -20,10 +20,10 @@ from porocore.core.formulas import Expression, TimeFunction, Value
 from porocore.core.models.strict import Place, walk
 from porocore.core.units import Dimension, InScales, ResultUnits, length_text
 from porocore.errors import ConfigurationError
-from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.body.mesh import BodyMesh, Facets
 from porocore.macro.boundary.symmetry import Symmetry
 from porocore.macro.composition.fields import COORDINATES
-from porocore.macro.problem import Boundary, MacroSetup
+from porocore.macro.problem import Boundary, MacroSetup, body_mesh
 from porocore.states import Array
 from porocore.study.config.config import MacroSettings, RunConfig
 
@@ -285,6 +285,26 @@ def unloaded(config: RunConfig) -> Iterator[str]:
     )
 
 
+def pulls(config: RunConfig) -> Iterator[str]:
+    """Yield a note on the plane surfaces whose traction pulls the body under a load, and on how it would press."""
+    macro, times = config.macro, prescribed_times(config.macro)
+    mesh = body_mesh(macro)
+    for name, face in macro.boundary.items():
+        facets = Facets(mesh, mesh.surface(name, name))
+        if not any(value != 0 for value in face.traction) or not len(facets.nodes):
+            continue
+        normal = facets.normals.sum(axis=(0, 1))
+        axis = int(np.abs(normal).argmax())
+        outward = float(np.sign(normal[axis])) * _course(macro, face.traction[axis], times)
+        pulling = [load for load in macro.loads if (load * outward).max() > 0 >= (load * outward).min()]
+        if pulling:
+            told = ", ".join(f"{load:g}" for load in pulling)
+            yield (
+                f"t_{axis + 1} on {name} times the load {told} points out of the body: a positive normal traction "
+                "pulls; give the other sign where the surface is to be pressed"
+            )
+
+
 def _unit(units: ResultUnits) -> str:
     if not units.given:
         return "is that what you want?"
@@ -319,6 +339,8 @@ def _values(face: Boundary) -> list[Value]:
     return [value for value in several if value is not None]
 
 
+#: Begin of a line on what makes the results of a run worthless, so that no run is proposed.
+WARNING = "warning: "
 #: Cells across a body below which its results are hardly those of many cells.
 FEW = 10.0
 #: Components of a unit normal below this are none.
@@ -330,28 +352,37 @@ def separation(config: RunConfig, mesh: BodyMesh) -> Iterator[str]:
 
     The cells along each axis are counted by their own edge along it; the fewest are told.
     """
-    if config.scales is None:
-        return
-    edges = np.array(config.cell.geometry.sides) * config.scales.pore
-    sizes = _sizes(config.macro, mesh) * config.scales.length
-    i = int(np.argmin(sizes / edges))
-    cells = float(sizes[i] / edges[i])
-    if cells >= FEW:
-        return
-    body, cell = length_text(float(sizes[i])), length_text(float(edges[i]))
-    across = f"{body} along {'xyz'[i]}, and the edge of the periodic cell along it is {cell}{_others(sizes / edges, i)}"
-    source = "scales.pore" if config.cell.geometry.length is None else "cell.geometry.voxel_size"
-    check = f"check {source}, macro.body, and the unit of each length"
+    cells, across, check = _across(config, mesh)
+    if 1 <= cells < FEW:
+        yield (
+            f"the body is {cells:.2g} cells thick: {across}; "
+            f"its law is that of very many cells, and below {FEW:g} results are to be taken with care: {check}"
+        )
+
+
+def too_thin(config: RunConfig, mesh: BodyMesh) -> Iterator[str]:
+    """Yield a warning where not one cell lies across the body."""
+    cells, across, check = _across(config, mesh)
     if cells < 1:
         yield (
             f"the body is thinner than one cell: {across}; "
             f"it is no body of such cells, and no result means anything: {check}"
         )
-        return
-    yield (
-        f"the body is {cells:.2g} cells thick: {across}; "
-        f"its law is that of very many cells, and below {FEW:g} results are to be taken with care: {check}"
-    )
+
+
+def _across(config: RunConfig, mesh: BodyMesh) -> tuple[float, str, str]:
+    """Return how many cells lie across the body, where in words, and what to check; without scales endlessly many."""
+    if config.scales is None:
+        return np.inf, "", ""
+    edges = np.array(config.cell.geometry.sides) * config.scales.pore
+    sizes = _sizes(config.macro, mesh) * config.scales.length
+    i = int(np.argmin(sizes / edges))
+    cells = float(sizes[i] / edges[i])
+    body, cell = length_text(float(sizes[i])), length_text(float(edges[i]))
+    across = f"{body} along {'xyz'[i]}, and the edge of the periodic cell along it is {cell}{_others(sizes / edges, i)}"
+    source = "scales.pore" if config.cell.geometry.length is None else "cell.geometry.voxel_size"
+    check = f"check {source}, macro.body, and the unit of each length"
+    return cells, across, check
 
 
 def _others(counts: Array, least: int) -> str:

@@ -36,7 +36,15 @@ from porocore.study.notes.abilities import (
 from porocore.study.notes.at_rest import cell_length, edges
 from porocore.study.notes.checks import place
 from porocore.study.notes.guess import RunTimes, decisions
-from porocore.study.notes.magnitudes import formulas, left_out, long_step, separation, unloaded
+from porocore.study.notes.magnitudes import (
+    WARNING,
+    formulas,
+    left_out,
+    long_step,
+    separation,
+    too_thin,
+    unloaded,
+)
 from porocore.study.notes.workload import Workload, share_solved, sheared, work_lines
 
 #: Points of a table that are shown.
@@ -75,16 +83,16 @@ def outline(config: RunConfig) -> Iterator[str]:
         yield from lines_of_cell(name, decisions(one, samplers[name]))
     times = [RunTimes.of(one, works[name], samplers[name]) for name, one in cells.items()]
     yield RunTimes.together(times).line(max(1, works[None].workers))
-    yield from dict.fromkeys(
-        f"note: {warning}" for one in cells.values() for warning in separation(one, place(config))
-    )
+    mesh = place(config)
+    yield from dict.fromkeys(f"{WARNING}{text}" for one in cells.values() for text in too_thin(one, mesh))
+    yield from dict.fromkeys(f"note: {text}" for one in cells.values() for text in separation(one, mesh))
     for name, one in cells.items():
         yield from lines_of_cell(
             name, (f"note: {note}" for note in _notes(one, _nodes(one.cell, measured[name])[0]))
         )
     yield from (f"note: {warning}" for warning in late_functions(config.macro, config.result_units))
     yield from (f"note: {warning}" for warning in long_step(config.macro, config.result_units))
-    yield from (f"note: {warning}" for warning in unloaded(config))
+    yield from (f"{WARNING}{text}" for text in unloaded(config))
     # K is not known yet, but along which axes it is positive in any of the cells.
     percolates = [any(axis not in quality.blocked for quality in measured.values()) for axis in "xyz"]
     yield from (f"note: {warning}" for warning in undrained(config.macro, np.diag(percolates).astype(float)))
