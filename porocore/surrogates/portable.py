@@ -106,6 +106,7 @@ class ModelSurrogate(Surrogate):
         RunFolderError
             The checkpoint cannot be written.
         """
+        self.load_libraries()  # before the limit on threads, which loads the MKL that PARDISO has found
         with exactly_one_blas_thread():
             model, self.accuracy = self.train(data, int(seed), checkpoint, on_progress)
             self._become(model, data.identity, data.provenance)
