@@ -11,7 +11,8 @@ from typer.testing import CliRunner
 from porocore import ConfigurationError, Study
 from porocore.cli.entry import app
 from porocore.core.files.plain_data import merged
-from porocore.study.config.loading import benchmark_path
+from porocore.study.config.loading import benchmark_path, load_config
+from porocore.study.run_folder import RunFolder
 
 CREEP = "time;settlement\n0;0\n1;1.000.000,5\n1;3.000.000,5\n2;4.000.000\n"
 OBSERVATIONS = {
@@ -84,3 +85,39 @@ def test_check_notes_values_whose_sign_the_load_excludes(
     assert done.exit_code == 0, done.output
     words = "note: creep: the values are below 0, but the study presses y+, so that the settlement is above 0"
     assert (words in done.output) == noted, done.output
+
+
+def test_a_run_folder_finds_the_data_of_its_calibration(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its configuration lies elsewhere than the study, to whose folder the path of the data is relative."""
+    study = yaml.safe_load(benchmark_path().read_text(encoding="utf-8"))
+    section = {"unknowns": UNKNOWNS, "observations": {"creep": OBSERVATIONS["creep"]}}
+    study = merged(study, {"macro": {"loads": [-0.05]}, "closure": "mean-gradient", "calibration": section})
+    data = tmp_path / "lab" / "study.yaml"
+    data.parent.mkdir()
+    data.write_text(yaml.safe_dump(study), encoding="utf-8")
+    (data.parent / "creep.csv").write_text(CREEP, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    folder = RunFolder.claim(tmp_path / "runs" / "lab", load_config(Path("lab/study.yaml")))
+    monkeypatch.chdir(data.parent)
+    done = CliRunner().invoke(app, ["check", str(folder.path / "config.yaml")])
+    assert done.exit_code == 0, done.output
+    assert "creep: 3 values from 0 to 2; they are 0 to 4\n" in done.output
+    assert RunFolder.open(folder.path).config.identity == load_config(data).identity
+
+
+def test_studies_of_experiments_are_found_from_a_run_folder(tmp_path: Path) -> None:
+    calibration = {
+        "experiments": {"file": {"study": "b.yaml", "observations": {"study": {"file": "sub/x.csv"}}}},
+        "unknowns": {"radius": {"lower": 0.1, "upper": "0.2"}},
+    }
+    study = yaml.safe_load(benchmark_path().read_text(encoding="utf-8"))
+    path = tmp_path / "a.yaml"
+    path.write_text(yaml.safe_dump({**study, "calibration": calibration}), encoding="utf-8")
+    found = load_config(path).calibration
+    assert found is not None
+    experiment = found["experiments"]["file"]
+    assert experiment["study"] == str(tmp_path / "b.yaml")
+    assert experiment["observations"]["study"]["file"] == str(tmp_path / "sub" / "x.csv")
+    assert found["unknowns"] == calibration["unknowns"]

@@ -14,6 +14,7 @@ from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -533,6 +534,10 @@ def _printable(text: str) -> str:
     return text
 
 
+#: Keys of a section ``calibration:`` that name files.
+PATHS_OF_CALIBRATION = ("file", "study")
+
+
 @dataclass(frozen=True)
 class StageIdentities:
     """Hash for each stage of all settings that its result depends on."""
@@ -578,7 +583,13 @@ class RunConfig(StrictModel):
     #: Of the study of one of several cells: the whole study, and the name of the cell.
     _part_of: tuple[RunConfig, str | None] | None = PrivateAttr(default=None)
     calibration: dict[str, Any] | None = None
-    """Unknowns and measured curves of ``porocore calibrate``; other commands leave them alone."""
+    """Unknowns and measured curves of ``porocore calibrate``; other commands leave them alone. A run folder has the
+    absolute paths of their files."""
+
+    @field_validator("calibration")
+    @classmethod
+    def _from_anywhere(cls, section: dict[str, Any] | None, info: ValidationInfo) -> Any:
+        return _with_absolute_paths(section, (info.context or {}).get("folder", "."))
 
     @field_validator("output_units")
     @classmethod
@@ -756,6 +767,20 @@ def _differences(one: Any, other: Any, at: Location) -> Iterator[str]:
 
 def _short(value: Any) -> str:
     return cut(json.dumps(value, ensure_ascii=False), 40)
+
+
+def _with_absolute_paths(section: Any, folder: Path | str) -> Any:
+    """Return a part of a section ``calibration:`` in which all paths are absolute; relative ones start at a folder."""
+    if isinstance(section, list):
+        return [_with_absolute_paths(value, folder) for value in section]
+    if not isinstance(section, dict):
+        return section
+    return {
+        key: str((Path(folder) / value).absolute())
+        if key in PATHS_OF_CALIBRATION and isinstance(value, str) and value
+        else _with_absolute_paths(value, folder)
+        for key, value in section.items()
+    }
 
 
 def _unfit_closure(closure: str, *cells: Cell) -> str:
