@@ -368,6 +368,31 @@ def _short(shape: Any) -> str:
     return str(tuple(map(int, shape)))[:80]
 
 
+#: By format, what a file is that porocore writes, and what reads it.
+KINDS = {
+    "porocore-dataset": ("a data set of solved states", "'porocore data' reads it"),
+    "porocore-surrogate": (
+        "a trained surrogate",
+        "'porocore solve RUN' reads it in its run folder, and the report has its accuracy",
+    ),
+    "porocore-surrogate-training": (
+        "the checkpoint of a training",
+        "'porocore train RUN' reads it in its run folder",
+    ),
+    "porocore-solution": (
+        "the solution of a body",
+        "'porocore report RUN' reads it in its run folder, as does porocore.MacroSolution.load_file",
+    ),
+    "porocore-macro-checkpoint": (
+        "the checkpoint of a solve",
+        "'porocore solve RUN' reads it in its run folder",
+    ),
+    "porocore-stability": ("a stability map", "'porocore stability --resume' reads it in its folder"),
+    "porocore-sensitivity": (
+        "a sensitivity study",
+        "'porocore sensitivity' and porocore.verification.sensitivity.results.load read it",
+    ),
+}
 Kind = Literal["float", "int", "number"]
 #: What h5py raises depends on where a file is damaged.
 UNREADABLE = (
@@ -391,8 +416,24 @@ class Contents:
     def __contains__(self, name: str) -> bool:
         return name in self._structure.datasets or name in self._structure.groups
 
+    def require_kind(self, form: str) -> None:
+        """Refuse a file that porocore wrote for something else, of which nothing has to be made anew.
+
+        Raises
+        ------
+        DataError
+            It is of another format of :data:`KINDS`; the message says what it is and what reads it.
+        """
+        found = self.attribute("format", str) if "format" in self.attributes else ""
+        if found != form and {found, form} <= KINDS.keys():
+            kind, reader = KINDS[found]
+            raise DataError(
+                f"{self.path}: expected {KINDS[form][0]}, got {kind}, which is undamaged; {reader}"
+            )
+
     def is_of(self, form: str, version: int) -> bool:
-        """Return whether the file says that it is of a format and version."""
+        """Return whether the file says that it is of a format and version; see :meth:`require_kind`."""
+        self.require_kind(form)
         named = {"format", "version"} <= set(self.attributes)
         return named and (self.attribute("format", str), self.attribute("version", int)) == (form, version)
 

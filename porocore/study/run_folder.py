@@ -41,6 +41,8 @@ from porocore.study.config.loading import load_config
 
 #: Name of the law of linear poroelasticity.
 LINEAR = "linear"
+#: Files of solved states: sampled ones, held-out ones, undeformed members of a family, those beyond the samples.
+DATA_SETS = ("samples.h5", "test.h5", "undeformed.h5", "fallback.h5")
 
 
 class RunFiles:
@@ -81,11 +83,11 @@ class RunFiles:
         self.cell: str | None = None
         self.whole: RunFiles = self
         self.config = self.written = config
-        self.reference, self.undeformed = path / "cell.json", path / "undeformed.h5"
-        self.dataset, self.test_dataset = path / "samples.h5", path / "test.h5"
+        self.reference = path / "cell.json"
+        self.dataset, self.test_dataset, self.undeformed, self.fallback = (path / name for name in DATA_SETS)
         self.decisions = path / "decisions.json"
         self.direct_work = path / "direct.json"
-        self.fallback, self.fallback_work = path / "fallback.h5", path / "fallback.json"
+        self.fallback_work = path / "fallback.json"
         self.fields, self.figures = path / "fields", path / "figures"
         self.metrics, self.report = path / "metrics.json", path / "report.html"
         self.timings = path / "timings.json"

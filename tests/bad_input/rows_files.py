@@ -329,7 +329,8 @@ NO_DATASET: dict[str, tuple[Content, str]] = {
     ),
     "a surrogate": (
         from_run(SURROGATE),
-        "no dataset of porocore but a porocore-surrogate; expected a data set",
+        "expected a data set of solved states, got a trained surrogate, which is undamaged; 'porocore solve RUN' reads "
+        "it in its run folder, and the report has its accuracy",
     ),
     "an empty folder": (
         folder,
@@ -343,7 +344,19 @@ NO_DATASET: dict[str, tuple[Content, str]] = {
 }
 
 
+#: Sound files of a run folder that are no data sets, and what the message must hold.
+OF_A_RUN = {
+    SURROGATE: ("got a trained surrogate, which is undamaged",),
+    SOLUTION: ("got the solution of a body, which is undamaged; 'porocore report RUN' reads it",),
+    "run.json": ("no HDF5 file; expected a data set of porocore",),
+}
+
+
 ROWS = [
+    *(
+        Row(f"data info: {name} of a run", ("data", "info", f"run/{name}"), said, {"run": from_run()})
+        for name, said in OF_A_RUN.items()
+    ),
     *(
         Row(
             f"{command}: {kind} for a data set",

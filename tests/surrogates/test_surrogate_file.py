@@ -127,7 +127,10 @@ def test_another_version_or_kind(path):
     write_archive(path, FORMAT, VERSION + 1, header, arrays)
     refused(path, f"expected version {VERSION} of porocore-surrogate, got {VERSION + 1}")
     write_archive(path, "porocore-surrogate-training", VERSION, header, arrays)
-    refused(path, "expected a file of format porocore-surrogate, got porocore-surrogate-training")
+    with pytest.raises(DataError, match="expected a trained surrogate, got the checkpoint of a training"):
+        NumpySurrogate.load(path)
+    write_archive(path, "my-surrogate", VERSION, header, arrays)
+    refused(path, "expected a file of format porocore-surrogate, got my-surrogate")
     write_archive(path, FORMAT, VERSION, header | {"model": "tree"}, arrays)
     refused(path, "not a complete surrogate", "tree")
 

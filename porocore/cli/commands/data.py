@@ -215,10 +215,14 @@ def _samples(target: Path) -> Path:
 
 
 def _is_foreign(path: Path) -> bool:
-    """Return True for a file outside a run folder, which a user named and porocore need not have made."""
+    """Return True for a file that is no data set of a run folder, which 'porocore sample' would not make again."""
     from porocore.core.files.atomic import RUN_RECORD
 
-    return not (path.parent / RUN_RECORD).is_file()
+    if not (path.parent / RUN_RECORD).is_file():
+        return True
+    from porocore.study.run_folder import DATA_SETS
+
+    return path.name not in DATA_SETS
 
 
 def _opened(target: Path) -> Dataset:

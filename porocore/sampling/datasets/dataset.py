@@ -167,6 +167,7 @@ def read_block(path: Path, then: str | None, *, sound: bool = True) -> tuple[Hea
         The file is missing, truncated, damaged, foreign or of another version.
     """
     with _reading(path, then) as file:
+        file.require_kind(FORMAT)
         form = file.attribute("format", str) if "format" in file.attributes else ""
         if form != FORMAT:
             other = f" but a {cut(form)}" if form.startswith("porocore-") else ""

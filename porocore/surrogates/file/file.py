@@ -82,6 +82,7 @@ def read_archive(path: Path, form: str, version: int, then: str) -> tuple[dict[s
         what to do ``then``.
     """
     with opened(path, f"file of format {form}", then) as file:
+        file.require_kind(form)
         found = file.attribute("format", str) if "format" in file.attributes else "another"
         if found != form:
             raise DataError(
