@@ -30,16 +30,12 @@ from porocore.cli.options import (
     WorkersOption,
 )
 from porocore.cli.states import CellOption, named_cell
-from porocore.core.console import Console
 from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from porocore.core.files.store import ResultStore
-    from porocore.study.config.config import RunConfig
     from porocore.verification.representative.plan import SubvolumePlan
     from porocore.verification.representative.results import RepresentativeVolume
-    from porocore.verification.representative.study import SubvolumeProgress
 
 #: Columns of a page where standard output is no terminal.
 WIDTH = 150
@@ -112,11 +108,14 @@ def rev(
         workers=workers, out=out, resume=True, json=as_json, store=store, no_store=no_store,
     )  # fmt: skip
     with interruptible(again), located(path), in_units_of(settings):
+        from porocore.verification.representative.study import study_representative_volume
         from porocore.verification.representative.tables import summary, verdict
 
         check_workers(workers)
         plan = _plan(sizes, count, seed, overlapping, within_crop, element, tolerance, not porosity_only)
-        found = _studied(settings, out, plan, workers, resume, kept)
+        found = study_representative_volume(
+            settings, out, plan, workers=workers, resume=resume, store=kept or False, progress=True
+        )
         if as_json:
             typer.echo(json.dumps({**summary(found), "verdict": list(verdict(found))}, allow_nan=False))
             return
@@ -125,33 +124,6 @@ def rev(
             typer.echo(line)
     for written in (found.record, *found.tables, *found.pictures):
         typer.echo(written)
-
-
-def _studied(
-    settings: RunConfig,
-    out: Path,
-    plan: SubvolumePlan,
-    workers: int | None,
-    resume: bool,
-    store: ResultStore | None,
-) -> RepresentativeVolume:
-    """Return the results of a study, of which the progress is shown."""
-    from porocore.verification.representative.study import study_representative_volume
-
-    console = Console()
-    with console.task("rev", "cells") as task:
-
-        def show(progress: SubvolumeProgress) -> None:
-            done, detail, work = progress.done, str(progress), progress.work
-            task.update(done, progress.expected, failed=progress.failed, detail=detail, work=work)
-
-        found = study_representative_volume(
-            settings, out, plan, workers=workers, resume=resume, on_subvolume=show, store=store or False,
-            tell=console.note,
-        )  # fmt: skip
-        if not found.subvolumes:
-            task.done_at_once("porosity of the voxels alone")
-    return found
 
 
 def _plan(

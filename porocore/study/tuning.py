@@ -305,6 +305,7 @@ def write_tables(
 ) -> tuple[Path, Path, Path]:
     """Write ``tune.json``, ``tune.csv`` and the figure ``tune.png`` into the run folder; return their paths."""
     from porocore.report.figures.sampling import tuning_figure
+    from porocore.report.figures.style import write_pictures
 
     paths = tuple(folder.path / f"tune.{ending}" for ending in ("json", "csv", "png"))
     document = {
@@ -325,11 +326,10 @@ def write_tables(
             rows.writerow(
                 [r.depth, r.width, r.activation, r.parameters, r.error, *map(r.errors.get, names), r.seconds]
             )
-    with atomic_path(paths[2]) as part:
-        points = [(r.activation, r.parameters, r.error) for r in results if r.error is not None]
-        assert chosen.error is not None
-        best = min(error for _, _, error in points)
-        part.write_bytes(tuning_figure(points, (chosen.parameters, chosen.error), (1 + margin) * best))
+    points = [(r.activation, r.parameters, r.error) for r in results if r.error is not None]
+    assert chosen.error is not None
+    limit = (1 + margin) * min(error for _, _, error in points)
+    write_pictures(tuning_figure(points, (chosen.parameters, chosen.error), limit), paths[2])
     return paths[0], paths[1], paths[2]
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from porocore.cell.equilibrium.solver import EquilibriumCellSolver
 from porocore.cell.stability.line import StabilityLine
 from porocore.cell.stability.map import MapPlan, follow_lines, write_tables
-from porocore.core.files.atomic import atomic_path, new_folder
+from porocore.core.files.atomic import new_folder
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.store import ResultStore
 from porocore.core.inputs import require_possible, value_text
@@ -109,7 +109,7 @@ def map_stability(
         The backend is missing.
     """
     from porocore.report.figures.stability import stability_figure
-    from porocore.report.figures.style import png_bytes
+    from porocore.report.figures.style import write_pictures
 
     folder = Path(folder)
     _require_possible(config, plan)
@@ -122,8 +122,7 @@ def map_stability(
     lines = _solve(config, folder / FILE, plan, on_event, chosen_store(store), tell)
     picture = folder / PICTURE
     with speaking(config.result_units):
-        with atomic_path(picture) as part:
-            part.write_bytes(png_bytes(stability_figure(plan, lines)))
+        write_pictures(stability_figure(plan, lines), picture)
         return StabilityMap(plan, lines, write_tables(folder, plan, lines), picture)
 
 

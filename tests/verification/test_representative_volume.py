@@ -1,8 +1,6 @@
 """Sub-volumes of a periodic image are its cell; places, refusals, interruptions, failures and the choice of a size."""
 
 import json
-from concurrent.futures import Future
-from concurrent.futures.process import BrokenProcessPool
 
 import numpy as np
 import pytest
@@ -10,10 +8,10 @@ from invoked import invoke
 from scipy.ndimage import gaussian_filter
 
 import porocore
+from porocore.core.parallel.calls import ProcessEnded
 from porocore.errors import ConfigurationError, DataError, PorocoreError, RunFolderError
 from porocore.study.config.loading import load_config
 from porocore.verification.representative import outlook
-from porocore.verification.representative import study as side_by_side
 from porocore.verification.representative.plan import SubvolumePlan
 from porocore.verification.representative.results import (
     FILE,
@@ -24,6 +22,7 @@ from porocore.verification.representative.results import (
     typical,
 )
 from porocore.verification.representative.scan import FAILED, LOOSE, LOST, SHAPES, SOLVED, Scan, Subvolume
+from porocore.verification.representative.study import SubvolumeSeries
 from porocore.verification.representative.tables import verdict
 
 #: Voxels of a period.
@@ -118,12 +117,12 @@ def solves(monkeypatch):
     """Sub-volumes are made up; the list holds those that were asked for."""
     asked = []
 
-    def solve(job, fem, store, took=None):
+    def solve(tell, job, fem, store, took=None):
         asked.append((job.size, job.corner))
         made = made_up(job.size, job.corner)
         return Subvolume(**{**vars(made), "cell": job.identity})
 
-    monkeypatch.setattr(side_by_side, "solve_subvolume", solve)
+    monkeypatch.setattr(SubvolumeSeries, "function", solve)
     monkeypatch.setattr("matplotlib.figure.Figure.draw", lambda figure, renderer: None)
     return asked
 
@@ -132,18 +131,11 @@ def run(config, folder, plan, **how):
     return porocore.study_representative_volume(config, folder, plan, workers=1, store=False, **how)
 
 
-def test_what_was_interrupted_goes_on_and_may_grow(tmp_path, solves):
+def test_the_plan_of_a_study_may_grow(tmp_path, solves):
     config = configuration(tmp_path, np.tile(tile(), (2, 2, 2)))
     plan, out = SubvolumePlan((6, 8), count=2, element=2.0), tmp_path / "out"
-
-    def stop(progress):
-        if progress.done == 2:
-            raise KeyboardInterrupt
-
-    with pytest.raises(KeyboardInterrupt):
-        run(config, out, plan, on_subvolume=stop)
-    first = list(solves)
-    assert len(first) == 2
+    run(config, out, plan)
+    assert len(solves) == 4
     with pytest.raises(RunFolderError, match="already holds a study; add --resume"):
         run(config, out, plan)
     larger = SubvolumePlan((6, 8, 12), count=3, element=2.0)
@@ -188,37 +180,23 @@ def test_it_is_an_error_if_all_fail(tmp_path):
     assert (tmp_path / "out/subvolumes.csv").exists()
 
 
-class DyingWorkers:
-    """Worker processes that end over the sub-volumes of size 6."""
+def test_a_sub_volume_that_is_lost_is_tried_again_by_the_next_run(tmp_path, solves, monkeypatch):
+    config = configuration(tmp_path, np.tile(tile(), (2, 2, 2)))
+    plan, solve = SubvolumePlan((6, 8), count=2, element=2.0), SubvolumeSeries.function
 
-    def __init__(self):
-        self.replaced = 0
-
-    def workers(self):
-        return [self]
-
-    def lost(self, worker):
-        self.replaced += 1
-
-    def submit(self, call, job, *others):
-        future = Future()
+    def ends(tell, job, *others):
         if job.size == 6:
-            future.set_exception(BrokenProcessPool())
-        else:
-            future.set_result(made_up(job.size))
-        return future
+            raise ProcessEnded("a process ended without a message")
+        return solve(tell, job, *others)
 
-
-def test_a_process_that_ends_is_replaced_and_its_sub_volume_tried_once_more(tmp_path):
-    from collections import deque
-
-    from porocore.verification.representative.scan import SubvolumeJob
-
-    backend = DyingWorkers()
-    jobs = deque(SubvolumeJob(None, f"{n}", n, (0, 0, 0), n, 1.0, 1) for n in (6, 8))
-    found = [each.status for _, each in side_by_side._in_processes(backend, jobs, None, None)]
-    assert found == [LOST, SOLVED]
-    assert backend.replaced == 2
+    monkeypatch.setattr(SubvolumeSeries, "function", ends)
+    found = run(config, tmp_path / "out", plan)
+    assert [each.status for each in found.subvolumes] == [LOST, LOST, SOLVED, SOLVED]
+    assert found.subvolumes[0].message == "a process ended without a message"
+    monkeypatch.setattr(SubvolumeSeries, "function", solve)
+    found = run(config, tmp_path / "out", plan, resume=True)
+    assert [each.status for each in found.subvolumes] == [SOLVED] * 4
+    assert len(solves) == 4
 
 
 @pytest.mark.slow
@@ -234,17 +212,17 @@ def test_processes_change_nothing(tmp_path):
         np.testing.assert_allclose(mine.stiffness, other.stiffness, rtol=1e-9, atol=1e-10)
 
 
-def test_cells_come_from_the_store(tmp_path, undrawn):
+def test_cells_come_from_the_store(tmp_path, undrawn, capsys):
     pytest.importorskip("skfem")
     config = configuration(tmp_path, tile())
-    plan, said = SubvolumePlan((6, 8), count=1, element=2.0), []
-    how = {"workers": 1, "store": tmp_path / "store", "tell": said.append}
+    plan = SubvolumePlan((6, 8), count=1, element=2.0)
+    how = {"workers": 1, "store": tmp_path / "store", "progress": True}
     first = porocore.study_representative_volume(config, tmp_path / "first", plan, **how)
-    assert not any("store" in line for line in said)
+    assert "store" not in capsys.readouterr().err
     again = porocore.study_representative_volume(config, tmp_path / "again", plan, **how)
     solved = sum(each.status == SOLVED for each in first.subvolumes)
     cells = "1 cell" if solved == 1 else f"{solved} cells"
-    assert any(line.startswith(f"rev: {cells} came from the store, which saved") for line in said)
+    assert f"\nrev: {cells} came from the store, which saved" in capsys.readouterr().err
     np.testing.assert_array_equal(
         [each.permeability for each in first.subvolumes], [each.permeability for each in again.subvolumes]
     )

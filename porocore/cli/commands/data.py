@@ -157,8 +157,6 @@ def plot(
 
     The outline encloses the stable states, from which a surrogate learns. Prints the path.
     """
-    from porocore.core.files.atomic import atomic_path
-
     if out.suffix not in (".png", ".svg"):
         raise ConfigurationError(f"--out: expected a name that ends in .png or .svg, got {out}")
     with interruptible():
@@ -167,13 +165,12 @@ def plot(
         response = dataset.responses()
         _fresh(out)
         from porocore.report.figures.sampling import samples_figure
-        from porocore.report.figures.style import png_bytes, svg_bytes
+        from porocore.report.figures.style import write_pictures
 
         figure = samples_figure(
             dataset.inputs, dataset.x(), response.status, training=response.stable, pair=pair
         )
-        with atomic_path(out) as part:
-            part.write_bytes(png_bytes(figure) if out.suffix == ".png" else svg_bytes(figure))
+        write_pictures(figure, out)
     typer.echo(out)
 
 

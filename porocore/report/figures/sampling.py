@@ -31,7 +31,6 @@ from porocore.report.figures.style import (
     axis_label,
     legend_above,
     new_figure,
-    png_bytes,
     styled,
 )
 from porocore.report.format import number
@@ -313,8 +312,10 @@ def training_figure(curve: TrainingCurve) -> Figure:
 
 
 @styled
-def tuning_figure(points: Sequence[tuple[str, int, float]], chosen: tuple[int, float], limit: float) -> bytes:
-    """PNG of (activation, parameters, error) with the chosen one ringed and the largest error that is good enough."""
+def tuning_figure(
+    points: Sequence[tuple[str, int, float]], chosen: tuple[int, float], limit: float
+) -> Figure:
+    """Draw (activation, parameters, error) with the chosen one ringed and the largest error that is good enough."""
     figure = new_figure(6.4, 3.8)
     axes = figure.subplots()
     colours = (BLUE, ORANGE, GREEN, PURPLE)
@@ -328,7 +329,7 @@ def tuning_figure(points: Sequence[tuple[str, int, float]], chosen: tuple[int, f
     axes.set(xscale="log", yscale="log", xlabel="weights and biases")
     axes.set_ylabel("error on held-out states [% of the range]")
     axes.legend()
-    return png_bytes(figure)
+    return figure
 
 
 def _error_text(check: OutputCheck) -> str:

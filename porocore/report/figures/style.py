@@ -6,6 +6,7 @@ import functools
 import io
 import warnings
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 import matplotlib
@@ -15,6 +16,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
+from porocore.core.files.atomic import atomic_path
 from porocore.core.units import ResultUnits
 
 P = ParamSpec("P")
@@ -131,6 +133,19 @@ def svg_bytes(figure: Figure) -> bytes:
 def png_bytes(figure: Figure, dpi: int = 160) -> bytes:
     """Return the figure as a PNG image."""
     return _saved(figure, "png", dpi, {"Software": None})
+
+
+def write_pictures(figure: Figure, *paths: Path, dpi: int = 160) -> None:
+    """Write a figure to files, as an SVG document or a PNG image as their names say.
+
+    Raises
+    ------
+    RunFolderError
+        A file cannot be written.
+    """
+    for path in paths:
+        with atomic_path(path) as part:
+            part.write_bytes(svg_bytes(figure) if path.suffix == ".svg" else png_bytes(figure, dpi))
 
 
 def _saved(figure: Figure, form: str, dpi: int, metadata: Any) -> bytes:

@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
-from porocore.core.files.atomic import atomic_path
 from porocore.core.files.plain_data import write_csv
 from porocore.interfaces.solution import MacroSolution
 from porocore.report.figures.style import (
@@ -29,9 +28,8 @@ from porocore.report.figures.style import (
     axis_label,
     named,
     new_figure,
-    png_bytes,
     styled,
-    svg_bytes,
+    write_pictures,
 )
 from porocore.states import Array
 from porocore.study.run_folder import LINEAR as LINEAR_LAW
@@ -311,7 +309,4 @@ def write_sweep(sweep: ParameterSweep) -> None:
     columns += [column.tolist() for column in sweep.figures.values()]
     rows = zip(*columns, strict=True)
     write_csv(sweep.table, header, ([x if np.isfinite(x) else "" for x in row] for row in rows))
-    figure = sweep_figure(sweep)
-    for path, made in zip(sweep.pictures, (png_bytes, svg_bytes), strict=True):
-        with atomic_path(path) as part:
-            part.write_bytes(made(figure))
+    write_pictures(sweep_figure(sweep), *sweep.pictures)

@@ -23,10 +23,9 @@ from matplotlib.image import imread
 
 from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import CellMesh
-from porocore.core.files.atomic import atomic_path
 from porocore.core.units import spoken
 from porocore.errors import PorocoreError
-from porocore.report.figures.style import new_figure, png_bytes, styled
+from porocore.report.figures.style import new_figure, styled, write_pictures
 from porocore.report.vtk import write_vtu
 from porocore.states import Array
 from porocore.verification.local_fields.points import NodalFields
@@ -131,8 +130,7 @@ def render(vtu: Path, nodal: NodalFields, folder: Path, name: str, title: str) -
             label = plain.replace("$E$", units.name(quantity)) if units.given else plain
             figure = _labelled(images, f"{head}, {title}", label, tops[kind], beyond)
             found[kind] = folder / f"{kind}_{name}.png"
-            with atomic_path(found[kind]) as part:
-                part.write_bytes(png_bytes(figure, dpi=130))
+            write_pictures(figure, found[kind], dpi=130)
     return found
 
 
@@ -299,8 +297,7 @@ def render_phases(cell: Cell, files: list[Path], picture: Path, *, titled: bool 
             )
             images[mesh.phase] = imread(png)[..., :3]
     figure = _beside(images, cell.geometry.description if titled else "")
-    with atomic_path(picture) as part:
-        part.write_bytes(png_bytes(figure, dpi=130))
+    write_pictures(figure, picture, dpi=130)
     return picture
 
 

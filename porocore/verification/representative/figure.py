@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator
 
-from porocore.core.files.atomic import atomic_path
 from porocore.report.figures.style import (
     BLACK,
     BLUE,
@@ -20,9 +19,8 @@ from porocore.report.figures.style import (
     VERMILLION,
     lighter,
     new_figure,
-    png_bytes,
     styled,
-    svg_bytes,
+    write_pictures,
 )
 from porocore.verification.representative.results import QUANTITIES, RepresentativeVolume
 from porocore.verification.representative.tables import edge_columns, factor, titled
@@ -43,11 +41,8 @@ def write_figure(folder: Path, study: RepresentativeVolume) -> tuple[Path, Path]
     RunFolderError
         A file cannot be written.
     """
-    figure = subvolume_figure(study)
     paths = folder / "rev.png", folder / "rev.svg"
-    for path, made in zip(paths, (png_bytes, svg_bytes), strict=True):
-        with atomic_path(path) as part:
-            part.write_bytes(made(figure))
+    write_pictures(subvolume_figure(study), *paths)
     return paths
 
 

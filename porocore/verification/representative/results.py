@@ -17,6 +17,7 @@ from porocore.core.files.reading import read_json, set_aside
 from porocore.errors import DataError
 from porocore.states import Array
 from porocore.study.config.config import RunConfig
+from porocore.study.series import require_own
 from porocore.verification.representative.outlook import SizeOutlook
 from porocore.verification.representative.plan import SubvolumePlan
 from porocore.verification.representative.scan import LOST, SOLVED, Scan, Subvolume
@@ -264,15 +265,14 @@ def load(path: Path, identity: str) -> dict[str, Subvolume]:
     DataError
         The file is damaged, or of another image, way to make cells, or backend.
     """
-    advice = "choose another --out, or move it elsewhere"
     try:
         document = read_json(path)
         if (document["format"], document["version"]) != (FORMAT, VERSION):
-            raise DataError(f"{path}: expected {FORMAT} version {VERSION}; {advice}")
-        if document["identity"] != identity:
             raise DataError(
-                f"{path}: holds sub-volumes of another image, cell, element size or backend; {advice}"
+                f"{path}: expected {FORMAT} version {VERSION}; choose another --out, or move it elsewhere"
             )
+        what = "sub-volumes of another image, cell, element size or backend"
+        require_own(path, document["identity"], identity, what)
         known = [Subvolume.from_data(each) for each in document["subvolumes"]]
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise DataError(

@@ -19,6 +19,7 @@ from porocore.cell.materials.material import voigt_moduli
 from porocore.core.echo import cut
 from porocore.core.files.plain_data import json_ready
 from porocore.core.files.store import ResultStore
+from porocore.core.parallel.calls import Tell
 from porocore.core.units import length_text
 from porocore.errors import ConfigurationError, PluginError, PorocoreError
 from porocore.macro.laws.linear import LinearCoefficients
@@ -340,10 +341,6 @@ class SubvolumeJob:
         Edge, and first voxel along x, y, z.
     edge
         Edge of the cell [voxels].
-    seconds
-        Expected time.
-    side_by_side
-        Number of these that the memory allows at a time.
     """
 
     cell: Cell
@@ -351,8 +348,6 @@ class SubvolumeJob:
     size: int
     corner: Corner
     edge: int
-    seconds: float
-    side_by_side: int
 
     def unsolved(self, status: str, message: str, seconds: float = 0.0, **known: Array) -> Subvolume:
         """Return what is recorded of a sub-volume of which at most some results are known."""
@@ -364,12 +359,14 @@ class SubvolumeJob:
 
 
 def solve_subvolume(
-    job: SubvolumeJob, fem: FemSettings, store: ResultStore | None, took: float | None = None
+    tell: Tell, job: SubvolumeJob, fem: FemSettings, store: ResultStore | None, took: float | None = None
 ) -> Subvolume:
     """Solve one sub-volume at rest; what cannot be solved is recorded.
 
     Parameters
     ----------
+    tell
+        Not called: a sub-volume is one solve.
     job
         The sub-volume.
     fem, store

@@ -14,7 +14,7 @@ from porocore.core.files.claim import claim_folder
 from porocore.core.files.plain_data import write_json
 from porocore.core.files.reading import read_json
 from porocore.errors import DataError, RunFolderError
-from porocore.report.figures.style import png_bytes
+from porocore.report.figures.style import write_pictures
 from porocore.study.run_folder import stage_times, timed
 from porocore.verification.reproduce import claims_cell, claims_cost, claims_history, claims_profiles
 from porocore.verification.reproduce.catalogue import PaperFigure, Stage
@@ -94,11 +94,11 @@ def _write(results: Results, figure: PaperFigure, path: Path) -> None:
     source = results.folder / figure.stage / f"{figure.label}.png"
     if figure.stage == "sensitivity":
         write_figures(source.parent, results.sensitivity, [figure.label])
+    if figure.draw is not None:
+        write_pictures(figure.draw(results), path)
+        return
     with atomic_path(path) as part:
-        if figure.draw is None:
-            shutil.copyfile(source, part)
-        else:
-            part.write_bytes(png_bytes(figure.draw(results)))
+        shutil.copyfile(source, part)
 
 
 def write_pages(results: Results, figures: Sequence[PaperFigure], command: str) -> Path:

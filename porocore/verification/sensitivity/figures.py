@@ -12,7 +12,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from porocore.core.files.atomic import atomic_path
 from porocore.core.units import spoken
 from porocore.report.figures.style import (
     BLACK,
@@ -26,8 +25,8 @@ from porocore.report.figures.style import (
     SKY,
     VERMILLION,
     new_figure,
-    png_bytes,
     styled,
+    write_pictures,
 )
 from porocore.states import Status
 from porocore.verification.sensitivity.plan import load_quantity, quantity_of
@@ -89,8 +88,7 @@ def write_figures(folder: Path, study: Sensitivity, names: Sequence[str] | None 
     paths = {}
     for name in known_figures(study) if names is None else names:
         paths[name] = folder / f"{name}.png"
-        with atomic_path(paths[name]) as part:
-            part.write_bytes(png_bytes(FIGURES[name](study)))
+        write_pictures(FIGURES[name](study), paths[name])
     return paths
 
 

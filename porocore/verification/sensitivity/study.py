@@ -14,7 +14,7 @@ from porocore.core.files.plain_data import json_hash
 from porocore.core.files.store import ResultStore
 from porocore.core.inputs import require_possible, value_text
 from porocore.core.units import speaking
-from porocore.errors import DataError, RunFolderError
+from porocore.errors import RunFolderError
 from porocore.macro.laws.closure import ConductivityLaw
 from porocore.macro.reference import CellReference
 from porocore.sampling.execution import CellPool
@@ -22,6 +22,7 @@ from porocore.sampling.execution.solved_store import StoringSolver
 from porocore.states import Status
 from porocore.study.config.config import FemSettings, RunConfig
 from porocore.study.notes.checks import find_backends
+from porocore.study.series import require_own
 from porocore.study.stages.stage_files import prepare_cell
 from porocore.study.store import chosen_store, solved_states, told
 from porocore.verification.sensitivity.plan import LOADS, HalfLine, HalfLineSolve, StudyPlan, states_of
@@ -199,10 +200,7 @@ def _load_or_begin(
     identity = study_identity(cell, fem, plan, conductivity)
     if path.exists():
         study = load(path)
-        if study.identity != identity:
-            raise DataError(
-                f"{path}: holds the study of another cell, backend or plan; choose another --out, or move it elsewhere"
-            )
+        require_own(path, study.identity, identity, "the study of another cell, backend or plan")
         return study
     # As one of the states, since the file of an undeformed cell has no extrema.
     arguments = (fem.backend, fem.options, cell, conductivity)
