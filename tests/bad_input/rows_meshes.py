@@ -321,6 +321,7 @@ ROWS = [
         {"cell.geometry": {"kind": "mesh-file", "path": "m.msh", "solid": ["Matrix", 77], "fluid": ["VOID"]}},
         "no tetrahedron of",
         "has the tag 'Matrix' (did you mean 'matrix'?) and 77 under solid and",
+        ": write 'solid: [",
         "'VOID' (did you mean 'void'?) under fluid",
         files={"m.msh": NAMED},
     ),

@@ -156,7 +156,23 @@ def switched(key: str) -> Content:
     return study({key: "SWITCH"}).replace("SWITCH", "yes")
 
 
+#: Keys of other software, and values in place of sections, with the advice.
+MISPLACED = [
+    ("cell.geometry", {"kind": "gyroid"}, "got 'gyroid'; write 'kind: tpms' and 'surface: gyroid'"),
+    ("cell.geometry", {"kind": "sphere-pores", "radius": 0.3}, "the keys lattice and centres, got neither"),
+    ("cell.geometry", {"kind": "tpms", "surface": "gyroid"}, "the keys level and void_fraction, got neither"),
+    ("cell.material", "neo-hookean", "a section with keys below it, such as {kind: neo-hookean}"),
+    ("fem", "skfem", "such as {backend: skfem}"),
+    ("sampling.inputs.H22", [-0.1, 0.1], "such as {range: [-0.1, 0.1]}"),
+    ("cell.material.nu", 0.3, "unknown key; Poisson's ratio is 'poisson_ratio:'"),
+    ("macro.body.diameter", 1, "unknown key; half of it is 'radius:'"),
+    ("macro.boundary.top", {"pressure": 0}, "no such surface; did you mean 'y+'?"),
+    ("macro.boundary.y-.fixed", True, "unknown key; a clamped surface has 'displacement: [0, 0, 0]'"),
+    ("macro.boundary.y+.drained", True, "unknown key; a drained surface has 'pressure: 0'"),
+    ("macro.body_force", "gravity", "a list of 3 entries (along x, y and z), got 'gravity'"),
+]
 ROWS = [
+    *(faulty(f"misplaced: {key} = {value}", {key: value}, part) for key, value, part in MISPLACED),
     *(faulty(f"comma: {key} = {value}", {key: value}, part) for key, value, part in (*COMMAS, *OTHERS)),
     *(
         faulty(f"unit: {key} = {value}", {**SCALES, key: value}, *parts)

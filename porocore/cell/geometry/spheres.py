@@ -76,11 +76,15 @@ class SpherePores(DrawnGeometry):
     @model_validator(mode="after")
     def _complete(self) -> SpherePores:
         if (self.lattice is None) == (self.centres is None):
-            raise ValueError("expected one of the keys lattice and centres, not both and not none of them")
+            raise ValueError(
+                f"expected one of the keys lattice and centres, got {'both' if self.lattice else 'neither'}"
+            )
         if self.centres is not None and not 1 <= len(self.centres) <= MOST:
             raise ValueError(f"expected 1 to {MOST} centres, got {len(self.centres)}")
         if (self.radius is None) == (self.radii is None):
-            raise ValueError("expected one of the keys radius and radii, not both and not none of them")
+            raise ValueError(
+                f"expected one of the keys radius and radii, got {'both' if self.radius else 'neither'}"
+            )
         if self.lattice and self.radii:
             raise ValueError("the pores of a lattice are of one radius; give radius instead of radii")
         if self.lattice and self.throats is not None:

@@ -48,7 +48,8 @@ class TriplyPeriodic(LevelSetGeometry):
     def _one_of_both(self) -> TriplyPeriodic:
         if (self.level is None) == (self.void_fraction is None):
             raise ValueError(
-                "expected one of the keys level and void_fraction, not both and not none of them"
+                "expected one of the keys level and void_fraction, got "
+                + ("neither" if self.level is None else "both")
             )
         if self.level is not None:
             low, high = self._levels

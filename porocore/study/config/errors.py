@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, Literal, get_args, get_origin
 
@@ -57,6 +57,12 @@ INSTEAD = {
     "mPa*s' under 'cell:', with scales, else a multiple of μ_c",
     r"(solid|skeleton|matrix)": "the solid is 'material:' under 'cell:', such as {kind: neo-hookean, poisson_ratio: "
     "0.3}",
+    r"(fixed|fix|clamped|encastre|roller|sliding)": "a clamped surface has 'displacement: [0, 0, 0]', one that slides "
+    "'normal: 0'",
+    r"(drained|undrained|permeable|impermeable|open|sealed)": "a drained surface has 'pressure: 0'; one without "
+    "'pressure:' and 'flux:' is impermeable",
+    r"(nu|poisson|poissons?_ratio|v)": "Poisson's ratio is 'poisson_ratio:' under 'cell.material:'",
+    r"(diameter|d)": "half of it is 'radius:'",
     r"(porosity|void_ratio|pore_size|pore_diameter)": "it follows from cell.geometry, which 'porocore check' tells; "
     "the pore size in metres is 'scales.pore:'",
     r"(e|youngs?_modulus|elastic_modulus|stiffness|bulk_modulus|shear_modulus|lame)": _MODULUS,
@@ -174,7 +180,9 @@ def _list_of(length: int, document: YamlDocument, at: Location) -> str:
 def _as_vector(at: Location, value: Any) -> str:
     """Return the form of a vector with one component, across the surface that it belongs to; empty for other lists."""
     rest = VECTORS.get(at[-1])
-    if rest is None or isinstance(value, Mapping | list | bool) or value is None:
+    if rest is None or isinstance(value, bool) or not isinstance(value, str | int | float):
+        return ""
+    if isinstance(value, str) and not has_unit(value):
         return ""
     across = at[-2][:1]
     entries = [rest] * len(AXES)
@@ -297,7 +305,12 @@ def _text(document: YamlDocument, at: Location, group: list[ErrorDetails], root:
     if kind == "union_tag_invalid":
         tags = [tag for tag in _by_kind(_hint(root, at[:-1])[0]) if tag not in FORMS]
         text = unexpected(at, f"one of {', '.join(tags)}", document.value(at))
-        return _with_question(text, error["ctx"]["tag"], tags)
+        tag = error["ctx"]["tag"]
+        for other, branch in _by_kind(_hint(root, at[:-1])[0]).items():
+            for name, field in branch.model_fields.items() if is_section(branch) else ():
+                if name != at[-1] and tag in _options(field.annotation):
+                    return f"{text}; write '{at[-1]}: {other}' and '{name}: {tag}'"
+        return _with_question(text, tag, tags)
     if kind == "too_long" and (length := error["ctx"]["max_length"]) in _lengths(_hint(root, place)[0]):
         text = unexpected(at, _list_of(length, document, at), document.value(at))
         return f"{text}; commas separate the entries, and decimals stand after a point"
@@ -350,7 +363,8 @@ def _expected(
         sections = [b for b in _branches(_hint(root, place)[0]) if is_section(b)]
         keys = dict.fromkeys(name for section in sections for name in section.model_fields)
         named = f" ({', '.join(keys)})" if 0 < len(keys) <= MOST_KEYS else ""
-        return f"a section with keys below it{named} (or leave the whole key out)"
+        form = "".join(_first(keys, error["input"]))
+        return f"a section with keys below it{named}{form} (or leave the whole key out)"
     if kind == "string_too_long":
         return f"text of at most {context['max_length']} characters"
     if kind == "string_type":
@@ -358,6 +372,13 @@ def _expected(
         names = _names(place)
         return f"one of {', '.join(names)}" if names else next(map(_matching, patterns), "text")
     return error["msg"].removeprefix("Input should be ")
+
+
+def _first(keys: Iterable[str], value: Any) -> Iterator[str]:
+    """Yield the form of a section with the key under which a value is meant that stands in its place."""
+    for name, kind in (("kind", str), ("backend", str), ("range", list)):
+        if name in keys and isinstance(value, kind):
+            yield f", such as {{{name}: {cut(value) if isinstance(value, str) else echo(value)}}}"
 
 
 def _number(name: str, value: Any, metadata: list[Any]) -> str:

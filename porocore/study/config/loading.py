@@ -107,6 +107,8 @@ def example(name: str) -> Example:
 NO_VISCOSITY = (
     "missing; with scales the fluid has no default viscosity: add 'viscosity: 1 mPa s', which is water, under"
 )
+#: Words for sides of a body whose axis y points up.
+SIDES = {"top": "y+", "bottom": "y-", "base": "y-", "left": "x-", "right": "x+", "front": "z+", "back": "z-"}
 #: Names of the surfaces of bodies whose kind alone decides them.
 SURFACES = {
     "box": Box.surfaces,
@@ -349,4 +351,6 @@ def _unknown_surfaces(
     named += [(("macro", "surfaces", name, "of"), face) for name, face in of.items()]
     for at, name in named if own else ():
         if isinstance(name, str) and name not in known:
-            yield at, f"{dotted(at)}: no such surface; {suggestion(name, known, 'the surfaces are')}"
+            meant = SIDES.get(name.lower(), "")
+            asked = f"did you mean '{meant}'? " if meant in known else ""
+            yield at, f"{dotted(at)}: no such surface; {asked}{suggestion(name, known, 'the surfaces are')}"
