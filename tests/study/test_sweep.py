@@ -255,14 +255,14 @@ def test_processes_side_by_side_give_the_same(
 def test_a_value_without_solution_is_an_empty_row(
     study: porocore.Study, swept: ParameterSweep, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    solve, failing = sweeping.solve_point, {0.24}
+    solve, failing = sweeping.SweepSeries.function, {0.24}
 
-    def fails(tell: Any, folder: Any, config: Any, laws: Any) -> None:
+    def fails(tell: Any, folder: Any, config: Any, laws: Any) -> str:
         if config.macro.fields["poisson_ratio"] in failing:
             raise SolveError("the step failed")
-        solve(tell, folder, config, laws)
+        return solve(tell, folder, config, laws)
 
-    monkeypatch.setattr(sweeping, "solve_point", fails)
+    monkeypatch.setattr(sweeping.SweepSeries, "function", fails)
     found = study.sweep("poisson_ratio", (0.2, 0.24, 0.26, 0.4))
     rows = rows_of(found)
     assert [row["final_settlement"] == "" for row in rows] == [False, True, False, False]

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
-from functools import partial
 
-from porocore.core.console import Console, Task
+from porocore.core.console import Console
 from porocore.core.echo import echo
 from porocore.core.files.store import ResultStore
-from porocore.core.parallel.calls import CallProcesses
+from porocore.core.parallel.calls import Tell
 from porocore.core.units import speaking
 from porocore.errors import ConfigurationError, SolveError
 from porocore.interfaces.solution import StepReport
@@ -19,6 +17,7 @@ from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
 from porocore.study.notes.guess import bodies_at_once, macro_time
 from porocore.study.run_folder import RunFolder
+from porocore.study.series import Case, CaseProgress, RunSeries
 from porocore.study.stages import pipeline
 from porocore.study.stages.solving import (
     USUAL_LAWS,
@@ -29,19 +28,11 @@ from porocore.study.stages.solving import (
     require_laws,
     solve_body,
 )
-from porocore.study.sweep.plan import SweepPlan, SweepPoint
+from porocore.study.sweep.plan import SweepPlan
 from porocore.study.sweep.results import ParameterSweep, point_files
 
 #: Laws that a sweep may have.
 SWEEP_LAWS: tuple[LawKind, ...] = ("surrogate", "linear")
-
-
-@dataclass(frozen=True)
-class PointProgress:
-    """Progress of one value: the solution under way in words, and the share of all of its solutions that is done."""
-
-    words: str
-    share: float
 
 
 def require_sweep_laws(laws: Sequence[LawKind]) -> None:
@@ -84,13 +75,17 @@ def run_sweep(
     for note in plan.notes:
         console.note(note)
     learn(folder, plan, console=console, store=store)
-    names = law_names(plan.family, laws, plan.family.closure)
-    failures = solve_points(folder, plan, laws, names, console)
+    config, series = plan.family, SweepSeries(folder, plan, laws)
+    cases = series.cases()
+    missing = sum(series.find(case) is None for case in cases)
+    work = missing * sum(macro_time(config, load) for load in config.macro.loads)
+    reasons = series.run(cases, console, bodies_at_once(config, missing, work))
+    failures = {case.key: reason for case, reason in zip(cases, reasons, strict=True) if reason}
     for point, message in failures.items():
         console.warn(f"{point}: no solution: {message}")
     if len(failures) == len(plan.points):
         raise SolveError(f"no value could be solved; {next(iter(failures.values()))}")
-    sweep = ParameterSweep(plan, folder, tuple(names), frozenset(failures))
+    sweep = ParameterSweep(plan, folder, tuple(series.names), frozenset(failures))
     with speaking(plan.family.result_units):
         write_sweep(sweep)
     if flagged := int(sweep.flagged.sum()):
@@ -113,69 +108,8 @@ def learn(folder: RunFolder, plan: SweepPlan, *, console: Console, store: Result
     pipeline.learn(folder, config, console=console, store=store)
 
 
-def solve_points(
-    folder: RunFolder, plan: SweepPlan, laws: Sequence[LawKind], names: Sequence[str], console: Console
-) -> dict[str, str]:
-    """Solve the body of every point that the folder does not hold; return the message of each that has no solution."""
-    places = [point_files(folder, plan, point) for point in plan.points]
-    missing = [
-        (point, place)
-        for point, place in zip(plan.points, places, strict=True)
-        if not all(path.exists() for path in place.solutions(*names))
-    ]
-    if kept := len(places) - len(missing):
-        console.note(f"sweep: {kept} of {len(places)} values are there already")
-    if not missing:
-        return {}
-    config = plan.family
-    work = len(missing) * sum(macro_time(config, load) for load in config.macro.loads)
-    count = bodies_at_once(config, len(missing), work)
-    with console.task("sweep", "values") as task, CallProcesses(count) as processes:
-        runs: Iterator[Callable[[Callable[[PointProgress], None]], None]]
-        if count > 1:
-            runs = _elsewhere(processes, missing, laws)
-        else:
-            runs = (
-                partial(solve_point, folder=place, config=place.config, laws=laws) for _, place in missing
-            )
-        failures = {}
-        for done, ((point, _), run) in enumerate(zip(missing, runs, strict=True)):
-            try:
-                run(partial(_show, task, point.name, done, len(missing)))
-            except SolveError as error:
-                failures[point.name] = str(error)
-        task.update(len(missing), len(missing), failed=len(failures))
-    return failures
-
-
-def _elsewhere(
-    processes: CallProcesses, missing: Sequence[tuple[SweepPoint, RunFolder]], laws: Sequence[LawKind]
-) -> Iterator[Callable[[Callable[[PointProgress], None]], None]]:
-    """Yield functions that follow the points as they are solved in processes."""
-    calls = [
-        processes.submit(f"while it solved {point.name}", solve_point, place, place.config, laws)
-        for point, place in missing
-    ]
-    for call in calls:
-
-        def follow(show: Callable[[PointProgress], None]) -> None:
-            call.begin()  # noqa: B023 - it is called before the next one is made
-            for told in call.reports():  # noqa: B023
-                show(told)
-            call.result()  # noqa: B023
-
-        yield follow
-
-
-def _show(task: Task, name: str, done: int, count: int, progress: PointProgress) -> None:
-    reached = done + progress.share
-    task.update(done, count, detail=f"{name}: {progress.words}", work=(reached, count - reached))
-
-
-def solve_point(
-    tell: Callable[[PointProgress], None], folder: RunFolder, config: RunConfig, laws: Sequence[LawKind]
-) -> None:
-    """Solve what is missing of the body of one point, under every load with each law; ``tell`` takes the progress."""
+def solve_point(tell: Tell, folder: RunFolder, config: RunConfig, laws: Sequence[LawKind]) -> str:
+    """Solve what is missing of the body of one point, under every load with each law; return no reason of a failure."""
     units = config.result_units
     with ExitStack() as stack:
         stack.enter_context(speaking(units))
@@ -192,8 +126,48 @@ def solve_point(
                     ) -> None:
                         at, end = (units.text(t, "time") for t in (step.time, config.macro.time.end))
                         share = (done + step.time / config.macro.time.end) / count
-                        tell(PointProgress(f"{name}, load {load:g}, t = {at} of {end}", share))
+                        tell(CaseProgress(f"{name}, load {load:g}, t = {at} of {end}", share))
 
                     prepared = prepared_body(solver, config, problem) if prepared is None else prepared
                     solve_body(folder, config, run, problem, solver, prepared, None, name, show)
                 done += 1
+    return ""
+
+
+class SweepSeries(RunSeries[str]):
+    """Points of a sweep; a result is the reason why there is no solution, or empty. The run folder has the solutions.
+
+    Parameters
+    ----------
+    folder, plan, laws
+        The run of the family, the sweep and its laws.
+    """
+
+    title, unit = "sweep", "values"
+    function = solve_point
+
+    def __init__(self, folder: RunFolder, plan: SweepPlan, laws: Sequence[LawKind]) -> None:
+        self._laws, self.names = laws, law_names(plan.family, laws, plan.family.closure)
+        self._places = {point.name: point_files(folder, plan, point) for point in plan.points}
+
+    def cases(self) -> list[Case]:
+        """Return the points as cases."""
+        return [Case(name, (place, place.config, self._laws), name) for name, place in self._places.items()]
+
+    def find(self, case: Case) -> str | None:
+        """Return no reason of a failure where all solutions are there."""
+        there = all(path.exists() for path in self._places[case.key].solutions(*self.names))
+        return "" if there else None
+
+    def keep(self, case: Case, result: str) -> None:
+        """Do nothing: who solves a point saves its solutions, and one without is tried again."""
+
+    def lost(self, case: Case, error: Exception) -> str:
+        """Return why a body has no solution."""
+        if not isinstance(error, SolveError):
+            raise error
+        return str(error)
+
+    def failed(self, result: str) -> bool:
+        """Return whether there is no solution."""
+        return bool(result)
