@@ -182,7 +182,7 @@ def _plan(
     refused: list[str] = []
     for name, (config, load, experiment) in studies.items():
         family, said = _family(config, plain[name], unknowns, at)
-        notes |= dict.fromkeys(said)
+        notes |= dict.fromkeys((*said, *(f"{name}: {note}" if name else note for note in config.unit_notes)))
         curves, kinds = [], {each.numbers[name].kind for each in unknowns if name in each.numbers}
         for observed, observation in experiment.observations.items():
             keys = ("experiments", name, "observations") if name else ("observations",)

@@ -15,13 +15,13 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cache, cached_property, lru_cache
 from math import prod
-from typing import Annotated, Any, Self, get_args
+from typing import Annotated, Any, Self, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 
 from porocore.core.echo import comma_advice, cut, echo
 from porocore.core.files.yaml_document import Location, dotted
-from porocore.core.models.strict import Place, StrictModel, bare, is_section, walk
+from porocore.core.models.strict import Place, StrictModel, bare, is_number, is_section, walk
 from porocore.errors import ConfigurationError
 
 #: A number and what may be a unit, in the regular expressions of Python and of JSON schema alike.
@@ -735,6 +735,65 @@ def _without_unit(place: Place, beside: str, dimension: Dimension) -> str:
         f"expected a unit with each number of the list, got {echo(place.value)} without one beside {echo(beside)}; "
         f"write [{cut(whole)}] (a number without a unit is {kind})"
     )
+
+
+def unit_notes(model: type[BaseModel], data: Any, scales: Scales | None) -> Iterator[str]:
+    """Yield a note on each number without a unit beside a value of its dimension that has one.
+
+    Values are beside each other in one part of a study, such as ``macro.time`` or ``macro.boundary``; all times of a
+    study are. Lists are noted once.
+
+    Parameters
+    ----------
+    model, data, scales
+        As for :func:`resolved`.
+    """
+    if scales is None:
+        return
+    given = dict[tuple[Location, str, bool], Place]()
+    plain = dict[Location, tuple[tuple[Location, str, bool], Place, Dimension]]()
+    for place, dimension in dimensions(model, data):
+        dimension, value = dimension or _of_a_member(place.annotation), place.value
+        if (
+            dimension is None
+            or not isinstance(value, str | int | float)
+            or isinstance(value, bool)
+            or not value
+        ):
+            continue
+        part = () if dimension.quantity == "time" else place.path[:-1][:2]
+        group = part, QUANTITIES[dimension.quantity].unit, dimension.si
+        if isinstance(value, str):
+            if has_unit(value):
+                given.setdefault(group, place)
+        elif not _is_named_freely(place):
+            key = place.path
+            while key[-1].isdigit():
+                key = key[:-1]
+            plain.setdefault(key, (group, place, dimension))
+    for key, (group, place, dimension) in plain.items():
+        if group in given:
+            yield f"{dotted(key)}: {_taken_as(place.value, dimension, scales, given[group])}"
+
+
+def _is_named_freely(place: Place) -> bool:
+    """Return True for a number of a mapping whose keys a user chooses: it may be a plain one, such as an exponent."""
+    above = place.above
+    while above is not None and not is_section(above.annotation):
+        if get_origin(above.annotation) is dict and is_number(get_args(above.annotation)[1]):
+            return True
+        above = above.above
+    return False
+
+
+def _taken_as(value: float, dimension: Dimension, scales: Scales, beside: Place) -> str:
+    """Return what a number without a unit counts as, and what to write, by a value that has a unit."""
+    unit, quantity = unit_within(beside.value), QUANTITIES[dimension.quantity]
+    there = f"{echo(value)} has no unit beside {dotted(beside.path)}: {cut(beside.value)}"
+    size = Fraction(1) if dimension.si else quantity.factor(scales.exact)
+    found = f"{significant(float(as_written(value) * size / unit_in_si(unit, dimension.quantity)), 4)} {pretty(unit)}"
+    kind = f"in {quantity.unit}" if dimension.si else "a multiple of its scale"
+    return f"{there}, so it is {kind}, {found}; write '{echo(value)} {cut(unit)}' if that is meant"
 
 
 def dimensions(model: type[BaseModel], data: Any) -> Iterator[tuple[Place, Dimension | None]]:

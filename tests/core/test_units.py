@@ -371,3 +371,80 @@ def test_numbers_to_other_bases_are_refused(tmp_path, text, found):
         YamlDocument.read(path)
     path.write_text(f"title: '{text}'\n", encoding="utf-8")
     assert YamlDocument.read(path).data == {"title": text}
+
+
+#: Scales of which one unit of time is 63.01 min, with all values of a column in units.
+MIXED = {
+    "scales": {"modulus": "0.5 MPa", "length": "1 mm", "pore": "23 nm", "viscosity": "1 Pa s"},
+    "cell": {"viscosity": "1 mPa s"},
+    "sampling": {"inputs": {"p": {"range": ["0 kPa", "5 kPa"], "step": "1 kPa"}}},
+    "macro": {
+        "loads": [1],
+        "body": {"kind": "cylinder", "radius": "2 mm", "height": "1 mm"},
+        "boundary": {
+            "y-": {"displacement": [0, 0, 0]},
+            "y+": {"traction": [0, {"ramp": "-20 kPa", "until": "2 min"}, 0], "pressure": "1 kPa"},
+        },
+        "time": {"end": "120 min", "step": "5 min", "profiles": ["20 min", "1 h"]},
+    },
+}
+
+
+@pytest.mark.parametrize(
+    ("at", "value", "note"),
+    [
+        (
+            "macro.time.end",
+            120,
+            "120 has no unit beside macro.boundary.y+.traction.1.until: 2 min, so it is a multiple of its scale, "
+            "7561 min; write '120 min' if that is meant",
+        ),
+        (
+            "macro.time.profiles",
+            [0.5, 1],
+            "0.5 has no unit beside macro.boundary.y+.traction.1.until: 2 min, so it is a multiple of its scale, "
+            "31.51 min;",
+        ),
+        ("macro.boundary.y+.traction.1.until", 0.5, "0.5 has no unit beside macro.time.end: 120 min"),
+        (
+            "macro.body.radius",
+            20,
+            "20 has no unit beside macro.body.height: 1 mm, so it is a multiple of its scale, 20 mm; write '20 mm'",
+        ),
+        ("macro.boundary.y+.pressure", 0.002, "so it is a multiple of its scale, 1 kPa; write '0.002 kPa'"),
+        ("sampling.inputs.p.step", 0.002, "beside sampling.inputs.p.range.0: 0 kPa, so it is a multiple of"),
+        (
+            "scales.length",
+            0.001,
+            "0.001 has no unit beside scales.pore: 23 nm, so it is in m, 1e+06 nm; write",
+        ),
+        ("cell.viscosity", 0.001, ""),
+        ("macro.boundary.y+.pressure", 0, ""),
+        ("title", "120", ""),
+    ],
+)
+def test_a_number_without_a_unit_beside_values_with_one_is_noted(at, value, note):
+    """An end of 120 beside steps of 5 min was taken for 120 scale times, 126 h, in silence."""
+    study = yaml.safe_load(yaml.safe_dump(MIXED))
+    assert config_from(study).unit_notes == ()
+    *sections, key = at.split(".")
+    below = study
+    for section in sections:
+        below = below[int(section)] if section.isdigit() else below[section]
+    below[key] = value
+    notes = config_from(study).unit_notes
+    assert len(notes) == bool(note), notes
+    assert all(each.startswith(f"{at}: ") and note in each for each in notes), notes
+
+
+def test_named_numbers_of_a_material_may_be_plain_beside_moduli():
+    assert load_config(EXAMPLE.parent / "cartilage-zones.yaml").unit_notes == ()
+
+
+def test_copies_of_a_study_keep_the_notes_and_its_dimensionless_form_has_none(tmp_path):
+    study = yaml.safe_load(yaml.safe_dump(MIXED))
+    study["macro"]["time"]["end"] = 120
+    config = config_from(study)
+    assert config.with_backends(surrogate="polynomial").unit_notes == config.unit_notes != ()
+    (tmp_path / "resolved.yaml").write_text(config.resolved_yaml(), encoding="utf-8")
+    assert load_config(tmp_path / "resolved.yaml").unit_notes == ()

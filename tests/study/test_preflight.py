@@ -1,6 +1,8 @@
 """What is found before anything is solved: ``porocore check``, and faults with file, line and key."""
 
+import io
 from contextlib import nullcontext
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from invoked import BENCHMARK, invoke
 from pydantic import ValidationError
 
 import porocore
+from porocore.core.console import Console
 from porocore.core.inputs import NAMES, InputSpace, least_volume
 from porocore.core.units import OutputUnits, ResultUnits, Scales
 from porocore.errors import ConfigurationError
@@ -22,6 +25,8 @@ from porocore.study.notes.linear_reach import prescribed_reach
 from porocore.study.notes.magnitudes import left_out, unloaded
 from porocore.study.notes.outline import outline
 from porocore.study.notes.workload import as_time
+from porocore.study.run_folder import RunFolder
+from porocore.study.stages import reference
 
 
 def test_check_tells_what_a_run_would_do():
@@ -151,6 +156,21 @@ def test_check_says_what_left_out_defaults_mean(tmp_path):
     assert not list(left_out(MacroSetup.model_validate(given), ResultUnits()))
     plan = {"end": 3, "step": 0.1, "ramp_step": 0.05, "smallest_step": 1e-6, "profiles": []}
     assert not list(left_out(MacroSetup.model_validate(given | {"time": plan}), units))
+
+
+def test_check_and_run_tell_numbers_without_a_unit_beside_values_with_one(tmp_path, monkeypatch):
+    """An end of 20, beside a ramp of 20 s, was taken for 20 scale times in silence."""
+    text = BENCHMARK.with_name("brain-indentation.yaml").read_text(encoding="utf-8")
+    assert "end: 2000 s" in text
+    path = tmp_path / "study.yaml"
+    path.write_text(text.replace("end: 2000 s", "end: 2000"), encoding="utf-8")
+    config, said = load_config(path), io.StringIO()
+    (note,) = (line for line in outline(config) if line.startswith("note: macro.time.end: 2000 has no unit"))
+    assert note.endswith(" s; write '2000 s' if that is meant")
+    conducts = SimpleNamespace(conductivity=np.eye(3))
+    monkeypatch.setattr(reference, "load_reference", lambda *each: conducts)
+    reference.warn_of_loading(RunFolder(tmp_path, config), config, console=Console(said))
+    assert note.removeprefix("note: ") in " ".join(said.getvalue().split())
 
 
 def test_check_refuses_a_study_of_a_cell_without_pores(tmp_path):

@@ -582,6 +582,8 @@ class RunConfig(StrictModel):
     """Further scales by name; the report gives the main results in SI units for each."""
     #: Of the study of one of several cells: the whole study, and the name of the cell.
     _part_of: tuple[RunConfig, str | None] | None = PrivateAttr(default=None)
+    #: On numbers without a unit beside values with one, in the document that was read.
+    _unit_notes: tuple[str, ...] = PrivateAttr(default=())
     calibration: dict[str, Any] | None = None
     """Unknowns and measured curves of ``porocore calibrate``; other commands leave them alone. A run folder has the
     absolute paths of their files."""
@@ -612,6 +614,11 @@ class RunConfig(StrictModel):
     def result_units(self) -> ResultUnits:
         """Units of reported results; dimensionless without scales."""
         return ResultUnits(self.scales, self.output_units or OutputUnits())
+
+    @property
+    def unit_notes(self) -> tuple[str, ...]:
+        """Notes on numbers without a unit beside values with one; none where it was not read from a document."""
+        return self._unit_notes
 
     @property
     def surrogate_model(self) -> str:

@@ -17,7 +17,7 @@ from porocore.core.echo import echo, suggestion
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted, leaves
 from porocore.core.models.bounds import LARGEST_NUMBER
 from porocore.core.models.strict import StrictModel
-from porocore.core.units import OutputUnits, ResultUnits, Scales, length_text, resolved, speaking
+from porocore.core.units import OutputUnits, ResultUnits, Scales, length_text, resolved, speaking, unit_notes
 from porocore.errors import ConfigurationError
 from porocore.macro.body.kinds import Box, Cylinder, QuarterCylinder, Wedge
 from porocore.study.config.config import SAME_LENGTH, RunConfig, cell_faults, other_lengths
@@ -223,6 +223,7 @@ def validated(document: YamlDocument, *, alone: bool = False) -> RunConfig:
     found += [fault for fault in switched(document, RunConfig) if fault[0] not in dict(found)]
     if found or config is None:
         raise refusal(document, found)
+    config._unit_notes = tuple(unit_notes(RunConfig, document.data, scales))
     return config
 
 

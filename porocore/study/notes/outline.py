@@ -90,6 +90,7 @@ def outline(config: RunConfig) -> Iterator[str]:
         yield from lines_of_cell(
             name, (f"note: {note}" for note in _notes(one, _nodes(one.cell, measured[name])[0]))
         )
+    yield from (f"note: {warning}" for warning in config.unit_notes)
     yield from (f"note: {warning}" for warning in late_functions(config.macro, config.result_units))
     yield from (f"note: {warning}" for warning in long_step(config.macro, config.result_units))
     yield from (f"{WARNING}{text}" for text in unloaded(config))

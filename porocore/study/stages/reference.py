@@ -65,8 +65,11 @@ def solve_reference(
 
 
 def warn_of_loading(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
-    """Warn of a body that nothing loads, and of surfaces through which no fluid leaves; the cells are solved."""
-    for warning in unloaded(config):
+    """Warn of numbers without a unit beside others with one, of a body that nothing loads, and of one undrained.
+
+    The cells are solved.
+    """
+    for warning in (*config.unit_notes, *unloaded(config)):
         console.warn(warning)
     found = [load_reference(*each).conductivity for each in folder.of_each_cell(config)]
     for warning in undrained(config.macro, np.max(found, axis=0)):
