@@ -447,4 +447,6 @@ def test_copies_of_a_study_keep_the_notes_and_its_dimensionless_form_has_none(tm
     config = config_from(study)
     assert config.with_backends(surrogate="polynomial").unit_notes == config.unit_notes != ()
     (tmp_path / "resolved.yaml").write_text(config.resolved_yaml(), encoding="utf-8")
-    assert load_config(tmp_path / "resolved.yaml").unit_notes == ()
+    again = load_config(tmp_path / "resolved.yaml")
+    assert again.unit_notes == ()
+    assert again == config

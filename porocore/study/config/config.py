@@ -13,7 +13,7 @@ import re
 from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -549,6 +549,13 @@ class StageIdentities:
     macro: str
 
 
+@dataclass(frozen=True)
+class Reading:
+    """Notes on the document of a configuration; configurations that differ by them alone are equal."""
+
+    unit_notes: tuple[str, ...] = field(default=(), compare=False)
+
+
 class RunConfig(StrictModel):
     """The settings of a whole study."""
 
@@ -582,8 +589,7 @@ class RunConfig(StrictModel):
     """Further scales by name; the report gives the main results in SI units for each."""
     #: Of the study of one of several cells: the whole study, and the name of the cell.
     _part_of: tuple[RunConfig, str | None] | None = PrivateAttr(default=None)
-    #: On numbers without a unit beside values with one, in the document that was read.
-    _unit_notes: tuple[str, ...] = PrivateAttr(default=())
+    _reading: Reading = PrivateAttr(default=Reading())
     calibration: dict[str, Any] | None = None
     """Unknowns and measured curves of ``porocore calibrate``; other commands leave them alone. A run folder has the
     absolute paths of their files."""
@@ -618,7 +624,7 @@ class RunConfig(StrictModel):
     @property
     def unit_notes(self) -> tuple[str, ...]:
         """Notes on numbers without a unit beside values with one; none where it was not read from a document."""
-        return self._unit_notes
+        return self._reading.unit_notes
 
     @property
     def surrogate_model(self) -> str:

@@ -20,7 +20,7 @@ from porocore.core.models.strict import StrictModel
 from porocore.core.units import OutputUnits, ResultUnits, Scales, length_text, resolved, speaking, unit_notes
 from porocore.errors import ConfigurationError
 from porocore.macro.body.kinds import Box, Cylinder, QuarterCylinder, Wedge
-from porocore.study.config.config import SAME_LENGTH, RunConfig, cell_faults, other_lengths
+from porocore.study.config.config import SAME_LENGTH, Reading, RunConfig, cell_faults, other_lengths
 from porocore.study.config.errors import faults, located, refusal, switched, unexpected
 
 #: File of the benchmark of Dehghani & Zilian.
@@ -223,7 +223,7 @@ def validated(document: YamlDocument, *, alone: bool = False) -> RunConfig:
     found += [fault for fault in switched(document, RunConfig) if fault[0] not in dict(found)]
     if found or config is None:
         raise refusal(document, found)
-    config._unit_notes = tuple(unit_notes(RunConfig, document.data, scales))
+    config._reading = Reading(tuple(unit_notes(RunConfig, document.data, scales)))
     return config
 
 
