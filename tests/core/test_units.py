@@ -295,7 +295,7 @@ def test_a_wrong_unit_does_not_hide_an_unknown_surface(tmp_path):
         load_config(tmp_path / "study.yaml")
     told = str(refused.value)
     assert "expected a length, such as 5 mm, got '-0.6 kPa', which is a pressure" in told
-    assert "macro.boundary.bottom: no such surface; the surfaces are" in told
+    assert "macro.boundary.bottom: no such surface; did you mean 'y-'? the surfaces are" in told
 
 
 def test_a_unit_without_scales_is_explained(tmp_path):
