@@ -54,9 +54,12 @@ class Case:
 
 @dataclass(frozen=True)
 class CaseProgress:
-    """Progress of one case, which its function tells: words, and the share that is done."""
+    """Progress of one case, which its function tells: a text, and the share that is done.
 
-    words: str
+    ``words`` may be anything; it becomes a text where the series is shown, in the units of the study.
+    """
+
+    words: object
     share: float
 
 

@@ -97,6 +97,17 @@ def solved_members(
 
 
 @contextmanager
+def taken(known: SolvedStore | None, then: Callable[[int, float], None]) -> Iterator[None]:
+    """Call ``then`` with the number of states that the block took from the store and the seconds that this saved."""
+    found, saved = (known.found, known.saved) if known else (0, 0.0)
+    try:
+        yield
+    finally:
+        if known is not None and known.found > found:
+            then(known.found - found, known.saved - saved)
+
+
+@contextmanager
 def told(
     known: SolvedStore | None,
     title: str,
@@ -105,15 +116,14 @@ def told(
     workers: int = 1,
 ) -> Iterator[None]:
     """Tell how many states the block took from the store; tell and ``count`` the seconds that this saved."""
-    found, saved = (known.found, known.saved) if known else (0, 0.0)
-    try:
+
+    def then(states: int, seconds: float) -> None:
+        took, several = seconds / workers, "states" if states > 1 else "state"
+        count(took)
+        tell(f"{title}: {states} {several} came from the store, which saved about {duration(took)}")
+
+    with taken(known, then):
         yield
-    finally:
-        if known is not None and known.found > found:
-            states, took = known.found - found, (known.saved - saved) / workers
-            count(took)
-            several = "states" if states > 1 else "state"
-            tell(f"{title}: {states} {several} came from the store, which saved about {duration(took)}")
 
 
 def cell_key(backend: str, options: dict[str, Any], cell: Cell, conductivity: str) -> str:

@@ -2,48 +2,33 @@
 
 from __future__ import annotations
 
+import io
 import json
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from porocore.cell.equilibrium.solver import EquilibriumCellSolver
-from porocore.cell.stability.line import StabilityLine
-from porocore.cell.stability.map import MapPlan, follow_lines, write_tables
-from porocore.core.files.atomic import new_folder
+from porocore.cell.cell import Cell
+from porocore.cell.equilibrium.solver import PreparedCell
+from porocore.cell.stability.line import LineSettings, StabilityLine, follow_line
+from porocore.cell.stability.map import MapPlan, load, save, write_tables
+from porocore.core.console import Console
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.store import ResultStore
-from porocore.core.inputs import require_possible, value_text
+from porocore.core.inputs import NAMES, require_possible, value_text
+from porocore.core.parallel.calls import Tell
 from porocore.core.units import speaking
-from porocore.errors import ConfigurationError, RunFolderError
+from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellSolver
-from porocore.sampling.execution.solved_store import StoringSolver
-from porocore.study.config.config import RunConfig
+from porocore.sampling.execution.solved_store import SolvedStore
+from porocore.states import Array
+from porocore.study.config.config import FemSettings, RunConfig
 from porocore.study.notes.checks import find_backends
-from porocore.study.stages.stage_files import prepare_cell
-from porocore.study.store import chosen_store, solved_states, told
+from porocore.study.series import Case, CaseProgress, FromStore, RunSeries, Setup, claim_record
+from porocore.study.stages.stage_files import prepare_stored
+from porocore.study.store import chosen_store, taken
 
 FILE, PICTURE = "stability.h5", "stability.png"
-
-
-@dataclass(frozen=True)
-class MapProgress:
-    """Progress of a map after one event.
-
-    Attributes
-    ----------
-    value
-        Input across the lines, on the line under way.
-    found
-        Description of the state or of the onset.
-    done, expected
-        Solved states, and all if every line reaches its goal.
-    """
-
-    value: float
-    found: str
-    done: int
-    expected: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,10 +58,10 @@ def map_stability(
     folder: Path | str,
     plan: MapPlan,
     *,
+    workers: int | None = None,
     resume: bool = False,
-    on_event: Callable[[MapProgress], None] = lambda progress: None,
     store: ResultStore | str | Path | bool = True,
-    tell: Callable[[str], None] = lambda text: None,
+    progress: bool = False,
 ) -> StabilityMap:
     """Map where the cell of a configuration creases, touches itself and becomes unstable.
 
@@ -88,14 +73,14 @@ def map_stability(
         Place of ``stability.h5``, ``states.csv``, ``onsets.csv`` and ``stability.png``.
     plan
         Lines of states.
+    workers
+        Processes; by default as configured for sampling.
     resume
         Continue the map that the folder holds; finished lines are not solved again.
-    on_event
-        Called after every state and onset.
     store
         Folder of results that studies share; True: that of the user, False: none.
-    tell
-        Called with what came from the store.
+    progress
+        Show the progress on standard error.
 
     Raises
     ------
@@ -113,15 +98,13 @@ def map_stability(
 
     folder = Path(folder)
     _require_possible(config, plan)
-    if (folder / FILE).exists() and not resume:
-        raise RunFolderError(
-            f"{folder} already holds a map; add --resume to continue it, or choose another --out"
-        )
     find_backends(config, ["cell solver"])
-    new_folder(folder)
-    lines = _solve(config, folder / FILE, plan, on_event, chosen_store(store), tell)
-    picture = folder / PICTURE
+    claim_record(folder / FILE, "map", resume=resume)
+    series = StabilitySeries(config, plan, folder / FILE, chosen_store(store))
+    workers = config.sampling.worker_count() if workers is None else workers
     with speaking(config.result_units):
+        lines = series.run(series.cases(), Console(None if progress else io.StringIO()), workers)
+        picture = folder / PICTURE
         write_pictures(stability_figure(plan, lines), picture)
         return StabilityMap(plan, lines, write_tables(folder, plan, lines), picture)
 
@@ -134,33 +117,90 @@ def _require_possible(config: RunConfig, plan: MapPlan) -> None:
         require_possible(goal[:9], goal[9], config.cell.modulus, where)
 
 
-def _solve(
-    config: RunConfig,
-    path: Path,
-    plan: MapPlan,
-    on_event: Callable[[MapProgress], None],
-    store: ResultStore | None,
-    tell: Callable[[str], None],
-) -> list[StabilityLine]:
-    solver, prepared = prepare_cell(config.fem.backend, config.fem.options, config.cell)
-    if not isinstance(solver, EquilibriumCellSolver):
+def follow(
+    tell: Tell,
+    solver: CellSolver,
+    prepared: PreparedCell,
+    known: SolvedStore | None,
+    start: Array,
+    goal: Array,
+    settings: LineSettings,
+) -> StabilityLine:
+    """Solve one line; ``tell`` takes every state and onset, and what came from the store."""
+    solved = 0
+
+    def show(found: str) -> None:
+        nonlocal solved
+        solved += not found.startswith("onset")
+        tell(CaseProgress(found, min(1.0, solved / (settings.steps + 1))))
+
+    with taken(known, lambda count, seconds: tell(FromStore(count, seconds))):
+        return follow_line(solver, prepared, start, goal, settings, show)
+
+
+def prepare(fem: FemSettings, cell: Cell, store: ResultStore | None) -> tuple[Any, ...]:
+    """Return the solver, the cell and its states in the store, as :func:`follow` takes them."""
+    solver, prepared, known = prepare_stored(store, fem.backend, fem.options, cell)
+    if not isinstance(prepared, PreparedCell):
         raise ConfigurationError(
-            f"--fem: backend '{config.fem.backend}' gives no access to the tangent of its cell; "
+            f"--fem: backend '{fem.backend}' gives no access to the tangent of its cell; "
             "choose one that does, such as skfem"
         )
-    states = plan.line.steps + 1
-    under_way, solved = 0, 0
+    return solver, prepared, known
 
-    def show(line: int, found: str) -> None:
-        nonlocal under_way, solved
-        under_way, solved = line, (0 if line != under_way else solved) + (not found.startswith("onset"))
-        expected = len(plan.values) * states
-        on_event(MapProgress(plan.values[line], found, min(expected, line * states + solved), expected))
 
-    described = plan.describe()
-    identity = json_hash([config.stages.cell, described])
-    provenance = {"config": config.resolved_yaml(), "plan": json.dumps(described)}
-    known = solved_states(store, config.fem.backend, config.fem.options, config.cell)
-    solves: CellSolver = solver if known is None else StoringSolver(solver, known)
-    with told(known, "stability", tell):
-        return follow_lines(solves, prepared, plan, path, identity, provenance, show)
+class StabilitySeries(RunSeries[StabilityLine]):
+    """Lines of a map, in its file by their numbers.
+
+    Parameters
+    ----------
+    config, plan
+        The study, and the map.
+    path
+        Its file.
+    store
+        Results that studies share.
+    """
+
+    title, unit = "stability", "states"
+    function = follow
+
+    def __init__(self, config: RunConfig, plan: MapPlan, path: Path, store: ResultStore | None) -> None:
+        self._plan, self._path, described = plan, path, plan.describe()
+        self._setup = prepare, (config.fem, config.cell, store)
+        self._identity = json_hash([config.stages.cell, described])
+        self._provenance = {"config": config.resolved_yaml(), "plan": json.dumps(described)}
+        lines = load(path, self._identity) if path.exists() else []
+        self._known = {str(plan.values.index(line.start[NAMES.index(plan.across)])): line for line in lines}
+
+    @property
+    def setup(self) -> Setup:
+        """Preparation of the cell."""
+        return self._setup
+
+    def cases(self) -> list[Case]:
+        """Return the lines as cases."""
+        plan = self._plan
+        return [
+            Case(
+                str(i),
+                (*plan.ends(value), plan.line),
+                f"{plan.across} = {value_text(plan.across, value)}",
+                size=plan.line.steps + 1,
+            )
+            for i, value in enumerate(plan.values)
+        ]
+
+    def find(self, case: Case) -> StabilityLine | None:
+        """Return a line of the file."""
+        return self._known.get(case.key)
+
+    def keep(self, case: Case, result: StabilityLine) -> None:
+        """Save a line."""
+        self._known[case.key] = result
+        save(
+            self._path,
+            self._identity,
+            [self._known[i] for i in sorted(self._known, key=int)],
+            self._provenance,
+        )

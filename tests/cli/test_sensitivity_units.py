@@ -12,7 +12,7 @@ from porocore.states import CellExtrema, CellResponse, CellTangent, Status
 from porocore.verification.sensitivity.figures import FIGURES
 from porocore.verification.sensitivity.plan import HalfLine, StudyPlan, Sweep
 from porocore.verification.sensitivity.results import Sensitivity, line_name, write_table
-from porocore.verification.sensitivity.study import SensitivityProgress
+from porocore.verification.sensitivity.study import LoadedState
 
 UNITS = ResultUnits(Scales(modulus=2e3, length=1e-2, pore=5e-6), OutputUnits(stress="kPa"))
 PLAN = StudyPlan({"uniaxial": Sweep(0.0, 0.2, 0.1), "pressure": Sweep(-0.4, 0.0, 0.2)})
@@ -70,8 +70,8 @@ def test_the_printed_ends_and_progress_have_units(study, capsys):
     """The ends were multiples of E, in a study that gives its pressures in kPa."""
     with speaking(UNITS):
         print_ends(study)
-        assert str(SensitivityProgress("pressure", -0.4, Status.contact, 1, 2)) == "pressure -0.8 kPa contact"
-        assert str(SensitivityProgress("shear", -0.4, Status.contact, 1, 2)) == "shear -0.4 contact"
+        assert str(LoadedState("pressure", -0.4, Status.contact)) == "-0.8 kPa contact"
+        assert str(LoadedState("shear", -0.4, Status.contact)) == "-0.4 contact"
     uniaxial, pressure = capsys.readouterr().out.splitlines()[1:]
     assert uniaxial.split()[2:5] == ["0.1", "–", "0.2"]
     assert pressure.split()[2:7] == ["−0.4", "kPa", "–", "−0.8", "kPa"]

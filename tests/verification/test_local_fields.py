@@ -288,7 +288,9 @@ def test_the_command_refuses_what_is_no_state(monkeypatch, capsys, tmp_path, at,
 
 def test_a_backend_without_fields_is_refused(monkeypatch):
     solver = SimpleNamespace(solve=lambda *_, **__: CellSolution(failed_response(Status.lost)))
-    monkeypatch.setattr("porocore.verification.local_fields.solve.prepare_cell", lambda *_: (solver, None))
+    monkeypatch.setattr(
+        "porocore.verification.local_fields.solve.prepare_stored", lambda *_: (solver, None, None)
+    )
     with pytest.raises(
         ConfigurationError, match="backend 'mine' gives no fields of its cell; choose one that does"
     ):

@@ -9,13 +9,11 @@ import pytest
 from porocore.errors import ConfigurationError, DataError
 from porocore.macro.laws.closure import PulledBack
 from porocore.report.figures.style import BLUE
-from porocore.sampling.execution import FinishedSolve
 from porocore.states import CellExtrema, CellResponse, CellTangent, MacroState, Status
 from porocore.verification.sensitivity.figures import FIGURES, known_figures, write_figures
 from porocore.verification.sensitivity.plan import (
     LOADS,
     HalfLine,
-    HalfLineSolve,
     StudyPlan,
     Sweep,
     quantities,
@@ -120,17 +118,6 @@ def test_a_goal_is_reached_in_equal_steps():
     np.testing.assert_allclose(asked, [0.25, 0.5, 0.75, 1.0])
     with pytest.raises(StopIteration):
         values.send(True)
-
-
-def test_a_walk_keeps_what_was_solved_and_the_nearest_failure():
-    half_line = HalfLineSolve("uniaxial", -1, -0.2, 0.1, 0.05, made_up(np.zeros(1), [Status.converged]))
-    while not half_line.done:
-        status = Status.contact if half_line.value > -0.12 else Status.overlap
-        half_line.record(FinishedSolve("", made_up(np.array([half_line.value]), [status]), "field", 0.5))
-    line = half_line.line()
-    np.testing.assert_allclose(line.values, [0, -0.1, -0.15])
-    assert list(line.response.status) == [Status.converged, Status.contact, Status.overlap]
-    assert line.end is Status.overlap
 
 
 def test_quantities_by_their_definitions():

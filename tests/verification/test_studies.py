@@ -18,23 +18,16 @@ def config():
     return porocore.Study("crosscheck", cell={"mesh": mesh}).config
 
 
-def test_a_stability_map_is_made_and_resumed(config, tmp_path, undrawn):
+def test_a_stability_map_is_made_and_resumed(config, tmp_path, undrawn, capsys):
     plan = MapPlan({"H22": -0.02}, "p", (0.0, 0.01), LineSettings(steps=1))
-    told = []
-    found = porocore.map_stability(config, tmp_path, plan, on_event=told.append)
+    found = porocore.map_stability(config, tmp_path, plan, workers=1, progress=True)
     assert [len(line) for line in found.lines] == [2, 2]
-    assert [(each.value, each.done, each.expected) for each in told] == [
-        (0.0, 1, 4),
-        (0.0, 2, 4),
-        (0.01, 3, 4),
-        (0.01, 4, 4),
-    ]
+    assert "stability: 4 of 4 states; took" in capsys.readouterr().err
     assert all(path.parent == tmp_path and path.exists() for path in (*found.tables, found.picture))
     with pytest.raises(RunFolderError, match="already holds a map; add --resume"):
         porocore.map_stability(config, tmp_path, plan)
-    told.clear()
-    again = porocore.map_stability(config, tmp_path, plan, resume=True, on_event=told.append)
-    assert told == []
+    again = porocore.map_stability(config, tmp_path, plan, resume=True, progress=True)
+    assert capsys.readouterr().err == "stability: 4 of 4 states are there already\n"
     assert np.array_equal(again.lines[1].stress, found.lines[1].stress)
 
 
@@ -45,20 +38,17 @@ def test_a_map_of_impossible_states_is_refused_before_its_folder_is_made(config,
     assert not (tmp_path / "map").exists()
 
 
-def test_a_sensitivity_study_is_made_and_resumed(config, tmp_path, undrawn):
+def test_a_sensitivity_study_is_made_and_resumed(config, tmp_path, undrawn, capsys):
     plan = StudyPlan({"pressure": Sweep(0.0, 0.02, 0.01)})
-    told = []
-    found = porocore.study_sensitivity(config, tmp_path, plan, workers=1, on_state=told.append)
-    assert str(told[-1]) == "pressure 0.02 converged"
-    assert (told[-1].done, told[-1].expected) == (2, 2)
+    found = porocore.study_sensitivity(config, tmp_path, plan, workers=1, progress=True)
+    assert "sensitivity: 2 of 2 states; took" in capsys.readouterr().err
     assert found.table.exists()
     assert found.pictures
     assert all(path.exists() for path in found.pictures.values())
     with pytest.raises(RunFolderError, match="already holds a study; add --resume"):
         porocore.study_sensitivity(config, tmp_path, plan, workers=1)
-    told.clear()
-    again = porocore.study_sensitivity(config, tmp_path, plan, workers=1, resume=True, on_state=told.append)
-    assert told == []
+    again = porocore.study_sensitivity(config, tmp_path, plan, workers=1, resume=True, progress=True)
+    assert capsys.readouterr().err == "sensitivity: 2 of 2 states are there already\n"
     assert list(again.study.lines) == list(found.study.lines) == ["pressure+"]
 
 

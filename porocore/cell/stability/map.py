@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from porocore.cell.equilibrium.solver import PreparedCell
-from porocore.cell.stability.line import EVENTS, LineSettings, StabilityLine, follow_line
+from porocore.cell.stability.line import EVENTS, LineSettings, StabilityLine
 from porocore.cell.stability.modes import WAVES
 from porocore.core.echo import echo
 from porocore.core.field_check import known_statuses
@@ -21,7 +19,6 @@ from porocore.core.inputs import NAMES, input_meant
 from porocore.core.models.bounds import MOST_LINES
 from porocore.core.units import spoken
 from porocore.errors import ConfigurationError, DataError
-from porocore.interfaces.cell import CellSolver
 from porocore.states import Array, Status
 
 FORMAT, VERSION = "porocore-stability", 1
@@ -109,34 +106,6 @@ class MapPlan:
             "values": list(self.values),
             **asdict(self.line),
         }
-
-
-def follow_lines(
-    solver: CellSolver,
-    prepared: PreparedCell,
-    plan: MapPlan,
-    path: Path,
-    identity: str,
-    provenance: Mapping[str, str],
-    on_state: Callable[[int, str], None] = lambda line, text: None,
-) -> list[StabilityLine]:
-    """Solve the lines of a plan that ``path`` does not hold yet, save each when it is finished, and return all.
-
-    Parameters
-    ----------
-    identity
-        Identity of cell, backend and plan; a file of another one is not continued.
-    provenance
-        Texts that the file stores.
-    on_state
-        Called after every state with the number of the line and a text.
-    """
-    lines = load(path, identity) if path.exists() else []
-    for i in range(len(lines), len(plan.values)):
-        start, goal = plan.ends(plan.values[i])
-        lines.append(follow_line(solver, prepared, start, goal, plan.line, partial(on_state, i)))
-        save(path, identity, lines, provenance)
-    return lines
 
 
 def save(path: Path, identity: str, lines: Sequence[StabilityLine], provenance: Mapping[str, str]) -> None:

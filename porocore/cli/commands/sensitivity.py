@@ -27,7 +27,6 @@ from porocore.cli.options import (
     StoreOption,
     WorkersOption,
 )
-from porocore.core.console import Console
 from porocore.core.echo import comma_within, echo
 from porocore.errors import ConfigurationError
 
@@ -35,7 +34,6 @@ if TYPE_CHECKING:
     from porocore.core.units import Scales
     from porocore.verification.sensitivity.plan import StudyPlan, Sweep
     from porocore.verification.sensitivity.results import Sensitivity
-    from porocore.verification.sensitivity.study import SensitivityProgress
 
 _ALL = "uniaxial,volumetric,shear,pressure"
 
@@ -84,16 +82,9 @@ def sensitivity(
 
         check_workers(workers)
         plan = parse_loads(loads, tolerance, settings.scales)
-        console = Console()
-        with console.task("sensitivity", "states") as task:
-
-            def show(progress: SensitivityProgress) -> None:
-                task.update(progress.done, progress.expected, detail=str(progress))
-
-            found = study_sensitivity(
-                settings, out, plan, workers=workers, resume=resume, on_state=show, store=kept or False,
-                tell=console.note,
-            )  # fmt: skip
+        found = study_sensitivity(
+            settings, out, plan, workers=workers, resume=resume, store=kept or False, progress=True
+        )
         print_ends(found.study)
     for path in (found.table, *found.pictures.values()):
         typer.echo(path)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from porocore.cli.common import (
+    check_workers,
     chosen_store,
     command,
     decimals,
@@ -20,8 +21,14 @@ from porocore.cli.common import (
     plain_table,
     read_config,
 )
-from porocore.cli.options import ConfigArgument, FemOption, NoStoreOption, ResumeOption, StoreOption
-from porocore.core.console import Console
+from porocore.cli.options import (
+    ConfigArgument,
+    FemOption,
+    NoStoreOption,
+    ResumeOption,
+    StoreOption,
+    WorkersOption,
+)
 from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
 
@@ -31,7 +38,6 @@ if TYPE_CHECKING:
     from porocore.cell.stability.line import StabilityLine
     from porocore.cell.stability.map import MapPlan
     from porocore.core.units import Scales
-    from porocore.verification.stability import MapProgress
 
 
 def stability(
@@ -59,6 +65,7 @@ def stability(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of tables and figure.")] = Path(
         "runs/stability"
     ),
+    workers: WorkersOption = None,
     resume: ResumeOption = False,
     store: StoreOption = None,
     no_store: NoStoreOption = False,
@@ -73,23 +80,16 @@ def stability(
     _, settings = read_config(config, fem)
     again = command(
         "stability", config, fem=fem, along=along, across=across, steps=steps, tolerance=tolerance,
-        eigenvalues=eigenvalues, out=out, resume=True, store=store, no_store=no_store,
+        eigenvalues=eigenvalues, workers=workers, out=out, resume=True, store=store, no_store=no_store,
     )  # fmt: skip
     with interruptible(again), in_units_of(settings):
-        from porocore.core.inputs import value_text
         from porocore.verification.stability import map_stability
 
+        check_workers(workers)
         plan = parse_plan(along, across, steps, tolerance, eigenvalues, settings.scales)
-        console = Console()
-        with console.task("stability", "states") as task:
-
-            def show(progress: MapProgress) -> None:
-                detail = f"{plan.across} = {value_text(plan.across, progress.value)}, {progress.found}"
-                task.update(progress.done, progress.expected, detail=detail)
-
-            found = map_stability(
-                settings, out, plan, resume=resume, on_event=show, store=kept or False, tell=console.note
-            )  # fmt: skip
+        found = map_stability(
+            settings, out, plan, workers=workers, resume=resume, store=kept or False, progress=True
+        )
         if len(found.lines) == 1:
             print_states(plan, found.lines[0])
         print_onsets(plan, found.lines)

@@ -9,6 +9,7 @@ import numpy as np
 
 from porocore.cell.cell import Cell
 from porocore.cell.family.mesh import UnstressedFamily, rest_data, undeformed_count
+from porocore.core.files.store import ResultStore
 from porocore.core.inputs import InputSpace, SampledRange
 from porocore.errors import DataError
 from porocore.interfaces.cell import CellSolver
@@ -28,6 +29,7 @@ from porocore.sampling.execution.members import (
     PreparedFamily,
     UndeformedMemberSolver,
 )
+from porocore.sampling.execution.solved_store import SolvedStore, StoringSolver
 from porocore.sampling.execution.tasks import Factory
 from porocore.sampling.samplers.candidates import UndeformedMembers
 from porocore.sampling.samplers.designs import RandomStates
@@ -36,6 +38,7 @@ from porocore.study.config.config import RunConfig, with_fields_of
 from porocore.study.notes.abilities import require_conductivity
 from porocore.study.run_folder import RunFolder, versions
 from porocore.study.stages.exploration import BodyAround, inform
+from porocore.study.store import solved_states
 
 
 def prepare_cell(
@@ -52,6 +55,15 @@ def prepare_cell(
     solver: Any = registry().get("cell solver", backend)(**options)
     require_conductivity(type(solver), backend, conductivity)
     return solver, solver.prepare(cell, **_how(conductivity))
+
+
+def prepare_stored(
+    store: ResultStore | None, backend: str, options: dict[str, Any], cell: Cell, conductivity: str = "piola"
+) -> tuple[CellSolver, Any, SolvedStore | None]:
+    """Return a cell solver that takes from a store what that holds, the prepared cell, and its states in the store."""
+    solver, prepared = prepare_cell(backend, options, cell, conductivity)
+    known = solved_states(store, backend, options, cell, conductivity)
+    return solver if known is None else StoringSolver(solver, known), prepared, known
 
 
 def prepare_family(

@@ -18,12 +18,11 @@ from porocore.errors import ConfigurationError, PorocoreError
 from porocore.plugins.border import solution_of
 from porocore.report.text import MEANINGS
 from porocore.report.vtk import write_vtu
-from porocore.sampling.execution.solved_store import StoringSolver
 from porocore.states import Array, CellResponse, MacroState, Status
 from porocore.study.config.config import FemSettings, RunConfig
 from porocore.study.notes.checks import find_backends
-from porocore.study.stages.stage_files import prepare_cell
-from porocore.study.store import chosen_store, solved_states, told
+from porocore.study.stages.stage_files import prepare_stored
+from porocore.study.store import chosen_store, told
 from porocore.verification.local_fields.points import NodalFields, PointFields
 
 
@@ -229,10 +228,8 @@ def solve_fields(
 ) -> tuple[CellResponse, PointFields]:
     """Response and fields of one state; errors as of ``solve_and_write``."""
     row = state_row(cell, state)
-    solver, prepared = prepare_cell(fem.backend, fem.options, cell)
+    solver, prepared, known = prepare_stored(store, fem.backend, fem.options, cell)
     asked = MacroState.single(row[:9], row[9])
-    if known := solved_states(store, fem.backend, fem.options, cell):
-        solver = StoringSolver(solver, known)
     with told(known, "cell", tell):
         solution = solution_of(solver, prepared, asked, tangent=False, fields=True)
     if solution.fields is None:

@@ -29,7 +29,7 @@ from porocore.study.stages.summary import report_context
 from porocore.verification.local_fields.solve import PAPER_STATES, LocalFields, solve_and_write
 from porocore.verification.reproduce.calls import CallTimes, call_times
 from porocore.verification.sensitivity.results import Sensitivity, write_table
-from porocore.verification.sensitivity.study import SensitivityProgress, run_study
+from porocore.verification.sensitivity.study import run_study
 
 #: Loads of the published column.
 LARGE, SMALL = -0.2, -0.01
@@ -154,18 +154,14 @@ class Results:
     def sensitivity(self) -> Sensitivity:
         """One load of the cell at a time."""
         folder = self.folder / "sensitivity"
-        with self._stage("sensitivity"), self.console.task("sensitivity", "states") as task:
-
-            def show(progress: SensitivityProgress) -> None:
-                task.update(progress.done, progress.expected, detail=str(progress))
-
+        with self._stage("sensitivity"):
             study = run_study(
                 self.config.cell,
                 self.config.fem,
                 folder,
                 workers=self.workers,
-                on_state=show,
                 provenance={"config": self.config.resolved_yaml()},
+                console=self.console,
             )
             write_table(folder, study)
         return study

@@ -14,9 +14,7 @@ from porocore.core.inputs import NAMES
 from porocore.core.models.bounds import MOST_POINTS, SMALLEST_INTERVAL
 from porocore.core.tensors import determinant
 from porocore.errors import ConfigurationError
-from porocore.interfaces.cell import CellField
 from porocore.macro.laws.closure import ConductivityLaw, PulledBack
-from porocore.sampling.execution import FinishedSolve
 from porocore.states import Array, CellResponse, MacroState, Status
 
 #: The loads of Dehghani & Zilian, section "RVE numerical tests", and the components of (H, p) that each moves alike.
@@ -295,51 +293,3 @@ def targets(goal: float, step: float, tolerance: float) -> Generator[float, bool
 def step_count(goal: float, step: float) -> int:
     """Return the number of equal steps from zero to the goal."""
     return max(1, math.ceil(abs(goal / step) - 1e-9))
-
-
-class HalfLineSolve:
-    """Solution of a half line: the next state, its start field and the states solved so far.
-
-    Parameters
-    ----------
-    rest
-        Response of the undeformed cell, one row with tangent.
-    """
-
-    def __init__(
-        self, load: str, sign: int, goal: float, step: float, tolerance: float, rest: CellResponse
-    ) -> None:
-        self.load, self.sign = load, sign
-        self.field: CellField | None = None
-        self._rows = [(0.0, rest, 0.0)]
-        self._failed: tuple[float, CellResponse, float] | None = None
-        self._targets = targets(goal, step, tolerance)
-        self.steps = step_count(goal, step)
-        self.value = next(self._targets)
-        self.done = False
-
-    @property
-    def state(self) -> MacroState:
-        """The one to solve next, one row; its neighbour is :attr:`field`."""
-        return states_of(self.load, self.value)
-
-    def record(self, outcome: FinishedSolve) -> None:
-        """Record the solution of :attr:`state`."""
-        row = self.value, outcome.response, outcome.seconds
-        solved = bool(outcome.response.valid[0])
-        if solved:
-            self._rows.append(row)
-            self.field = outcome.field
-        else:
-            self._failed = row
-        try:
-            self.value = self._targets.send(solved)
-        except StopIteration:
-            self.done = True
-
-    def line(self) -> HalfLine:
-        """Return the states solved so far."""
-        rows = self._rows + ([self._failed] if self._failed else [])
-        values, responses, seconds = zip(*rows, strict=True)
-        response = CellResponse.concatenate(list(responses))
-        return HalfLine(self.load, self.sign, np.array(values), response, np.array(seconds))

@@ -2,56 +2,46 @@
 
 from __future__ import annotations
 
-import heapq
-from collections.abc import Callable, Iterator, Mapping
+import io
+import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from porocore.cell.cell import Cell
-from porocore.core.files.atomic import new_folder
+from porocore.core.console import Console
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.store import ResultStore
 from porocore.core.inputs import require_possible, value_text
+from porocore.core.parallel.calls import ProcessEnded, Tell
 from porocore.core.units import speaking
-from porocore.errors import RunFolderError
+from porocore.interfaces.cell import CellSolver
+from porocore.interfaces.records import failed_response
 from porocore.macro.laws.closure import ConductivityLaw
 from porocore.macro.reference import CellReference
-from porocore.sampling.execution import CellPool
-from porocore.sampling.execution.solved_store import StoringSolver
-from porocore.states import Status
+from porocore.plugins.border import solution_of
+from porocore.sampling.execution.solved_store import SolvedStore
+from porocore.states import CellResponse, Status
 from porocore.study.config.config import FemSettings, RunConfig
 from porocore.study.notes.checks import find_backends
-from porocore.study.series import require_own
-from porocore.study.stages.stage_files import prepare_cell
-from porocore.study.store import chosen_store, solved_states, told
-from porocore.verification.sensitivity.plan import LOADS, HalfLine, HalfLineSolve, StudyPlan, states_of
+from porocore.study.series import (
+    Case,
+    CaseProgress,
+    FromStore,
+    RunSeries,
+    Setup,
+    claim_record,
+    require_own,
+)
+from porocore.study.stages.stage_files import prepare_stored
+from porocore.study.store import chosen_store, taken
+from porocore.verification.sensitivity.plan import LOADS, HalfLine, StudyPlan, states_of, step_count, targets
 from porocore.verification.sensitivity.results import Sensitivity, line_name, load, save, write_table
 
 FILE = "sensitivity.h5"
-
-
-@dataclass(frozen=True)
-class SensitivityProgress:
-    """Progress of a study after one state.
-
-    Attributes
-    ----------
-    load, value, status
-        State that was solved.
-    done, expected
-        Solved states, and all if every load reaches its goal from here on.
-    """
-
-    load: str
-    value: float
-    status: Status
-    done: int
-    expected: int
-
-    def __str__(self) -> str:
-        value = value_text(LOADS[self.load][0], self.value)
-        return f"{self.load} {value} {self.status.name.replace('_', ' ')}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,9 +70,8 @@ def study_sensitivity(
     *,
     workers: int | None = None,
     resume: bool = False,
-    on_state: Callable[[SensitivityProgress], None] = lambda progress: None,
     store: ResultStore | str | Path | bool = True,
-    tell: Callable[[str], None] = lambda text: None,
+    progress: bool = False,
 ) -> SensitivityFiles:
     """Study the cell of a configuration under one load at a time, as far as it can be solved.
 
@@ -98,12 +87,10 @@ def study_sensitivity(
         Processes; by default as configured for sampling.
     resume
         Continue the study that the folder holds.
-    on_state
-        Called after every state.
     store
         Folder of results that studies share; True: that of the user, False: none. A state that it holds is not solved.
-    tell
-        Called with what came from the store.
+    progress
+        Show the progress on standard error.
 
     Raises
     ------
@@ -118,17 +105,15 @@ def study_sensitivity(
 
     folder, plan = Path(folder), StudyPlan() if plan is None else plan
     _require_possible(config, plan)
-    if (folder / FILE).exists() and not resume:
-        raise RunFolderError(
-            f"{folder} already holds a study; add --resume to continue it, or choose another --out"
-        )
     find_backends(config, ["cell solver"])
-    study = run_study(
-        config.cell, config.fem, new_folder(folder), plan, conductivity=config.conductivity,
-        workers=config.sampling.worker_count() if workers is None else workers, on_state=on_state,
-        provenance={"config": config.resolved_yaml()}, store=chosen_store(store), tell=tell,
-    )  # fmt: skip
+    claim_record(folder / FILE, "study", resume=resume)
     with speaking(config.result_units):
+        study = run_study(
+            config.cell, config.fem, folder, plan, conductivity=config.conductivity,
+            workers=config.sampling.worker_count() if workers is None else workers,
+            provenance={"config": config.resolved_yaml()}, store=chosen_store(store),
+            console=Console(None if progress else io.StringIO()),
+        )  # fmt: skip
         return SensitivityFiles(study, write_table(folder, study), write_figures(folder, study))
 
 
@@ -147,10 +132,9 @@ def run_study(
     *,
     conductivity: ConductivityLaw = "piola-unrotated",
     workers: int = 1,
-    on_state: Callable[[SensitivityProgress], None] = lambda progress: None,
     provenance: Mapping[str, str] | None = None,
     store: ResultStore | None = None,
-    tell: Callable[[str], None] = lambda text: None,
+    console: Console | None = None,
 ) -> Sensitivity:
     """Solve every half line of a plan that ``folder`` does not hold yet; see :func:`study_sensitivity`.
 
@@ -169,21 +153,8 @@ def run_study(
     """
     plan, path = StudyPlan() if plan is None else plan, folder / FILE
     study = _load_or_begin(path, cell, fem, plan, conductivity, dict(provenance or {}), store)
-    half_lines = [
-        HalfLineSolve(name, sign, goal, plan.sweeps[name].step, plan.tolerance, study.rest)
-        for name, sign, goal in plan.half_lines()
-        if line_name(name, sign) not in study.lines
-    ]
-    if half_lines:
-        arguments = (fem.backend, fem.options, cell, conductivity)
-        known, workers = solved_states(store, *arguments), min(workers, len(half_lines))
-        with (
-            CellPool(prepare_cell, arguments, workers=workers, known=known) as pool,
-            told(known, "sensitivity", tell),
-        ):
-            for line in _HalfLineSolves(study, pool, half_lines, on_state).lines():
-                study.lines[line_name(line.load, line.sign)] = line
-                save(path, study)
+    series = SensitivitySeries(study, path, (fem.backend, fem.options, cell, conductivity), store)
+    series.run(series.cases(), console or Console(io.StringIO()), workers)
     return study
 
 
@@ -203,9 +174,7 @@ def _load_or_begin(
         require_own(path, study.identity, identity, "the study of another cell, backend or plan")
         return study
     # As one of the states, since the file of an undeformed cell has no extrema.
-    arguments = (fem.backend, fem.options, cell, conductivity)
-    (solver, prepared), known = prepare_cell(*arguments), solved_states(store, *arguments)
-    solver = solver if known is None else StoringSolver(solver, known)
+    solver, prepared, _ = prepare_stored(store, fem.backend, fem.options, cell, conductivity)
     reference = CellReference.compute(solver, prepared, cell, identity)
     rest = reference.resting(conductivity)
     study = Sensitivity(plan, identity, rest, reference.conductivity, {}, provenance, conductivity)
@@ -223,46 +192,113 @@ def study_identity(
     return json_hash(parts, sort_keys=True)
 
 
-class _HalfLineSolves:
-    """Half lines that share the workers of a pool, the longest first."""
+@dataclass(frozen=True)
+class LoadedState:
+    """State of a half line that was solved, for the progress."""
+
+    load: str
+    value: float
+    status: Status
+
+    def __str__(self) -> str:
+        return f"{value_text(LOADS[self.load][0], self.value)} {self.status.name.replace('_', ' ')}"
+
+
+def follow(
+    tell: Tell,
+    solver: CellSolver,
+    prepared: Any,
+    known: SolvedStore | None,
+    half_line: tuple[str, int, float],
+    step: float,
+    tolerance: float,
+    rest: CellResponse,
+) -> HalfLine:
+    """Solve the states of a half line one after another, each from the field of the one before.
+
+    ``tell`` takes every state and what came from the store; ``rest`` is the response of the undeformed cell.
+    """
+    load, sign, goal = half_line
+    walk, count = targets(goal, step, tolerance), step_count(goal, step)
+    rows, beyond, field = [(0.0, rest, 0.0)], [], None
+    value: float | None = next(walk)
+    with taken(known, lambda count, seconds: tell(FromStore(count, seconds))):
+        while value is not None:
+            began, saved = time.perf_counter(), known.saved if known else 0.0
+            solution = solution_of(solver, prepared, states_of(load, value), start=[field], fields=True)
+            # What the store holds took what it took when it was solved.
+            seconds = (known.saved - saved if known else 0.0) or time.perf_counter() - began
+            row, solved = (value, solution.response, seconds), bool(solution.response.valid[0])
+            if solved:
+                rows.append(row)
+                field = solution.fields[0] if solution.fields else None
+            else:
+                beyond = [row]
+            state = LoadedState(load, value, Status(int(solution.response.status[0])))
+            tell(CaseProgress(state, min(1.0, (len(rows) - 1) / count)))
+            try:
+                value = walk.send(solved)
+            except StopIteration:
+                value = None
+    values, responses, times = zip(*rows, *beyond, strict=True)
+    response = CellResponse.concatenate(list(responses))
+    return HalfLine(load, sign, np.array(values), response, np.array(times))
+
+
+class SensitivitySeries(RunSeries[HalfLine]):
+    """Half lines of a study, in its file by their names.
+
+    Parameters
+    ----------
+    study, path
+        The study with the half lines that are solved, and its file.
+    arguments
+        Backend, options, cell and law, as the cell is prepared from them.
+    store
+        Results that studies share.
+    """
+
+    title, unit = "sensitivity", "states"
+    function = follow
 
     def __init__(
-        self,
-        study: Sensitivity,
-        pool: CellPool,
-        half_lines: list[HalfLineSolve],
-        on_state: Callable[[SensitivityProgress], None],
+        self, study: Sensitivity, path: Path, arguments: tuple[Any, ...], store: ResultStore | None
     ) -> None:
-        self.study, self.pool, self.on_state = study, pool, on_state
-        self._idle = list(enumerate(half_lines))  # a heap: first the one that the plan names first
-        self._under_way: dict[str, tuple[int, HalfLineSolve]] = {}
-        self._done = sum(len(line) - 1 for line in study.lines.values())
-        self._ahead = {id(half_line): half_line.steps for half_line in half_lines}
+        self._study, self._path = study, path
+        self._setup = prepare_stored, (store, *arguments)
 
-    def lines(self) -> Iterator[HalfLine]:
-        """Yield the half lines as they finish."""
-        while self._idle or self._under_way:
-            while self._idle and self.pool.has_room:
-                number, half_line = heapq.heappop(self._idle)
-                key = f"{half_line.load} {half_line.value:g}"
-                self._under_way[key] = number, half_line
-                self.pool.submit(key, half_line.state, half_line.field)
-            outcome = self.pool.wait()
-            number, half_line = self._under_way.pop(outcome.key)
-            value = half_line.value
-            half_line.record(outcome)
-            self._tell(half_line, value, Status(int(outcome.response.status[0])))
-            if half_line.done:
-                yield half_line.line()
-            else:
-                heapq.heappush(self._idle, (number, half_line))
+    @property
+    def setup(self) -> Setup:
+        """Preparation of the cell."""
+        return self._setup
 
-    def _tell(self, half_line: HalfLineSolve, value: float, status: Status) -> None:
-        self._done += 1
-        ahead = self._ahead[id(half_line)] - 1
-        self._ahead[id(half_line)] = 0 if half_line.done else max(ahead if status.has_values else 1, 1)
-        self.on_state(
-            SensitivityProgress(
-                half_line.load, value, status, self._done, self._done + sum(self._ahead.values())
+    def cases(self) -> list[Case]:
+        """Return the half lines as cases."""
+        plan, rest = self._study.plan, self._study.rest
+        return [
+            Case(
+                line_name(load, sign),
+                ((load, sign, goal), plan.sweeps[load].step, plan.tolerance, rest),
+                line_name(load, sign),
+                size=step_count(goal, plan.sweeps[load].step),
             )
-        )
+            for load, sign, goal in plan.half_lines()
+        ]
+
+    def find(self, case: Case) -> HalfLine | None:
+        """Return a half line of the file; one whose process ended is solved again."""
+        line = self._study.lines.get(case.key)
+        return None if line is None or line.end is Status.lost else line
+
+    def keep(self, case: Case, result: HalfLine) -> None:
+        """Save a half line."""
+        self._study.lines[case.key] = result
+        save(self._path, self._study)
+
+    def lost(self, case: Case, error: Exception) -> HalfLine:
+        """Return a half line that ends with the status ``lost`` where its process ended, so that the others go on."""
+        if not isinstance(error, ProcessEnded):
+            raise error
+        (load, sign, goal), step, _, rest = case.arguments
+        response = CellResponse.concatenate([rest, failed_response(Status.lost, like=rest)])
+        return HalfLine(load, sign, np.array([0.0, goal / step_count(goal, step)]), response, np.zeros(2))
