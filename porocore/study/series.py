@@ -85,19 +85,24 @@ class RunSeries(ABC, Generic[T]):
     function
         Function at the top level of a module: ``function(tell, *made, *arguments)`` returns the result of a case.
         ``tell`` takes a :class:`CaseProgress` or a :class:`FromStore`.
+    known
+        Results of the record by the keys of their cases.
     """
 
     title: ClassVar[str]
     unit: ClassVar[str]
     function: ClassVar[Callable[..., Any]]
 
-    @abstractmethod
-    def find(self, case: Case) -> T | None:
-        """Return the result of a case from the record, or None where it is not finished."""
+    def __init__(self, known: dict[str, T]) -> None:
+        self.known = known
 
     @abstractmethod
-    def keep(self, case: Case, result: T) -> None:
-        """Record the result of a case, before the next one is waited for."""
+    def save(self, case: Case, result: T) -> None:
+        """Write the record with a result that has come, before the next one is waited for."""
+
+    def find(self, case: Case) -> T | None:
+        """Return the result of a case from the record, or None where it is not finished."""
+        return self.known.get(case.key)
 
     def stored(self, case: Case) -> tuple[T, float] | None:
         """Return the result of a case from the store and the seconds that it had taken; None where it has none."""
@@ -151,8 +156,8 @@ class RunSeries(ABC, Generic[T]):
                 try:
                     with closing(self._results(left, workers, shown)) as found:
                         for case, result in found:
-                            self.keep(case, result)
-                            results[case.key] = result
+                            results[case.key] = self.known[case.key] = result
+                            self.save(case, result)
                             shown.ended(case, self.failed(result), self.describe(case, result))
                 finally:
                     shown.tell_store(console)

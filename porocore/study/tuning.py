@@ -240,6 +240,7 @@ class TuningSeries(RunSeries[Result]):
     function = train_candidate
 
     def __init__(self, folder: RunFolder, config: RunConfig, store: ResultStore | None) -> None:
+        super().__init__({})
         # No candidate may leave out the states that it flags.
         self._data = replace(training_set(folder, config), tolerance=None)
         self._held_out, self._config, self._store = _held_out(folder, config), config, store
@@ -269,8 +270,8 @@ class TuningSeries(RunSeries[Result]):
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             return None
 
-    def keep(self, case: Case, result: Result) -> None:
-        """Keep a candidate in the folder and in the store."""
+    def save(self, case: Case, result: Result) -> None:
+        """Save a candidate in the folder and in the store."""
         document = {"format": FORMAT, "version": VERSION, **asdict(result)}
         write_json(self._place(case), document, allow_nan=False)
         if self._store is not None:

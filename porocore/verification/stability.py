@@ -171,7 +171,8 @@ class StabilitySeries(RunSeries[StabilityLine]):
         self._identity = json_hash([config.stages.cell, described])
         self._provenance = {"config": config.resolved_yaml(), "plan": json.dumps(described)}
         lines = load(path, self._identity) if path.exists() else []
-        self._known = {str(plan.values.index(line.start[NAMES.index(plan.across)])): line for line in lines}
+        across = NAMES.index(plan.across)
+        super().__init__({str(plan.values.index(line.start[across])): line for line in lines})
 
     @property
     def setup(self) -> Setup:
@@ -191,16 +192,7 @@ class StabilitySeries(RunSeries[StabilityLine]):
             for i, value in enumerate(plan.values)
         ]
 
-    def find(self, case: Case) -> StabilityLine | None:
-        """Return a line of the file."""
-        return self._known.get(case.key)
-
-    def keep(self, case: Case, result: StabilityLine) -> None:
-        """Save a line."""
-        self._known[case.key] = result
-        save(
-            self._path,
-            self._identity,
-            [self._known[i] for i in sorted(self._known, key=int)],
-            self._provenance,
-        )
+    def save(self, case: Case, result: StabilityLine) -> None:
+        """Write the file, the lines in the order of the plan."""
+        lines = [self.known[key] for key in sorted(self.known, key=int)]
+        save(self._path, self._identity, lines, self._provenance)

@@ -45,7 +45,8 @@ class Squares(RunSeries[float]):
     function = staticmethod(square)
 
     def __init__(self, folder, takes=(SolveError,), known=None):
-        self.folder, self.takes, self.known = Path(folder), takes, known or {}
+        super().__init__({})
+        self.folder, self.takes, self.there = Path(folder), takes, known or {}
         self.log = self.folder / "log"
         self.kept = []
 
@@ -57,12 +58,12 @@ class Squares(RunSeries[float]):
         path = self.folder / case.key
         return float(path.read_text()) if path.exists() else None
 
-    def keep(self, case, result):
+    def save(self, case, result):
         self.kept.append(case.key)
         (self.folder / case.key).write_text(str(result))
 
     def stored(self, case):
-        return self.known.get(case.key)
+        return self.there.get(case.key)
 
     def lost(self, case, error):
         if not isinstance(error, self.takes):

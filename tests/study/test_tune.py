@@ -224,9 +224,10 @@ def test_a_search_that_is_interrupted_says_how_it_goes_on(folder, command, monke
         raise KeyboardInterrupt
 
     monkeypatch.setattr(tune.TuningSeries, "function", interrupted)
-    status, _, err = command(folder.path, "--depths", "1", "--widths", "4,8", "--workers", 1)
+    words = ("--depths", "1", "--widths", "4,8", "--margin", "20.0", "--workers", "1")
+    status, _, err = command(folder.path, *words)
     assert status == 130
-    assert f"continue with: porocore tune {folder.path} --depths 1" in err
+    assert f"continue with: porocore tune {folder.path} {' '.join(words)}" in err
 
 
 @pytest.mark.usefixtures("undrawn")

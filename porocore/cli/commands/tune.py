@@ -64,7 +64,7 @@ def tune(
         folder = RunFolder.claim(Path("runs") / path.stem if out is None else out, settings, resume=True)
     again = command(
         "tune", folder.path, surrogate=surrogate, depths=depths, widths=widths, activations=activations,
-        store=store, no_store=no_store,
+        margin=margin, workers=workers, store=store, no_store=no_store,
     )  # fmt: skip
     console = Console()
     with interruptible(again), folder:

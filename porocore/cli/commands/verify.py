@@ -149,6 +149,7 @@ def reproduce(
         figure=figure,
         fem=fem,
         surrogate=surrogate,
+        workers=workers,
         no_pictures=not pictures,
         out=out,
         resume=True,

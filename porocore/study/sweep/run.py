@@ -147,6 +147,7 @@ class SweepSeries(RunSeries[str]):
     function = solve_point
 
     def __init__(self, folder: RunFolder, plan: SweepPlan, laws: Sequence[LawKind]) -> None:
+        super().__init__({})
         self._laws, self.names = laws, law_names(plan.family, laws, plan.family.closure)
         self._places = {point.name: point_files(folder, plan, point) for point in plan.points}
 
@@ -159,7 +160,7 @@ class SweepSeries(RunSeries[str]):
         there = all(path.exists() for path in self._places[case.key].solutions(*self.names))
         return "" if there else None
 
-    def keep(self, case: Case, result: str) -> None:
+    def save(self, case: Case, result: str) -> None:
         """Do nothing: who solves a point saves its solutions, and one without is tried again."""
 
     def lost(self, case: Case, error: Exception) -> str:

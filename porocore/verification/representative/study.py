@@ -62,8 +62,8 @@ class SubvolumeSeries(RunSeries[Subvolume]):
     ) -> None:
         self._fem, self._scan, self._record, self._store = config.fem, scan, record, store
         self.identity = identity_of(config, scan)
-        #: Further ones that the record holds stay in it.
-        self.known = load(record, self.identity) if resume and record.exists() else {}
+        # Further ones that the record holds stay in it.
+        super().__init__(load(record, self.identity) if resume and record.exists() else {})
 
     def cases(self, outlooks: Iterable[SizeOutlook]) -> list[Case]:
         """Return the sub-volumes that are solved, in the order of their memory."""
@@ -84,13 +84,8 @@ class SubvolumeSeries(RunSeries[Subvolume]):
         cell = self._scan.subvolume(corner, size)
         return SubvolumeJob(cell, cell_identity(cell, self._fem), size, corner, self._scan.edge(size))
 
-    def find(self, case: Case) -> Subvolume | None:
-        """Return a sub-volume of the record."""
-        return self.known.get(case.key)
-
-    def keep(self, case: Case, result: Subvolume) -> None:
-        """Record a sub-volume."""
-        self.known[case.key] = result
+    def save(self, case: Case, result: Subvolume) -> None:
+        """Write the record."""
         save(self._record, self.identity, self.known.values())
 
     def stored(self, case: Case) -> tuple[Subvolume, float] | None:

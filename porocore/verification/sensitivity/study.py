@@ -264,6 +264,10 @@ class SensitivitySeries(RunSeries[HalfLine]):
     def __init__(
         self, study: Sensitivity, path: Path, arguments: tuple[Any, ...], store: ResultStore | None
     ) -> None:
+        # One whose process ended is solved again.
+        for name in [name for name, line in study.lines.items() if line.end is Status.lost]:
+            del study.lines[name]
+        super().__init__(study.lines)
         self._study, self._path = study, path
         self._setup = prepare_stored, (store, *arguments)
 
@@ -285,14 +289,8 @@ class SensitivitySeries(RunSeries[HalfLine]):
             for load, sign, goal in plan.half_lines()
         ]
 
-    def find(self, case: Case) -> HalfLine | None:
-        """Return a half line of the file; one whose process ended is solved again."""
-        line = self._study.lines.get(case.key)
-        return None if line is None or line.end is Status.lost else line
-
-    def keep(self, case: Case, result: HalfLine) -> None:
-        """Save a half line."""
-        self._study.lines[case.key] = result
+    def save(self, case: Case, result: HalfLine) -> None:
+        """Write the file."""
         save(self._path, self._study)
 
     def lost(self, case: Case, error: Exception) -> HalfLine:
