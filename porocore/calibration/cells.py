@@ -16,13 +16,12 @@ from porocore.calibration.problem import CurvePrediction
 from porocore.calibration.settings import AXES, StudyNumber
 from porocore.calibration.suggestions import FurtherData
 from porocore.core.console import Console
-from porocore.core.echo import reason
 from porocore.core.files.plain_data import json_hash, write_json
-from porocore.core.files.reading import read_json, set_aside
+from porocore.core.files.reading import complete, read_json
 from porocore.core.files.store import ResultStore
 from porocore.core.parallel.calls import CallProcesses, Tell, results_of
 from porocore.core.units import ResultUnits, speaking
-from porocore.errors import DataError, RunFolderError, SolveError
+from porocore.errors import DataError, SolveError
 from porocore.interfaces.law import MacroLaw
 from porocore.macro.composition.linearised_law import LinearisedLaw
 from porocore.macro.laws import AdaptiveLaw, ClosedLaw
@@ -89,12 +88,8 @@ class FamilyCells:
         path = self.folder.path / ROUNDS
         if not path.exists():
             return []
-        try:
+        with complete(path, "record of rounds", "start again"):
             return [[str(key) for key in keys] for keys in read_json(path)]
-        except (OSError, ValueError, TypeError) as error:
-            raise RunFolderError(
-                f"{path} is damaged ({reason(error)}); {set_aside(path, 'start again')}"
-            ) from error
 
     def _further(self) -> Dataset | None:
         path = self.folder.fallback

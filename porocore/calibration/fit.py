@@ -17,9 +17,8 @@ from porocore.calibration.plan import CalibrationFolder, CalibrationPlan
 from porocore.calibration.problem import CurveData, CurveModel, CurvePrediction, Fitted, Misfit
 from porocore.calibration.settings import FitSettings
 from porocore.core.console import Console, Task
-from porocore.core.echo import reason
 from porocore.core.files.plain_data import json_hash, write_json
-from porocore.core.files.reading import read_json, read_text, set_aside
+from porocore.core.files.reading import complete, read_json, read_text
 from porocore.core.parallel.calls import CallProcesses
 from porocore.errors import RunFolderError, SolveError
 from porocore.states import Array
@@ -105,7 +104,7 @@ class EvaluationRecord:
     def _read(self, lines: list[str]) -> None:
         if not lines:
             return
-        try:
+        with complete(self.path, "record of evaluations", "start again"):
             head, *rest = (json.loads(line) for line in lines)
             if (head["format"], head["identity"]) != (FORMAT, self.identity):
                 raise self._unusable(
@@ -113,10 +112,6 @@ class EvaluationRecord:
                     "configuration, data or version"
                 )
             self._known = {tuple(line["unknowns"]): line for line in rest}
-        except (ValueError, KeyError, TypeError) as error:
-            raise self._unusable(
-                f"is damaged ({reason(error)}); {set_aside(self.path, 'start again')}"
-            ) from error
 
     def _append(self, line: dict[str, Any]) -> None:
         try:
@@ -545,12 +540,8 @@ class FitRounds:
 
     def _known_steps(self) -> dict[str, list[float]]:
         path = self.folder.steps
-        try:
+        with complete(path, "record of time steps", "start again"):
             return dict(read_json(path)) if path.exists() else {}
-        except (OSError, ValueError, TypeError) as error:
-            raise RunFolderError(
-                f"{path} is damaged ({reason(error)}); {set_aside(path, 'start again')}"
-            ) from error
 
     def _keep_steps(self, name: str, model: ExperimentModel) -> None:
         known = self._known_steps()
@@ -597,14 +588,10 @@ class FitRounds:
     def _known_halved(self, values: Array) -> list[list[float]]:
         """Return the curves with halved steps at these values that the folder holds."""
         path = self.folder.halved_steps
-        try:
+        with complete(path, "record of halved steps", "start again"):
             found = dict(read_json(path)) if path.exists() else {}
             same = (found.get("of"), found.get("unknowns")) == (self.record.identity, values.tolist())
             return list(found["curves"]) if same else []
-        except (OSError, ValueError, TypeError, KeyError) as error:
-            raise RunFolderError(
-                f"{path} is damaged ({reason(error)}); {set_aside(path, 'start again')}"
-            ) from error
 
     def fitted(self, data: CurveData) -> tuple[Misfit, CalibrationFit]:
         """Return misfit and fit of the last round.

@@ -21,9 +21,8 @@ import numpy as np
 from porocore.cell.cell import Cell
 from porocore.cell.materials.hyperelastic import Solid
 from porocore.cell.meshing.mesh import Domain
-from porocore.core.echo import reason
 from porocore.core.files.plain_data import write_json
-from porocore.core.files.reading import read_json, set_aside
+from porocore.core.files.reading import complete, read_json
 from porocore.core.formulas import TimeFunction
 from porocore.core.units import spoken
 from porocore.errors import ConfigurationError, DataError, SolveError
@@ -190,7 +189,7 @@ class CellReference:
             The file is damaged or belongs to another cell.
         """
         again = "run porocore sample on the folder again"
-        try:
+        with complete(path, "cell reference", again):
             document = read_json(path)
             if (document["format"], document["version"]) != (FORMAT, VERSION):
                 raise DataError(f"{path}: expected {FORMAT} version {VERSION}; move it elsewhere and {again}")
@@ -208,10 +207,6 @@ class CellReference:
             )
             K = np.array(document["conductivity"])
             return cls(identity, response, K, document["mesh"], None if before is None else float(before))
-        except (OSError, ValueError, KeyError, TypeError) as error:
-            raise DataError(
-                f"{path}: not a complete cell reference ({reason(error)}); {set_aside(path, again)}"
-            ) from error
 
 
 def porosity_before_swelling(solver: CellSolver, cell: Cell) -> float:

@@ -22,7 +22,7 @@ from porocore.calibration.fit import (
 from porocore.calibration.problem import CurveData, CurveModel, CurvePrediction, Misfit, NormalPrior, Unknown
 from porocore.calibration.settings import FitSettings
 from porocore.core.console import Console
-from porocore.errors import RunFolderError, SolveError
+from porocore.errors import DataError, RunFolderError, SolveError
 from porocore.states import Array
 
 TIMES = np.linspace(0.1, 5, 40)
@@ -152,7 +152,7 @@ def test_failures_are_kept_and_other_records_are_refused(tmp_path: Path) -> None
     with pytest.raises(RunFolderError, match="holds evaluations of another calibration"):
         EvaluationRecord(path, "other")
     path.write_text("nonsense\n", encoding="utf-8")
-    with pytest.raises(RunFolderError, match="is damaged"):
+    with pytest.raises(DataError, match="not a complete record of evaluations"):
         EvaluationRecord(path, "one")
 
 

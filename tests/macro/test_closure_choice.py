@@ -154,7 +154,7 @@ def test_a_damaged_record_is_refused_by_name(tmp_path):
         path.write_text(text)
         with pytest.raises(
             DataError,
-            match=r"direct.json: not a record of direct solves .* move it to direct.json.damaged, then go on",
+            match=r"direct.json: not a complete record of direct solves .* move it to direct.json.damaged, then go on",
         ):
             direct_records(path)
 

@@ -46,7 +46,7 @@ def test_a_record_of_seconds_alone_is_of_one_run(tmp_path: Path) -> None:
 )
 def test_a_damaged_record_is_one_message(tmp_path: Path, content: str) -> None:
     (tmp_path / "timings.json").write_text(content)
-    with pytest.raises(DataError, match="not a record of the stages' times"):
+    with pytest.raises(DataError, match="not a complete record of the stages' times"):
         stage_times(tmp_path / "timings.json")
 
 

@@ -6,8 +6,13 @@ import errno
 import json
 import os
 import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+from porocore.core.echo import reason
+from porocore.errors import DataError
 
 #: A configuration, a record or a table that porocore wrote is smaller [bytes].
 LARGEST_TEXT = 16 << 20
@@ -108,6 +113,22 @@ def read_json(path: Path) -> Any:
         return json.loads(text)
     except RecursionError as error:
         raise ValueError("nested too deeply") from error
+
+
+@contextmanager
+def complete(path: Path, what: str, then: str) -> Iterator[None]:
+    """Refuse a file that the block finds damaged, or other than ``what``; ``then`` is that of :func:`set_aside`.
+
+    Raises
+    ------
+    DataError
+        The block raised an error of the system, or of a value that is missing or not what it should be.
+    """
+    try:
+        yield
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
+        why = f"not a complete {what} ({reason(error)})"
+        raise DataError(f"{path}: {why}; {set_aside(path, then)}") from error
 
 
 def set_aside(path: Path, then: str) -> str:

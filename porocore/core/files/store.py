@@ -18,10 +18,9 @@ from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from porocore.core.echo import reason
 from porocore.core.files.claim import take_lock
 from porocore.core.files.plain_data import write_json
-from porocore.core.files.reading import read_json, set_aside
+from porocore.core.files.reading import complete, read_json
 from porocore.errors import DataError, RunFolderError
 
 #: First word of every file, with the version of the layout.
@@ -250,9 +249,5 @@ def read_totals(path: Path, what: str, numbers: Callable[[Any], Numbers]) -> dic
     """
     if not path.exists():
         return {}
-    try:
+    with complete(path, f"record of {what}", "go on without it"):
         return {str(entry): numbers(value) for entry, value in read_json(path).items()}
-    except (OSError, ValueError, TypeError, AttributeError, KeyError, OverflowError) as error:
-        raise DataError(
-            f"{path}: not a record of {what} ({reason(error)}); {set_aside(path, 'go on without it')}"
-        ) from error

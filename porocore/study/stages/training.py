@@ -13,7 +13,7 @@ import numpy as np
 
 from porocore.core.console import Console, duration
 from porocore.core.echo import reason
-from porocore.core.files.reading import read_text, set_aside
+from porocore.core.files.reading import complete, read_text
 from porocore.core.files.store import ResultStore
 from porocore.core.parallel.calls import Call, CallProcesses, Tell
 from porocore.core.units import speaking
@@ -176,15 +176,11 @@ def read_training_curve(path: Path) -> Array | None:
     """
     if not path.exists():
         return None
-    try:
+    with complete(path, "record of losses", "report without it"):
         header, *rows = read_text(path).splitlines() or [HEADER]
         if header != HEADER:
             raise ValueError(f"its first line is not '{HEADER}'")
         table = np.array([[float(word) for word in row.split(",")] for row in rows]).reshape(len(rows), 3)
-    except (OSError, ValueError) as error:
-        raise DataError(
-            f"{path}: not a record of losses ({reason(error)}); {set_aside(path, 'report without it')}"
-        ) from error
     if not rows:
         return None
     _, first = np.unique(table[:, 0], return_index=True)

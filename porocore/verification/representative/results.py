@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from porocore.core.echo import reason
 from porocore.core.files.plain_data import json_hash, write_json
-from porocore.core.files.reading import read_json, set_aside
+from porocore.core.files.reading import complete, read_json
 from porocore.errors import DataError
 from porocore.states import Array
 from porocore.study.config.config import RunConfig
@@ -265,7 +264,7 @@ def load(path: Path, identity: str) -> dict[str, Subvolume]:
     DataError
         The file is damaged, or of another image, way to make cells, or backend.
     """
-    try:
+    with complete(path, "record of sub-volumes", "start again"):
         document = read_json(path)
         if (document["format"], document["version"]) != (FORMAT, VERSION):
             raise DataError(
@@ -274,10 +273,6 @@ def load(path: Path, identity: str) -> dict[str, Subvolume]:
         what = "sub-volumes of another image, cell, element size or backend"
         require_own(path, document["identity"], identity, what)
         known = [Subvolume.from_data(each) for each in document["subvolumes"]]
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise DataError(
-            f"{path}: not a complete record of sub-volumes ({reason(error)}); {set_aside(path, 'start again')}"
-        ) from error
     return {each.cell: each for each in known if each.status != LOST}
 
 

@@ -8,10 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from porocore.core.echo import reason
 from porocore.core.files.plain_data import write_json
-from porocore.core.files.reading import read_json, set_aside
-from porocore.errors import DataError
+from porocore.core.files.reading import complete, read_json
 from porocore.interfaces.surrogate import Surrogate
 from porocore.states import MacroState
 
@@ -42,12 +40,8 @@ def call_times(path: Path, surrogate: Surrogate, states: MacroState) -> CallTime
         The file is damaged.
     """
     if path.exists():
-        try:
+        with complete(path, "record of call times", "start again"):
             return CallTimes(**read_json(path))
-        except (OSError, ValueError, TypeError) as error:
-            raise DataError(
-                f"{path}: not a record of call times ({reason(error)}); {set_aside(path, 'start again')}"
-            ) from error
     asked = states[np.resize(np.arange(len(states)), POINTS)]
     best = np.inf
     for _ in range(REPEATS):
