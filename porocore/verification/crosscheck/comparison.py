@@ -8,25 +8,21 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, Generic, Literal, ParamSpec, TypeVar
+from typing import Generic, Literal, ParamSpec, TypeVar
 
 import numpy as np
 
 from porocore.core.console import Console
 from porocore.errors import DataError, PluginError
-from porocore.interfaces.sampler import Sampler
-from porocore.interfaces.surrogate import MORE_STATES, TrainingSet, least_states
+from porocore.interfaces.surrogate import MORE_STATES, TrainingSet
 from porocore.macro.reference import CellReference
-from porocore.sampling.campaign import CampaignProgress, run_campaign
 from porocore.sampling.datasets.dataset import Dataset
-from porocore.sampling.execution import CellPool
-from porocore.sampling.samplers.designs import RandomStates, random_requests
+from porocore.sampling.samplers.designs import random_requests
 from porocore.states import CellResponse, MacroState
-from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
-from porocore.study.run_folder import versions
-from porocore.study.stages.exploration import inform
-from porocore.study.stages.stage_files import prepare_cell
+from porocore.study.run_folder import RunFolder
+from porocore.study.stages.pipeline import sample, solve_reference
+from porocore.study.stages.stage_files import load_reference, training_set
 from porocore.verification.backends import FEM, advice, find_backends
 
 Part = Literal["plugin", "cell", "surrogate", "body"]
@@ -215,46 +211,19 @@ def solve_samples(config: RunConfig, backend: str, console: Console) -> SharedSa
         Too few states converged.
     """
     settings = config.with_backends(fem=backend)
-    inputs = settings.sampling.input_space()
-    arguments = (backend, settings.fem.options, settings.cell, settings.conductivity)
-    solver, prepared = prepare_cell(*arguments)
-    reference = CellReference.compute(solver, prepared, settings.cell, settings.stages.cell)
-    sampler: Sampler = make_backend("sampler", settings)
-    inform(sampler, settings, reference)
-    held_out = RandomStates(inputs, count=settings.sampling.test.count, seed=settings.sampling.test.seed)
-    datasets: list[tuple[MacroState, CellResponse]] = []
-    seconds = 0.0
     with (
-        TemporaryDirectory(prefix="porocore-crosscheck-") as folder,
-        CellPool(prepare_cell, arguments, workers=settings.sampling.worker_count(), fields=True) as pool,
+        TemporaryDirectory(prefix="porocore-crosscheck-") as scratch,
+        RunFolder.claim(Path(scratch) / "run", settings) as folder,
     ):
-        for title, source in (("states to learn from", sampler), ("held-out states", held_out)):
-            path = Path(folder) / f"{len(datasets)}.h5"
-            dataset = Dataset.create(path, inputs=inputs, identity=settings.stages.sampling, provenance={})
-            with console.task(f"{title}, {backend}", "states") as task:
-
-                def show(progress: CampaignProgress, task: Any = task) -> None:
-                    failed, seconds = progress.failed, progress.seconds
-                    task.update(progress.done, progress.expected, failed=failed, seconds=seconds)
-
-                seconds += run_campaign(source, pool, dataset, on_progress=show).seconds
-            datasets.append((dataset.states(), dataset.responses()))
-    (states, responses), (unseen, solved) = datasets
-    good, valid = np.flatnonzero(responses.stable), np.flatnonzero(solved.valid)
-    if len(good) < (least := least_states(len(inputs))) or not len(valid):
-        raise DataError(
-            f"{len(good)} of {len(responses)} states to learn from are stable, and {len(valid)} held-out ones have "
-            f"values: too few; at least {least} and 1 are needed: {MORE_STATES}"
-        )
-    training = TrainingSet(
-        states[good],
-        responses[good],
-        inputs,
-        reference.resting(settings.conductivity),
-        settings.stages.cell,
-        versions(),
-        settings.cell.point_group,
-    )
+        solve_reference(folder, settings, console=console)
+        began = time.perf_counter()
+        sample(folder, settings, console=console)
+        seconds = time.perf_counter() - began
+        training, reference = training_set(folder, settings), load_reference(folder, settings)
+        held_out = Dataset.open(folder.test_dataset)
+        unseen, solved = held_out.states(), held_out.responses()
+    if not (valid := np.flatnonzero(solved.valid)).size:
+        raise DataError(f"none of {len(solved)} held-out states has values; {MORE_STATES}")
     return SharedSamples(backend, reference, training, unseen[valid], solved[valid], seconds)
 
 
