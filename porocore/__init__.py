@@ -15,8 +15,11 @@ if TYPE_CHECKING:
     from porocore.calibration.results import Calibration as Calibration
     from porocore.cell.cell import Cell as Cell
     from porocore.cell.materials.hyperelastic import NeoHookean as NeoHookean
+    from porocore.core.files.atomic import atomic_path as atomic_path
+    from porocore.core.files.claim import WorkFolder as WorkFolder
     from porocore.core.inputs import InputSpace as InputSpace
     from porocore.core.inputs import SampledRange as SampledRange
+    from porocore.core.models.strict import StrictModel as StrictModel
     from porocore.core.units import ResultUnits as ResultUnits
     from porocore.errors import ConfigurationError as ConfigurationError
     from porocore.errors import DataError as DataError
@@ -30,6 +33,8 @@ if TYPE_CHECKING:
     from porocore.interfaces.cell import CellSolution as CellSolution
     from porocore.interfaces.cell import CellSolver as CellSolver
     from porocore.interfaces.cell import ElementCells as ElementCells
+    from porocore.interfaces.command import Command as Command
+    from porocore.interfaces.command import FileCheck as FileCheck
     from porocore.interfaces.law import LawMemory as LawMemory
     from porocore.interfaces.law import MacroLaw as MacroLaw
     from porocore.interfaces.law import MacroResponse as MacroResponse
@@ -66,6 +71,7 @@ if TYPE_CHECKING:
     from porocore.macro.laws.macro_law import LawResponse as LawResponse
     from porocore.macro.laws.macro_law import LawTangent as LawTangent
     from porocore.macro.problem import MacroProblem as MacroProblem
+    from porocore.plugins.hookspecs import CommandOffer as CommandOffer
     from porocore.plugins.hookspecs import Offer as Offer
     from porocore.plugins.hookspecs import hookimpl as hookimpl
     from porocore.states import CellExtrema as CellExtrema
@@ -117,9 +123,13 @@ _HOMES = {
         "UnexpectedError",
     ),
     "porocore.plugins.hookspecs": (
+        "CommandOffer",
         "Offer",
         "hookimpl",
     ),
+    "porocore.core.files.atomic": ("atomic_path",),
+    "porocore.core.files.claim": ("WorkFolder",),
+    "porocore.core.models.strict": ("StrictModel",),
     "porocore.core.inputs": (
         "InputSpace",
         "SampledRange",
@@ -130,6 +140,10 @@ _HOMES = {
         "CellSolution",
         "CellSolver",
         "ElementCells",
+    ),
+    "porocore.interfaces.command": (
+        "Command",
+        "FileCheck",
     ),
     "porocore.interfaces.macro": ("MacroSolver",),
     "porocore.interfaces.sampler": (

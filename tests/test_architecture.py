@@ -45,17 +45,17 @@ ROOMS = {
         "testing",
     ),
     "calibration": ("core", "interfaces", "plugins", "cell", "sampling", "macro", "report", "study"),
-    "cli": (
+    "cli": ("core", "interfaces", "plugins", "cell", "sampling", "report", "study", "testing"),
+    "commands": (
         "core",
         "interfaces",
         "plugins",
         "cell",
-        "sampling",
         "report",
         "study",
-        "testing",
         "verification",
         "calibration",
+        "cli",
     ),
 }
 #: Characters of the first line of a module's docstring.

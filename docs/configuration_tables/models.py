@@ -13,8 +13,9 @@ from pydantic_core import PydanticUndefined
 from configuration_tables.words import codes, default_words, type_words
 from porocore.core.formulas import TimeFunction
 from porocore.core.units import MULTIPLES, ByKey
+from porocore.plugins.registry import own
 from porocore.study.config.config import RunConfig
-from porocore.study.config.schema import field_docstrings, unit_of
+from porocore.study.config.schema import field_docstrings, unit_of, with_sections
 
 #: What stands for the keys of a mapping in a dotted key.
 ANY_KEY = {
@@ -26,6 +27,9 @@ ANY_KEY = {
     "regions": "REGION",
     "fields": "PARAMETER",
     "cells": "CELL",
+    "unknowns": "NAME",
+    "observations": "NAME",
+    "experiments": "NAME",
 }
 
 
@@ -113,7 +117,7 @@ def keys_of(
 
 def all_keys() -> list[Key]:
     """Of a whole configuration."""
-    return list(keys_of(RunConfig))
+    return list(keys_of(with_sections(own().offers)))
 
 
 def kinds_at(key: str) -> dict[str, type[BaseModel]]:

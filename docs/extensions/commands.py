@@ -7,17 +7,16 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-import typer
 from docutils import nodes
 from sphinx.util.docutils import SphinxDirective
 
-from porocore.cli.entry import app as application
+from porocore.cli.entry import whole_program
 
 
 def document() -> str:
     """All commands as Markdown: a heading for each panel of ``porocore --help``, and one for each command."""
     parts, panel = [], ""
-    for name, command in typer.main.get_command(application).commands.items():
+    for name, command in whole_program().commands.items():
         if command.rich_help_panel != panel:
             panel = command.rich_help_panel
             parts.append(f"## {panel}")

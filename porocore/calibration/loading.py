@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from pydantic import ValidationError
 
 from porocore.calibration.expectations import require_free, sign_note, size_note
 from porocore.calibration.observations import MeasuredSeries
@@ -23,8 +22,8 @@ from porocore.core.models.strict import StrictModel
 from porocore.core.units import speaking
 from porocore.errors import ConfigurationError
 from porocore.study.config.config import RunConfig
-from porocore.study.config.errors import faults, located, refusal, switched
-from porocore.study.config.loading import validated
+from porocore.study.config.errors import located
+from porocore.study.config.loading import read_settings, validated
 from porocore.study.sweep.plan import family_over
 
 #: Key of the section in a study.
@@ -86,18 +85,6 @@ def _documents(
     return tuple(found.items())
 
 
-def is_calibration(path: Path) -> bool:
-    """Return whether a file is a calibration of its own, which names studies and is none.
-
-    Raises
-    ------
-    ConfigurationError
-        It cannot be read.
-    """
-    data = YamlDocument.read(path).data
-    return SECTION not in data and "cell" not in data and bool(data.keys() & {"unknowns", "experiments"})
-
-
 def _settings(document: YamlDocument) -> tuple[CalibrationSettings, Location]:
     """Return the settings, and the location of their section in the document."""
     inside = SECTION in document.data
@@ -107,18 +94,10 @@ def _settings(document: YamlDocument) -> tuple[CalibrationSettings, Location]:
             f"{where}: expected a section 'calibration:' with unknowns and observations, or a file with 'unknowns:' "
             "and 'experiments:', got neither"
         )
-    root = _Section if inside else CalibrationSettings
-    data = {SECTION: document.data[SECTION]} if inside else document.data
-    found: list[tuple[Location, str]] = []
-    read = None
-    try:
-        read = root.model_validate(data)
-    except ValidationError as error:
-        found += faults(document, error.errors(), root)
-    found += [fault for fault in switched(replace(document, data=data), root) if fault[0] not in dict(found)]
-    if found or read is None:
-        raise refusal(document, found)
-    return (read.calibration, (SECTION,)) if isinstance(read, _Section) else (read, ())
+    if not inside:
+        return read_settings(document, CalibrationSettings), ()
+    alone = replace(document, data={SECTION: document.data[SECTION]})
+    return read_settings(alone, _Section).calibration, (SECTION,)
 
 
 def _experiments(settings: CalibrationSettings, document: YamlDocument) -> dict[str, ExperimentSettings]:

@@ -11,11 +11,10 @@ import sys
 from collections.abc import Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import typer
 
-from porocore.cli.parsing import Commands
 from porocore.core.echo import comma_advice, cut, echo
 from porocore.core.parallel import launched
 from porocore.errors import ConfigurationError, UnexpectedError
@@ -118,18 +117,6 @@ def failed(text: str) -> NoReturn:
     typer.secho("failed: ", fg=typer.colors.RED, bold=True, err=True, nl=False)
     typer.echo(text, err=True)
     raise typer.Exit(1)
-
-
-def command_group(what: str, **settings: Any) -> typer.Typer:
-    """Return a group of commands with the look that all of them have."""
-    return typer.Typer(
-        help=what,
-        cls=settings.pop("cls", Commands),
-        pretty_exceptions_enable=False,
-        rich_markup_mode="markdown",
-        context_settings={"help_option_names": ["-h", "--help"]},
-        **settings,
-    )
 
 
 def claim(path: Path, settings: RunConfig, out: Path | None, resume: bool) -> RunFolder:

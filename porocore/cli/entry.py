@@ -3,29 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated
+from types import MappingProxyType
+from typing import Annotated, Any
 
 import typer
 
-from porocore.cli.calibrate import calibrate
-from porocore.cli.commands import (
-    cell,
-    crosscheck,
-    data,
-    plugins,
-    sensitivity,
-    stability,
-    start,
-    store,
-    study,
-    tune,
-    units,
-    verify,
-)
-from porocore.cli.common import command_group
+from porocore.cli import cell, data, plugins, start, store, study, units
 from porocore.cli.ending import ending
-from porocore.cli.parsing import Program
-from porocore.cli.sweep import sweep
+from porocore.cli.parsing import Program, command_group
 from porocore.core.console import quieten_libraries
 from porocore.core.parallel import launched
 from porocore.errors import PorocoreError
@@ -49,23 +34,42 @@ Examples:
 """
 
 
-app = command_group(HELP, cls=Program, epilog=EPILOG, add_completion=False, no_args_is_help=True)
-
 _LOOK = "Cells, data, plugins and checks"
-_STEPS = (study.sample, study.train, study.solve, study.report, tune.tune)
-_ALONG = (sensitivity.sensitivity, stability.stability)
-_PANELS: dict[str, tuple[Callable[..., None], ...]] = {
+_STEPS = "A study in steps, each from the files of the one before"
+_GROUPS = {"cell": cell.cell, "data": data.data, "store": store.store, "plugin": plugins.plugin}
+#: Commands in the order of the help page; those that are only named here are offered by plugins.
+_PANELS: dict[str, tuple[Callable[..., None] | str, ...]] = {
     "Your own configuration": (start.init, start.check, start.schema),
-    "A whole study": (study.run, sweep, calibrate, verify.reproduce),
-    "A study in steps, each from the files of the one before": _STEPS,
-    _LOOK: (*_ALONG, units.units, plugins.plugins, crosscheck.crosscheck, verify.verify),
+    "A whole study": (study.run, "sweep", "calibrate", "reproduce"),
+    _STEPS: (study.sample, study.train, study.solve, study.report, "tune"),
+    _LOOK: ("sensitivity", "stability", units.units, plugins.plugins, "crosscheck", "verify", *_GROUPS),
 }
+
+
+class _Porocore(Program):
+    panels = MappingProxyType(
+        {
+            one if isinstance(one, str) else one.__name__: panel
+            for panel, commands in _PANELS.items()
+            for one in commands
+        }
+    )
+
+
+app = command_group(HELP, cls=_Porocore, epilog=EPILOG, add_completion=False, no_args_is_help=True)
 for _panel, _commands in _PANELS.items():
     for _command in _commands:
-        app.command(rich_help_panel=_panel)(_command)
-_GROUPS = {"cell": cell.cell, "data": data.data, "store": store.store, "plugin": plugins.plugin}
+        if not isinstance(_command, str):
+            app.command(rich_help_panel=_panel)(_command)
 for _name, _group in _GROUPS.items():
     app.add_typer(_group, name=_name, rich_help_panel=_LOOK)
+
+
+def whole_program() -> Any:
+    """Return the application as it is parsed, with every command of porocore loaded, for documents."""
+    program: Any = typer.main.get_command(app)
+    program.load()
+    return program
 
 
 def _version(wanted: bool) -> None:

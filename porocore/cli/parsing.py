@@ -1,16 +1,29 @@
-"""Groups of commands whose parser says what it knows: the commands, options and values there are, and near ones."""
+"""Groups of commands, with those of plugins; messages that say what commands, options and values there are."""
 
 from __future__ import annotations
 
+import inspect
 import re
+import shlex
 import sys
+from collections.abc import Callable, Mapping
+from functools import wraps
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, ClassVar
 
-from typer.core import TyperGroup
+import typer
+from typer.core import TyperCommand, TyperGroup
 
+from porocore.cli.common import interruptible
 from porocore.core.echo import choices, cut, did_you_mean, echo, joined, suggestion, without_long_words
+from porocore.errors import PluginError
 
+if TYPE_CHECKING:
+    from porocore.plugins.discovery import Offered
+
+#: Heading of the commands that other packages offer.
+OF_PLUGINS = "Commands of plugins"
 #: Names, without their dashes, under which a run folder is given to commands that take it as an argument.
 OF_A_FOLDER = ("o", "out", "output", "output-dir", "dir", "folder", "run", "in")
 #: Similarity of an option that is meant.
@@ -18,25 +31,133 @@ LIKE = 0.75
 
 
 class Commands(TyperGroup):
-    """Group of commands that names them all where it does not know one."""
+    """Group of commands, with those that plugins offer; it names them all where it does not know one."""
+
+    #: Heading of a command on the help page.
+    panels: ClassVar[Mapping[str, str]] = MappingProxyType({})
+
+    @property
+    def group(self) -> str:
+        """Name by which offers mean this group."""
+        return self.name or ""
+
+    def find(self, name: str) -> Any:
+        """Return the command of that name, loaded if a plugin offers it; None without one."""
+        if name in self.commands:
+            return self.commands[name]
+        from porocore.plugins.hookspecs import NAME
+        from porocore.plugins.registry import find_command
+
+        if not NAME.fullmatch(name):
+            return None
+        found = find_command(lambda offer: (offer.group, offer.name) == (self.group, name))
+        return None if found is None else self._loaded(found)
+
+    def offered(self, own: bool = False) -> dict[str, Offered]:
+        """Return the offers of commands of this group by name, or only those of porocore itself."""
+        from porocore.plugins import registry
+        from porocore.plugins.hookspecs import CommandOffer
+
+        found: dict[str, Offered] = {}
+        for offered in (registry.own() if own else registry.registry()).offers:
+            if isinstance(offered.offer, CommandOffer) and offered.offer.group == self.group:
+                found.setdefault(offered.offer.name, offered)
+        return found
+
+    def load(self) -> None:
+        """Load the commands that porocore itself offers, here and in the groups below, in the order of the help."""
+        for name, offered in self.offered(own=True).items():
+            self.commands.setdefault(name, self._loaded(offered))
+        self.commands = {name: self.commands[name] for name in self._sorted(self.commands)}
+        for command in self.commands.values():
+            if isinstance(command, Commands):
+                command.load()
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Return the names of all commands."""
+        return self._sorted([*self.offered(), *self.commands])
+
+    def get_command(self, ctx: Any, name: str) -> Any:
+        """Return a command; of one that is not loaded only what the help page of the group shows."""
+        if name in self.commands:
+            return self.commands[name]
+        summary = self.offered()[name].offer.summary
+        return TyperCommand(name, help=summary, rich_help_panel=self._panel(name))
+
+    def _panel(self, name: str) -> str | None:
+        return self.panels.get(name, OF_PLUGINS) if self.panels else None
+
+    def _sorted(self, names: Any) -> list[str]:
+        order = list(self.panels)
+        return sorted(
+            dict.fromkeys(names), key=lambda name: order.index(name) if name in order else len(order)
+        )
+
+    def _loaded(self, offered: Offered) -> Any:
+        from porocore.plugins.foreign_code import reason_of
+        from porocore.plugins.kinds import PROJECT
+        from porocore.plugins.registry import make_command
+
+        name, made = offered.offer.name, typer.Typer(rich_markup_mode="markdown", add_completion=False)
+        run = make_command(offered).run
+        if offered.source.distribution != PROJECT:
+            run = _interruptible(run)
+        made.command(name, rich_help_panel=self._panel(name))(run)
+        try:
+            return typer.main.get_command(made)
+        except Exception as error:  # foreign code
+            raise PluginError(
+                f"command '{name}' of {offered.source} has arguments that typer cannot read: {reason_of(error)} "
+                f"({offered.source.file}); report this to its authors"
+            ) from error
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return name, command and further words; fail with the names of the commands."""
         name = args[0]
-        if name not in self.commands and not name.startswith("-") and not ctx.resilient_parsing:
+        found = self.find(name)
+        if found is not None:
+            return name, found, args[1:]
+        if not name.startswith("-") and not ctx.resilient_parsing:
             what = (
                 f"a file is given behind a command, as in 'porocore run {cut(name)}'; "
                 if Path(name).is_file()
                 else ""
             )
-            ctx.fail(
-                f"There is no command {echo(name)}; {what}{suggestion(name, self.commands, 'the commands are')}"
-            )
+            known = suggestion(name, self.list_commands(ctx), "the commands are")
+            ctx.fail(f"There is no command {echo(name)}; {what}{known}")
         return super().resolve_command(ctx, args)
+
+
+def _interruptible(run: Callable[..., None]) -> Callable[..., None]:
+    """Return a command of another package that acknowledges Ctrl-C and says how to go on."""
+    again = ["porocore", *sys.argv[1:]]
+    if "resume" in inspect.signature(run).parameters and "--resume" not in again:
+        again.append("--resume")
+
+    @wraps(run)
+    def guarded(*arguments: Any, **options: Any) -> None:
+        with interruptible(shlex.join(again)):
+            run(*arguments, **options)
+
+    return guarded
+
+
+def command_group(what: str, **settings: Any) -> typer.Typer:
+    """Return a group of commands with the look that all of them have."""
+    return typer.Typer(
+        help=what,
+        cls=settings.pop("cls", Commands),
+        pretty_exceptions_enable=False,
+        rich_markup_mode="markdown",
+        context_settings={"help_option_names": ["-h", "--help"]},
+        **settings,
+    )
 
 
 class Program(Commands):
     """The group of all commands; its parser's messages are in plain words, and long words in them are cut."""
+
+    group = ""
 
     def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra: Any) -> Any:
         """Return the context of the command line; see :class:`Program`."""

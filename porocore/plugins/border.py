@@ -6,11 +6,9 @@ Behind it the core relies on shapes, numbers, statuses and keys.
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable, Sequence
 from dataclasses import fields
 from typing import TYPE_CHECKING, Any, Protocol
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -23,28 +21,12 @@ from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.sampler import Outlook, Request, Sampler
 from porocore.interfaces.sensitivities import HISTORY_SERIES, HistoryWeights, MacroChange, MacroSensitivities
 from porocore.interfaces.solution import PROFILE_SHAPES, SERIES, History, MacroSolution, Profile
+from porocore.plugins.foreign_code import origin_of
 from porocore.plugins.hookspecs import short_repr
 from porocore.states import Array, CellResponse, MacroState
 
 if TYPE_CHECKING:
     from porocore.macro.problem import MacroProblem
-
-
-_KNOWN: WeakKeyDictionary[type, str] = WeakKeyDictionary()
-
-
-def note_origin(implementation: type, words: str) -> None:
-    """Remember where a class comes from, such as "sampler 'halton' of acme 1.0"."""
-    _KNOWN[implementation] = words
-
-
-def origin_of(thing: object) -> str:
-    """Return where the class of an object comes from, with its file."""
-    classes = type(thing).__mro__
-    known = next((cls for cls in classes if cls in _KNOWN), classes[0])
-    file = getattr(sys.modules.get(known.__module__), "__file__", None)
-    words = _KNOWN.get(known, known.__name__)
-    return f"{words} ({file})" if file else words
 
 
 def refuse(thing: object, fault: str) -> PluginError:
@@ -388,8 +370,6 @@ __all__ = [
     "body_solution_of",
     "check_prediction",
     "conductivity_of",
-    "note_origin",
-    "origin_of",
     "prediction_of",
     "solution_of",
 ]

@@ -8,6 +8,9 @@ from __future__ import annotations
 import importlib.util
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from email import message_from_string
+from email.message import Message
+from functools import cache
 from importlib import metadata
 from typing import Any, Literal
 
@@ -15,9 +18,10 @@ import pluggy
 
 from porocore.core.echo import did_you_mean, joined
 from porocore.errors import PluginError
+from porocore.plugins import hookspecs
 from porocore.plugins.foreign_code import attempt, file_of, place_of, reason_of
 from porocore.plugins.hookspecs import DECLARATION, Hooks, Offer, short_repr
-from porocore.plugins.kinds import KINDS, PROJECT, Kind
+from porocore.plugins.kinds import KINDS, OWN_HOOKS, PROJECT, Kind
 
 
 @dataclass(frozen=True)
@@ -68,18 +72,32 @@ def entry_points() -> Iterator[tuple[Source, metadata.EntryPoint] | Unreadable]:
     seen: set[object] = set()
     for distribution in metadata.distributions():
         # Hundreds of distributions have no such group: nothing else of theirs is read.
-        text = attempt(distribution.read_text, "entry_points.txt").value
-        if not text or f"[{PROJECT}]" not in text:
+        if f"[{PROJECT}]" not in _text_of(distribution, "entry_points.txt"):
             continue
-        name = attempt(getattr, distribution, "name").value or "a distribution without METADATA"
-        if name in seen:  # hidden by another of its name
+        said = _headers(distribution)
+        name = said["Name"] or "a distribution without METADATA"
+        if name in seen or name == PROJECT:  # hidden by another of its name; own hooks are known
             continue
         seen.add(name)
-        yield from _of(distribution, name, seen)
+        yield from _of(distribution, name, said, seen)
+
+
+def _text_of(distribution: metadata.Distribution, file: str) -> str:
+    """Return the text of a file of a distribution; empty where it cannot be read."""
+    try:
+        return distribution.read_text(file) or ""
+    except Exception:  # noqa: BLE001 - faulty metadata of a package that has no part in this
+        return ""
+
+
+def _headers(distribution: metadata.Distribution) -> Message:
+    """Return what the metadata say before the description, which is long."""
+    text = _text_of(distribution, "METADATA") or _text_of(distribution, "PKG-INFO")
+    return message_from_string(text.partition("\n\n")[0])
 
 
 def _of(
-    distribution: metadata.Distribution, name: str, seen: set[object]
+    distribution: metadata.Distribution, name: str, said: Message, seen: set[object]
 ) -> Iterator[tuple[Source, metadata.EntryPoint] | Unreadable]:
     where = str(distribution.locate_file(""))
     read = attempt(lambda: distribution.entry_points.select(group=PROJECT))
@@ -89,8 +107,7 @@ def _of(
             f"its entry_points.txt cannot be read: {reason_of(read.error)} ({where}); reinstall it",
         )
         return
-    version = attempt(getattr, distribution, "version").value or ""
-    needs = attempt(getattr, distribution, "requires").value or ()
+    version, needs = said["Version"] or "", said.get_all("Requires-Dist") or ()
     requirements = tuple(text for text in needs if "extra ==" not in text.replace("'", '"'))
     for entry_point in read.value:
         if (name, entry_point.value) in seen:
@@ -138,9 +155,25 @@ class Broken:
     interface: int | None = None
 
 
-def discover() -> tuple[list[Offered], list[Broken]]:
-    """Read the entry points of group ``porocore`` one by one; a fault of one does not affect the others."""
+@cache
+def own_offers() -> tuple[Offered, ...]:
+    """Return the offers of porocore itself."""
     offers: list[Offered] = []
+    broken: list[Broken] = []
+    try:
+        version = str(_headers(metadata.distribution(PROJECT))["Version"] or "")
+    except metadata.PackageNotFoundError:
+        version = ""
+    for module in OWN_HOOKS:
+        name = module.split(".")[1]
+        source = Source(PROJECT, version, name, file=file_of(module))
+        _read(source, metadata.EntryPoint(name, module, PROJECT), offers, broken)
+    return tuple(offers)
+
+
+def discover() -> tuple[list[Offered], list[Broken]]:
+    """Read own hooks, and the entry points of group ``porocore`` one by one; a fault of one affects no other."""
+    offers = list(own_offers())
     broken: list[Broken] = []
     for found in entry_points():
         if isinstance(found, Unreadable):
@@ -187,7 +220,7 @@ def _read(
         # What an implementation does not name it does not get, so that hooks can gain arguments.
         known = {"interface": record.versions.present}
         arguments = [known[name] for name in implementation.argnames]
-        called = attempt(_called, implementation.function, arguments)
+        called = attempt(_called, implementation.function, arguments, getattr(hookspecs, record.offer))
         if called.error is not None:
             broken.append(faulty(called.error, f"{record.hook}: "))
             continue
@@ -198,7 +231,8 @@ def _read(
 
 def _declared(module: Any) -> dict[Kind, int]:
     """Return the versions of the interfaces that a plugin says it was made for; empty where it says nothing."""
-    names = [] if hasattr(module, DECLARATION) else dir(module)
+    near = (name for name in dir(module) if abs(len(name) - len(DECLARATION)) < 8)
+    names = [] if hasattr(module, DECLARATION) else near
     if misspelt := [name for name in names if did_you_mean(DECLARATION, [name.upper()], cutoff=0.85)]:
         raise PluginError(f"{misspelt[0]} means nothing; did you mean {DECLARATION}?")
     found = getattr(module, DECLARATION, {})
@@ -242,15 +276,17 @@ def _of_other_interfaces(declared: dict[Kind, int], source: Source) -> list[Brok
     return [Broken(source, reason, kind, declared[kind]) for kind, reason in complaints.items() if reason]
 
 
-def _called(hook: Callable[..., Any], arguments: list[Any]) -> tuple[list[Offer], list[str]]:
+def _called(
+    hook: Callable[..., Any], arguments: list[Any], cls: type[Offer]
+) -> tuple[list[Offer], list[str]]:
     """Return the good offers among what a hook returns, and what is wrong with the others."""
     returned = hook(*arguments)
     if not isinstance(returned, list | tuple):
-        raise PluginError(f"expected a list of porocore.Offer, got {short_repr(returned)}")
+        raise PluginError(f"expected a list of porocore.{cls.__name__}, got {short_repr(returned)}")
     good, faults = [], []
     for offer in returned:
-        if not isinstance(offer, Offer):
-            faults.append(f"expected a list of porocore.Offer, got {short_repr(offer)} in it")
+        if not isinstance(offer, cls):
+            faults.append(f"expected a list of porocore.{cls.__name__}, got {short_repr(offer)} in it")
         elif wrong := offer.faults():  # made by a subclass, or changed since
             faults += wrong
         else:

@@ -1,4 +1,4 @@
-"""Calls of a plugin's code, with exits and output caught; file and line at which its code failed."""
+"""Calls of a plugin's code, with exits and output caught; origin of its classes; where its code failed."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from porocore.core.echo import shortened
 from porocore.errors import PorocoreError
@@ -80,6 +81,23 @@ def _standard_output_kept() -> Iterator[Callable[[], str]]:
                 os.close(before)
             file.seek(0)
             kept = file.read().decode("utf-8", "replace")
+
+
+_KNOWN: WeakKeyDictionary[type, str] = WeakKeyDictionary()
+
+
+def note_origin(implementation: type, words: str) -> None:
+    """Remember where a class comes from, such as "sampler 'halton' of acme 1.0"."""
+    _KNOWN[implementation] = words
+
+
+def origin_of(thing: object) -> str:
+    """Return where the class of an object comes from, with its file."""
+    classes = type(thing).__mro__
+    known = next((cls for cls in classes if cls in _KNOWN), classes[0])
+    file = getattr(sys.modules.get(known.__module__), "__file__", None)
+    words = _KNOWN.get(known, known.__name__)
+    return f"{words} ({file})" if file else words
 
 
 def reason_of(error: BaseException) -> str:

@@ -7,7 +7,7 @@ another heavy library, so that ``porocore plugins`` stays fast and works when on
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -88,11 +88,52 @@ class Offer:
                 "a function that imports and returns the suites, or None",
             ),
         )
+        return self._told(rules)
+
+    def _told(self, rules: Iterable[tuple[str, bool, str]]) -> list[str]:
         return [
-            f"Offer.{field}: expected {expected}, got {short_repr(getattr(self, field))}"
+            f"{type(self).__name__}.{field}: expected {expected}, got {short_repr(getattr(self, field))}"
             for field, good, expected in rules
             if not good
         ]
+
+
+@dataclass(frozen=True)
+class CommandOffer(Offer):
+    """A light description of one command; ``summary`` is the first paragraph of its help page.
+
+    Attributes
+    ----------
+    section
+        Top-level key of a study that belongs to the command; empty: none.
+    file_keys
+        Top-level keys by which a file of the command's own is known, which is no study.
+    paths
+        Keys of the section, at any depth, that name files; a run folder has their absolute paths.
+    group
+        Group of commands that it is in, such as ``cell``; empty: none.
+    """
+
+    section: str = ""
+    file_keys: Sequence[str] = ()
+    paths: Sequence[str] = ()
+    group: str = ""
+
+    @property
+    def key(self) -> str:
+        """Name as Python has it, with underscores."""
+        return self.name.replace("-", "_")
+
+    def faults(self) -> list[str]:
+        """Return what is wrong with the fields, as those of :class:`Offer`."""
+        several = "a list or tuple of keys"
+        rules = (
+            ("section", _is_key(self.section, empty=True), "the key of a section, such as 'my_study', or ''"),
+            ("file_keys", _are_keys(self.file_keys), several),
+            ("paths", _are_keys(self.paths), several),
+            ("group", isinstance(self.group, str), "the name of a group of commands, or ''"),
+        )
+        return [*super().faults(), *self._told(rules)]
 
 
 def _hook(record: PluginKind) -> Any:
@@ -100,7 +141,9 @@ def _hook(record: PluginKind) -> Any:
         pass
 
     offers.__name__, offers.__qualname__ = record.hook, f"Hooks.{record.hook}"
-    offers.__doc__ = f"Offer classes derived from :class:`porocore.{record.interface}`."
+    offers.__doc__ = (
+        f"Return a :class:`porocore.{record.offer}` for each class derived from ``{record.interface}``."
+    )
     return hookspec(offers)
 
 
@@ -127,6 +170,14 @@ def short_repr(value: Any) -> str:
     except Exception:  # noqa: BLE001 - foreign code
         text = f"an instance of {type(value).__name__}"
     return shortened(text, 80)
+
+
+def _is_key(name: Any, empty: bool = False) -> bool:
+    return isinstance(name, str) and (name.isidentifier() or (empty and not name))
+
+
+def _are_keys(names: Any) -> bool:
+    return isinstance(names, list | tuple) and all(map(_is_key, names))
 
 
 def _is_module(name: Any) -> bool:

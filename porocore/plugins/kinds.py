@@ -10,7 +10,11 @@ from porocore.errors import ConfigurationError
 
 PROJECT = "porocore"
 
-Kind = Literal["cell solver", "macro solver", "surrogate", "sampler"]
+Kind = Literal["cell solver", "macro solver", "surrogate", "sampler", "command"]
+#: Kinds of which a study chooses one each.
+OF_A_STUDY: tuple[Kind, ...] = ("cell solver", "macro solver", "surrogate", "sampler")
+#: Modules with the hooks of porocore itself. Unlike those of other packages they are found without metadata.
+OWN_HOOKS = ("porocore.sampling.hooks", "porocore.surrogates.hooks", "porocore.commands.hooks")
 
 
 @dataclass(frozen=True)
@@ -46,14 +50,21 @@ class Scaffold:
     about
         What its implementation computes.
     usage
-        How a configuration chooses it, with ``{name}``.
+        How a configuration chooses it, with ``{name}``; ``{key}`` is the name with underscores.
     dependencies
         Requirements beside porocore and numpy.
+    summary, chosen
+        Summary of its offer, and the words before ``usage``.
+    more
+        Further arguments of the offer, one a line, with ``{key}``.
     """
 
     about: str
     usage: str
     dependencies: tuple[str, ...] = ()
+    summary: str = "{about}"
+    chosen: str = "It is chosen in a configuration by"
+    more: str = ""
 
     @property
     def requires(self) -> str:
@@ -81,6 +92,8 @@ class PluginKind:
         The project for a new one.
     versions
         Raised by one when implementations must change; what changed is told in docs/plugins.md.
+    offer
+        The class of its offers.
     """
 
     word: str
@@ -90,6 +103,7 @@ class PluginKind:
     choice: str
     scaffold: Scaffold
     versions: Versions = Versions(1, 1)
+    offer: str = "Offer"
 
     @property
     def suite(self) -> str:
@@ -141,6 +155,21 @@ KINDS: dict[Kind, PluginKind] = {
             "sampling:\n  sampler: {name}\n  options: {{points: 5}}\n  inputs:\n    H22: {{range: [-0.12, 0.02]}}\n"
             "    p: {{range: [-0.02, 0.1]}}",
         ),
+    ),
+    "command": PluginKind(
+        word="command",
+        hook="porocore_commands",
+        interface="Command",
+        factory="make_command",
+        choice="porocore NAME",
+        scaffold=Scaffold(
+            "the porosity of a cell's mesh by the size of its elements",
+            "{key}:\n  sizes: [0.2, 0.1]",
+            summary="Compute {about}.",
+            chosen="Its section of a study is",
+            more='            section="{key}",\n',
+        ),
+        offer="CommandOffer",
     ),
 }
 #: Plugins that the project itself publishes: name → (distribution, kinds).

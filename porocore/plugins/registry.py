@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import sys
 from abc import ABCMeta
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from functools import cache
 from typing import Any
 
 from porocore.core.echo import did_you_mean, echo, joined
 from porocore.errors import PluginError
-from porocore.plugins.discovery import Broken, Offered, discover
-from porocore.plugins.foreign_code import attempt, place_of, reason_of
-from porocore.plugins.hookspecs import short_repr
+from porocore.plugins.discovery import Broken, Offered, discover, own_offers
+from porocore.plugins.foreign_code import attempt, note_origin, place_of, reason_of
+from porocore.plugins.hookspecs import CommandOffer, short_repr
 from porocore.plugins.kinds import FIRST_PARTY, KINDS, Kind
 from porocore.plugins.table import PluginRow, plugin_rows, repeated
 
@@ -94,8 +94,6 @@ class Registry:
         implementation: type[Any] = loaded.value
         if misfit := _misfit(implementation, _interface(kind)):
             raise PluginError(f"{who} {misfit} ({offered.source.file}); report this to its authors")
-        from porocore.plugins.border import note_origin  # numpy, as above
-
         note_origin(implementation, who)
         return implementation
 
@@ -147,6 +145,27 @@ def get(kind: Kind, name: str) -> type[Any]:
     return registry().get(kind, name)
 
 
+@cache
+def own() -> Registry:
+    """Return the registry of what comes with porocore, for which no metadata are read."""
+    return Registry(own_offers(), ())
+
+
+def find_command(wanted: Callable[[CommandOffer], bool]) -> Offered | None:
+    """Return the first command that is wanted: one of porocore itself, else of an installed package; None without."""
+    for known in (own, registry):
+        for offered in known().offers:
+            if isinstance(offered.offer, CommandOffer) and wanted(offered.offer):
+                return offered
+    return None
+
+
+def make_command(offered: Offered) -> Any:
+    """Return the :class:`~porocore.interfaces.command.Command` of an offer; errors as :meth:`Registry.get`."""
+    known = own() if offered in own().offers else registry()
+    return known.get("command", offered.offer.name)()
+
+
 def plugins_table() -> list[PluginRow]:
     """Return :meth:`Registry.table` of this process."""
     return registry().table()
@@ -166,7 +185,7 @@ def _misfit(implementation: Any, interface: type[Any]) -> str:
 
 
 def _interface(kind: Kind) -> type[Any]:
-    from porocore import interfaces  # numpy, h5py and pydantic: not needed for listing
+    from porocore import interfaces  # most need numpy, h5py and pydantic: not needed for listing
 
     found: type[Any] = getattr(interfaces, KINDS[kind].interface)
     return found

@@ -45,6 +45,12 @@ MEANINGS: dict[Status, str] = {
 }
 
 
+def status_in_words(name: str) -> str:
+    """Return the name of a status, with its meaning unless the state converged."""
+    known = Status[name]
+    return name if known is Status.converged else f"{name} – {MEANINGS[known]}"
+
+
 def flagged_sentence(metrics: dict[str, Any], left_out: LeftOut | None = None) -> str:
     """Return the flagged share of a load case in words; ``left_out`` is the shear that alone flags the body."""
     nonlinear = metrics["nonlinear"]

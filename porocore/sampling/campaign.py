@@ -15,7 +15,8 @@ import numpy.typing as npt
 from porocore.errors import DataError, PluginError
 from porocore.interfaces.cell import CellField
 from porocore.interfaces.sampler import Request, Sampler
-from porocore.plugins.border import CheckedSampler, origin_of
+from porocore.plugins.border import CheckedSampler
+from porocore.plugins.foreign_code import origin_of
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool, FinishedSolve
 from porocore.sampling.execution.interrupts import GRACE, finishing

@@ -272,7 +272,7 @@ CONFIG, RECORD = "config.yaml", RUN_RECORD
 #: The temporary names of :func:`porocore.core.files.atomic.atomic_path`.
 _HALF_WRITTEN = re.compile(r"\..+\.\d+\.part")
 #: Keys of the configuration that may change when a run continues.
-NOT_PART_OF_A_RUN = ("title ", "scales", "output_units", "scenarios", "calibration")
+NOT_PART_OF_A_RUN = ("title ", "scales", "output_units", "scenarios")
 
 
 class RunFolder(RunFiles):

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from porocore.testing.cell_laws.base import CellSolverSuite as CellSolverSuite
     from porocore.testing.cell_laws.base import MeshedCellSuite as MeshedCellSuite
     from porocore.testing.cell_laws.exact import CellContactSuite as CellContactSuite
+    from porocore.testing.command_laws import CommandSuite as CommandSuite
     from porocore.testing.macro_laws.states import MacroLawSuite as MacroLawSuite
     from porocore.testing.macro_laws.states import MacroSolverSuite as MacroSolverSuite
     from porocore.testing.sampler_laws import SamplerSuite as SamplerSuite
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "CellSolverSuite": "porocore.testing.cell_laws.base",
     "CellContactSuite": "porocore.testing.cell_laws.exact",
+    "CommandSuite": "porocore.testing.command_laws",
     "MeshedCellSuite": "porocore.testing.cell_laws.base",
     "MacroLawSuite": "porocore.testing.macro_laws.states",
     "MacroSolverSuite": "porocore.testing.macro_laws.states",

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from typer.main import get_command
 
-from porocore.cli.entry import app
+from porocore.cli.entry import whole_program
 
 #: A text, bytes, or what makes the file (or folder, link, pipe, …) at the path that it is given.
 Content = str | bytes | Callable[[Path], object]
@@ -142,7 +141,7 @@ def faulty(
 def commands() -> frozenset[str]:
     """Every command, such as ``run`` and ``data check``."""
     found = set()
-    for name, command in get_command(app).commands.items():  # type: ignore[attr-defined]
+    for name, command in whole_program().commands.items():
         below = getattr(command, "commands", None)
         found |= {name} if below is None else {f"{name} {inner}" for inner in below}
     return frozenset(found)

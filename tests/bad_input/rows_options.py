@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from bad_row import CONFIG, Row, commands, study
-from typer.main import get_command
 
-from porocore.cli.entry import app
+from porocore.cli.entry import whole_program
 
 #: Values that no numeric option takes.
 NUMBERS = ("many", "", "--", "1e999999x", "0x10", "１２３x")
@@ -172,7 +171,7 @@ def numeric() -> list[tuple[str, str]]:
     """Every numeric option of every command."""
     found = []
     for command in sorted(commands()):
-        parsed: Any = get_command(app)
+        parsed: Any = whole_program()
         for word in command.split():
             parsed = parsed.commands[word]
         for name, hint in get_type_hints(parsed.callback, include_extras=True).items():

@@ -24,7 +24,7 @@ from porocore.calibration.calibrate import _identity, _with_made_up_data
 from porocore.calibration.cells import families
 from porocore.calibration.experiment import ExperimentModel
 from porocore.calibration.problem import Unknown
-from porocore.cli.calibrate import print_unknowns
+from porocore.commands.calibrate import print_unknowns
 from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
 from porocore.errors import RunFolderError, SolveError

@@ -115,8 +115,7 @@ def test_studies_of_experiments_are_found_from_a_run_folder(tmp_path: Path) -> N
     study = yaml.safe_load(benchmark_path().read_text(encoding="utf-8"))
     path = tmp_path / "a.yaml"
     path.write_text(yaml.safe_dump({**study, "calibration": calibration}), encoding="utf-8")
-    found = load_config(path).calibration
-    assert found is not None
+    found = load_config(path).sections["calibration"]
     experiment = found["experiments"]["file"]
     assert experiment["study"] == str(tmp_path / "b.yaml")
     assert experiment["observations"]["study"]["file"] == str(tmp_path / "sub" / "x.csv")

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from invoked import BENCHMARK, invoke, refusal
 
-from porocore.cli.commands.cell import BELONGS, as_text
+from porocore.cli.cell import BELONGS, as_text
 from porocore.study.stages import pipeline
 
 BRAIN = BENCHMARK.with_name("brain-indentation.yaml")

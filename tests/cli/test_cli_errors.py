@@ -11,7 +11,7 @@ import pytest
 
 import porocore
 import porocore.study.stages
-from porocore.cli.commands.cell import as_text
+from porocore.cli.cell import as_text
 from porocore.cli.entry import main
 from porocore.errors import ConfigurationError, SolveError
 from porocore.plugins import registry

@@ -15,7 +15,7 @@ import pytest
 from fake_cell import IDENTITY, INPUTS, response
 from typer.testing import CliRunner
 
-from porocore.cli.commands.data import _input_range, data
+from porocore.cli.data import _input_range, data
 from porocore.core.units import OutputUnits, ResultUnits, Scales
 from porocore.errors import ConfigurationError, DataError, PluginError, RunFolderError
 from porocore.interfaces.cell import CellField

@@ -1,10 +1,9 @@
 """Help of every command: its own, and none for a word that is no command."""
 
 import pytest
-import typer
 from invoked import invoke
 
-from porocore.cli.entry import app
+from porocore.cli.entry import whole_program
 
 
 def commands(command, path=()):
@@ -15,7 +14,7 @@ def commands(command, path=()):
         yield from commands(child, (*path, name))
 
 
-ALL = [(path, group) for path, group in commands(typer.main.get_command(app)) if path]
+ALL = [(path, group) for path, group in commands(whole_program()) if path]
 
 
 @pytest.mark.parametrize(("path", "group"), ALL, ids=[" ".join(path) for path, _ in ALL])

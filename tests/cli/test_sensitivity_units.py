@@ -5,7 +5,7 @@ import csv
 import numpy as np
 import pytest
 
-from porocore.cli.commands.sensitivity import parse_loads, print_ends
+from porocore.commands.sensitivity import parse_loads, print_ends
 from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
 from porocore.errors import ConfigurationError
 from porocore.states import CellExtrema, CellResponse, CellTangent, Status

@@ -15,7 +15,7 @@ from commands import all_commands, commands_of
 from not_run import REASONS, reason
 from pages import PAGES, ROOT, all_blocks, blocks_of, name_of, page
 
-from porocore.cli.entry import app
+from porocore.cli.entry import whole_program
 
 COMMANDS = list(all_commands())
 #: Commands of porocore within a sentence, without those that leave something out or only ask for help.
@@ -35,7 +35,7 @@ IN_WORDS = sorted(
 @pytest.mark.parametrize("text", IN_WORDS)
 def test_a_command_in_a_sentence_is_one(text):
     words = shlex.split(text)[1:]
-    group = typer.main.get_command(app)
+    group = whole_program()
     while isinstance(group, typer.core.TyperGroup) and words and words[0] in group.commands:
         group = group.commands[words.pop(0)]
     if isinstance(group, typer.core.TyperGroup) and not words:
@@ -50,7 +50,7 @@ def test_a_command_in_a_sentence_is_one(text):
 
 def test_the_tour_shows_every_command():
     shown = {c.words[1] for c in COMMANDS if c.page == "docs/tour.md" and c.is_porocore}
-    assert shown == set(typer.main.get_command(app).commands)
+    assert shown == set(whole_program().commands)
 
 
 def test_the_readme_names_the_two_commands_first():

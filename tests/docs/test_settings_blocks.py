@@ -31,7 +31,7 @@ def parts() -> dict[str, dict[str, Any]]:
     last: dict[str, Any] = {}
     for block in BLOCKS:
         data = yaml.safe_load(block.text)
-        if isinstance(data, dict) and set(data) <= set(RunConfig.model_fields):
+        if isinstance(data, dict) and set(data) <= {*RunConfig.model_fields, "calibration"}:
             if role(block)[0] == "continues":
                 data = with_fragment(last, data)
             found[str(block)] = last = data

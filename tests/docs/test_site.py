@@ -10,12 +10,11 @@ import sys
 from importlib.util import find_spec
 
 import pytest
-import typer
 from pages import ROOT
 
 import porocore
 import porocore.testing
-from porocore.cli.entry import app
+from porocore.cli.entry import whole_program
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +58,7 @@ def test_every_command_and_option_is_in_the_reference(site):
             for parameter in command.params:
                 assert all(spelling in text for spelling in parameter.opts if spelling.startswith("-"))
 
-    check(typer.main.get_command(app), ["porocore"])
+    check(whole_program(), ["porocore"])
 
 
 def test_links_to_files_lead_to_the_files(site):

@@ -28,6 +28,7 @@ TABLE = Path(__file__).parents[2] / "docs" / "reference" / "caught.md"
 #: The suite of the classes in each file.
 SUITES: dict[str, type[Suite]] = {
     "samplers": porocore.testing.SamplerSuite,
+    "commands": porocore.testing.CommandSuite,
     "cells": porocore.testing.CellSolverSuite,
     "cell_slopes": porocore.testing.CellSolverSuite,
     "meshed": porocore.testing.MeshedCellSuite,

@@ -17,11 +17,10 @@ from porocore.plugins.border import (
     CheckedSampler,
     body_solution_of,
     conductivity_of,
-    note_origin,
-    origin_of,
     prediction_of,
     solution_of,
 )
+from porocore.plugins.foreign_code import note_origin, origin_of
 from porocore.sampling.campaign import is_complete
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import MacroState, Status

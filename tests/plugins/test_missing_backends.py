@@ -3,7 +3,7 @@
 import pytest
 
 from porocore.errors import PluginError
-from porocore.plugins.kinds import KINDS
+from porocore.plugins.kinds import OF_A_STUDY
 from porocore.plugins.registry import Registry
 from porocore.study.config.loading import benchmark_path, load_config
 from porocore.study.notes import checks as preflight
@@ -44,7 +44,7 @@ def test_all_that_a_study_lacks_is_told_at_once_and_each_name_once():
 def test_two_finite_element_backends_are_two_names():
     config = load_config(benchmark_path()).with_backends("dolfinx", "polynomial", "skfem")
     assert [
-        line.split(" is ")[0] for line in message(preflight.find_backends, config, KINDS).splitlines()
+        line.split(" is ")[0] for line in message(preflight.find_backends, config, OF_A_STUDY).splitlines()
     ] == [
         "cell solver 'dolfinx'",
         "macro solver 'skfem'",

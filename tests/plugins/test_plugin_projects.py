@@ -136,7 +136,7 @@ def test_the_plugin_of_the_page_is_the_example():
         ("x" * 41, "cell", "at most 40"),
         ("sobol", "sampler", "there is a sampler 'sobol' already, of porocore .*; choose another name"),
         ("jax", "surrogate", "there is a surrogate 'jax' already"),
-        ("my-own", "solver", "--kind: expected cell, macro, surrogate, sampler, got 'solver'"),
+        ("my-own", "solver", "--kind: expected cell, macro, surrogate, sampler, command, got 'solver'"),
     ],
 )
 def test_names_and_kinds_of_no_use_are_refused(tmp_path, name, kind, message):
@@ -243,9 +243,9 @@ def test_what_cannot_be_checked_is_one_message(site, file, old, new, message):
 
 def test_unknown_names_are_told(site):
     _, err = porocore(site, "plugin", "check", "my-own", status=2)
-    assert "expected the name of an installed plugin, got 'my-own'; there are active, density-sweep" in err
+    assert "expected the name of an installed plugin, got 'my-own'; there are active, calibrate" in err
     _, err = porocore(site, "plugin", "check", "sobol", "--kind", "colour", status=2)
-    assert "--kind: expected cell, macro, surrogate, sampler, got 'colour'" in err
+    assert "--kind: expected cell, macro, surrogate, sampler, command, got 'colour'" in err
 
 
 # ---- as a stranger would --------------------------------------------------------------------------

@@ -92,7 +92,7 @@ def test_a_plugin_is_found_and_its_class_returned(install):
         (
             "from porocore import hookimpl\n@hookimpl\ndef colours(): return []",
             "there is no hook 'colours'; the hooks are porocore_cell_solvers, porocore_macro_solvers, "
-            "porocore_surrogates and porocore_samplers",
+            "porocore_surrogates, porocore_samplers and porocore_commands",
         ),
         (
             "def porocore_samplers(): return []",

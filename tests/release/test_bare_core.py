@@ -4,10 +4,9 @@ import json
 import shutil
 
 import pytest
-import typer
 from environments import CONSTRAINTS, Environment
 
-from porocore.cli.entry import app
+from porocore.cli.entry import whole_program
 
 pytestmark = pytest.mark.slow
 
@@ -108,7 +107,7 @@ def leaves(command, words=()):
 
 def test_every_command_is_tried():
     tried = {text for text, _ in COMMANDS}
-    for name in leaves(typer.main.get_command(app)):
+    for name in leaves(whole_program()):
         assert any(text == name or text.startswith(f"{name} ") for text in tried), name
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from fake_cell import Fake, FakeCellSolver
 
-from porocore.cli.commands.cell import as_text
+from porocore.cli.cell import as_text
 from porocore.interfaces.cell import CellSolution
 from porocore.study.config.loading import benchmark_path, load_config
 from porocore.study.stages import reference

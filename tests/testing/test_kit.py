@@ -14,6 +14,7 @@ from porocore.testing import (
     KIT_VERSION,
     CellContactSuite,
     CellSolverSuite,
+    CommandSuite,
     MacroLawSuite,
     MacroSolverSuite,
     MeshedCellSuite,
@@ -89,6 +90,7 @@ class TestStale(Laws):
         (SurrogateSuite, "make_surrogate(cls)", "Surrogate"),
         (PotentialSuite, "make_surrogate(cls)", "Surrogate"),
         (SamplerSuite, "make_sampler(cls, inputs, **options)", "Sampler"),
+        (CommandSuite, "make_command(cls)", "Command"),
     ],
 )
 def test_a_suite_without_its_function_says_what_to_write(suite, arguments, interface):

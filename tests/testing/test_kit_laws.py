@@ -16,7 +16,7 @@ from porocore.testing.suite import laws_of
 
 #: Files whose right implementation is cheap, so that it is held to all laws here; the others are those of a backend,
 #: which is held to all of them by its own tests.
-WHOLE = ("samplers", "cells", "cell_slopes", "surrogates", "surrogate_training", "macro_law")
+WHOLE = ("samplers", "commands", "cells", "cell_slopes", "surrogates", "surrogate_training", "macro_law")
 #: Files that need no backend.
 FREE = (*WHOLE, "surrogate_files", "surrogate_parameters", "macro_columns")
 #: What a violation says: law, state, expected, got.

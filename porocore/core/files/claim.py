@@ -1,18 +1,22 @@
-"""Claim of a folder for one piece of work (claim_folder), and lock files with one holder (take_lock)."""
+"""Folder of one piece of work (WorkFolder), its claim (claim_folder); lock files with one holder (take_lock)."""
 
 from __future__ import annotations
 
 import errno
 import os
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, suppress
 from pathlib import Path
-from typing import Any
+from types import TracebackType
+from typing import Any, ClassVar, Self
 
 from filelock import lock_descriptor
 
-from porocore.core.files.atomic import require_a_way, require_no_file
+from porocore.core.echo import joined, reason
+from porocore.core.files.atomic import require_a_way, require_no_file, require_outside_a_run
+from porocore.core.files.plain_data import write_json
+from porocore.core.files.reading import read_json
 from porocore.errors import RunFolderError
 
 #: Windows has no flag against links; there the path is looked at instead.
@@ -175,6 +179,89 @@ def claim_folder(
         raise RunFolderError(
             f"{path}: the folder cannot be made: {error.strerror or error}; choose another --out"
         ) from None
+
+
+class WorkFolder:
+    """Folder of one piece of work; a context manager that holds the folder's lock.
+
+    Parameters
+    ----------
+    path
+        The folder, made where there is none.
+    identity
+        Hashes of all that the results depend on, by words for what they are of.
+    resume
+        Whether it may hold this work already.
+
+    Raises
+    ------
+    RunFolderError
+        It holds other work or foreign files, or this work while ``resume`` is not set, or cannot be written.
+    """
+
+    #: Name of the file that says what the folder belongs to.
+    record: ClassVar[str]
+    #: What a user calls the work, such as ``calibration``.
+    work: ClassVar[str]
+    #: Raised when files of older versions cannot be continued.
+    version: ClassVar[int] = 1
+
+    def __init__(self, path: Path, identity: Mapping[str, str], *, resume: bool = False) -> None:
+        self.path = path
+        self._lock: int | None = None
+        self._expected: dict[str, Any] = {
+            "format": f"porocore-{self.work}",
+            "version": self.version,
+            "identity": dict(identity),
+        }
+        require_outside_a_run(path.absolute())
+        claim_folder(
+            path,
+            self.record,
+            self.work,
+            resume=resume,
+            lock=self,
+            begin=lambda: write_json(path / self.record, self._expected, indent=2),
+            check=self._check_same,
+        )
+
+    def _check_same(self) -> None:
+        record = self.path / self.record
+        try:
+            found = read_json(record)
+        except ValueError as error:
+            raise RunFolderError(
+                f"{record} is damaged ({reason(error)}); start again in another --out"
+            ) from error
+        if found != self._expected:
+            raise RunFolderError(
+                f"{self.path} holds another {self.work}, {self._difference(found)}; choose another --out, or undo the "
+                "change"
+            )
+
+    def _difference(self, found: Any) -> str:
+        """Return words for what differs in a record that was read."""
+        known = found.get("identity") if isinstance(found, dict) else None
+        mine = self._expected["identity"]
+        if (
+            not isinstance(known, dict)
+            or {**found, "identity": mine} != self._expected
+            or set(known) != set(mine)
+        ):
+            return "whose record is of another version, or damaged"
+        return f"with other {joined(name for name in mine if known[name] != mine[name])}"
+
+    def __enter__(self) -> Self:
+        """Take the lock; the system releases it when the process ends, however it ends."""
+        self._lock = lock_folder(self.path)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
 
 
 def _require_own_files(path: Path, record: str, work: str, left_by_a_start: Callable[[str], bool]) -> None:

@@ -31,7 +31,7 @@ def write_project(name: str, kind: str, to: Path | None = None) -> Path:
     name
         What users will write; small letters, digits and single hyphens.
     kind
-        ``cell``, ``macro``, ``surrogate`` or ``sampler``.
+        ``cell``, ``macro``, ``surrogate``, ``sampler`` or ``command``.
     to
         The new folder; by default ``porocore-KIND-NAME`` in the present one.
 
@@ -73,7 +73,7 @@ def project_files(name: str, kind: str, distribution: str) -> dict[str, str]:
     name_of_kind = kind_of(kind)
     record, module = KINDS[name_of_kind], name_of_kind.replace(" ", "_")
     scaffold, title = record.scaffold, f"A {name_of_kind}"
-    package = distribution.replace("-", "_")
+    package, key = distribution.replace("-", "_"), name.replace("-", "_")
     words = {
         "name": name,
         "kind": kind,
@@ -86,8 +86,12 @@ def project_files(name: str, kind: str, distribution: str) -> dict[str, str]:
         "entry_point": f"{kind}_{name.replace('-', '_')}",
         "title": title,
         "about": scaffold.about,
-        "summary": scaffold.about,
-        "usage": scaffold.usage.format(name=name),
+        "summary": scaffold.summary.format(about=scaffold.about),
+        "chosen": scaffold.chosen,
+        "usage": scaffold.usage.format(name=name, key=key),
+        "key": key,
+        "offer": record.offer,
+        "more": scaffold.more.format(key=key),
         "requires": scaffold.requires,
         "dependencies": "".join(f', "{text}"' for text in scaffold.dependencies),
         "interface": str(record.versions.present),

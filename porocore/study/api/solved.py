@@ -437,7 +437,7 @@ def configured(
             + echo(source)
         )
     if not isinstance(source, str | Path):
-        base = source.model_dump() if isinstance(source, RunConfig) else source or {}
+        base = {**source.model_dump(), **source.sections} if isinstance(source, RunConfig) else source or {}
         document = YamlDocument.of(merged(base, settings), Path.cwd())
         return (
             "study",

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from functools import cached_property
-from importlib import import_module
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from porocore.core.console import Console
 from porocore.core.echo import echo
 from porocore.core.parallel.memory import one_blas_thread
 from porocore.core.units import ResultUnits
 from porocore.errors import ConfigurationError
+from porocore.interfaces.command import Command
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.laws.macro_law import Law
+from porocore.plugins.registry import find_command, make_command
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.study.api.solved import (
     LawsSolved,
@@ -29,8 +30,9 @@ from porocore.study.api.solved import (
 )
 from porocore.study.config.config import RunConfig
 from porocore.study.config.errors import located
+from porocore.study.config.loading import command_of_section, section_settings
 from porocore.study.notes.at_rest import at_rest
-from porocore.study.notes.checks import check_backends
+from porocore.study.notes.checks import check_backends, check_section
 from porocore.study.notes.outline import outline
 from porocore.study.run_folder import RunFolder
 from porocore.study.stages import pipeline
@@ -41,9 +43,6 @@ from porocore.study.sweep.plan import SweepPlan
 from porocore.study.sweep.results import ParameterSweep
 from porocore.study.sweep.run import require_sweep_laws, run_sweep
 from porocore.study.tuning import DEPTHS, WIDTHS, Tuning, candidates, tune
-
-#: Module and function that read a section ``calibration:``. Calibrations stand upon studies, which do not import them.
-READER_OF_CALIBRATIONS = ("porocore.calibration.loading", "read_plan")
 
 
 class Study:
@@ -137,16 +136,37 @@ class Study:
     def check(self) -> list[str]:
         """Check the study, and return an outline of its run, line by line; only the undeformed cell is solved.
 
-        The data of a section ``calibration:`` are read, too.
+        Sections of commands such as ``calibration:`` are checked, and their data are read.
         """
         with located(self._document):
             check_backends(self.config)
-            if self.config.calibration is None:
-                return [*outline(self.config), *at_rest(self.config)]
-        module, function = READER_OF_CALIBRATIONS
-        plan = getattr(import_module(module), function)(self._document, planned=True)
+            found = check_section(self._document, self.config)
+            return [*outline(self.config), *at_rest(self.config), *(found[1].lines if found else ())]
+
+    def section(self, name: str) -> Any:
+        """Return a section of an installed command, such as ``calibration``, as its model has it.
+
+        Its values are dimensionless, as all of the study are.
+        """
         with located(self._document):
-            return [*outline(self.config), *at_rest(self.config), *plan.section]
+            offered = command_of_section(name)
+            model = None if offered is None else make_command(offered).section()
+            if model is None:
+                raise ConfigurationError(
+                    f"{name}: no installed plugin has a command with this section; 'porocore plugins' lists all"
+                )
+            return section_settings(self._document, name, model, self.config)
+
+    if not TYPE_CHECKING:  # else a misspelt name would have a type
+
+        def __getattr__(self, name: str) -> Callable[..., Any]:
+            offered = None if name.startswith("_") else find_command(lambda offer: offer.key == name)
+            command = None if offered is None else make_command(offered)
+            if command is None or type(command).call is Command.call:
+                raise AttributeError(
+                    f"a study has no '{name}', and no installed command of this name is for Python"
+                )
+            return partial(command.call, self)
 
     def sample(self, *, retry_lost: bool = False, cell: str | None = None) -> Samples:
         """Solve the cells for the sampled and the held-out states; return the sampled ones.

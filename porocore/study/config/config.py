@@ -14,7 +14,6 @@ from collections import OrderedDict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -534,10 +533,6 @@ def _printable(text: str) -> str:
     return text
 
 
-#: Keys of a section ``calibration:`` that name files.
-PATHS_OF_CALIBRATION = ("file", "study")
-
-
 @dataclass(frozen=True)
 class StageIdentities:
     """Hash for each stage of all settings that its result depends on."""
@@ -590,14 +585,8 @@ class RunConfig(StrictModel):
     #: Of the study of one of several cells: the whole study, and the name of the cell.
     _part_of: tuple[RunConfig, str | None] | None = PrivateAttr(default=None)
     _reading: Reading = PrivateAttr(default=Reading())
-    calibration: dict[str, Any] | None = None
-    """Unknowns and measured curves of ``porocore calibrate``; other commands leave them alone. A run folder has the
-    absolute paths of their files."""
-
-    @field_validator("calibration")
-    @classmethod
-    def _from_anywhere(cls, section: dict[str, Any] | None, info: ValidationInfo) -> Any:
-        return _with_absolute_paths(section, (info.context or {}).get("folder", "."))
+    #: Sections of commands, as they stand in the file but with absolute paths.
+    _sections: dict[str, dict[str, Any]] = PrivateAttr(default={})
 
     @field_validator("output_units")
     @classmethod
@@ -615,6 +604,11 @@ class RunConfig(StrictModel):
         if fault := _unfit_closure(closure, *([] if cell is None else [cell]), *others.values()):
             raise ValueError(fault)
         return closure
+
+    @property
+    def sections(self) -> Mapping[str, dict[str, Any]]:
+        """Sections of commands by their keys, which all other commands leave alone; paths in them are absolute."""
+        return self._sections
 
     @property
     def result_units(self) -> ResultUnits:
@@ -710,7 +704,8 @@ class RunConfig(StrictModel):
 
     def resolved_yaml(self) -> str:
         """Return every setting, defaults included; loading it gives an equal configuration."""
-        return yaml.safe_dump(self.model_dump(mode="json"), sort_keys=False, allow_unicode=True)
+        said = self.model_dump(mode="json") | self._sections
+        return yaml.safe_dump(said, sort_keys=False, allow_unicode=True)
 
     def input_space(self) -> InputSpace:
         """Return the sampled inputs: components of the state, then the parameters of a family of cells."""
@@ -780,20 +775,6 @@ def _differences(one: Any, other: Any, at: Location) -> Iterator[str]:
 
 def _short(value: Any) -> str:
     return cut(json.dumps(value, ensure_ascii=False), 40)
-
-
-def _with_absolute_paths(section: Any, folder: Path | str) -> Any:
-    """Return a part of a section ``calibration:`` in which all paths are absolute; relative ones start at a folder."""
-    if isinstance(section, list):
-        return [_with_absolute_paths(value, folder) for value in section]
-    if not isinstance(section, dict):
-        return section
-    return {
-        key: str((Path(folder) / value).absolute())
-        if key in PATHS_OF_CALIBRATION and isinstance(value, str) and value
-        else _with_absolute_paths(value, folder)
-        for key, value in section.items()
-    }
 
 
 def _unfit_closure(closure: str, *cells: Cell) -> str:

@@ -17,6 +17,7 @@ from porocore.core.models.strict import bare, bounds, is_section, is_union
 from porocore.core.units import Unit, has_unit
 from porocore.errors import ConfigurationError
 from porocore.macro.laws import CLOSURES
+from porocore.plugins.hookspecs import CommandOffer
 from porocore.plugins.kinds import Kind
 from porocore.plugins.registry import registry
 
@@ -116,6 +117,11 @@ def _sections(annotation: Any, at: tuple[str, ...]) -> Iterator[tuple[tuple[str,
         yield from _sections(get_args(annotation)[1], (*at, "NAME"))
 
 
+#: Said of a section at the top level that is like none.
+OF_NO_COMMAND = (
+    "no installed command has a section of this name; install its plugin ('porocore plugins' lists those that are "
+    "there), or remove it"
+)
 #: Reason of a bound, by dotted key.
 WHY = {
     "cell.geometry.radius": "at 0.5 a pore or an obstacle would touch its image in the next cell",
@@ -288,7 +294,8 @@ def _text(document: YamlDocument, at: Location, group: list[ErrorDetails], root:
     if kind == "extra_forbidden":
         # Of a section with kinds the keys of another kind are no advice.
         advice = instead_of(at[-1]) or ("" if len(place) > len(at) else belongs_to(at[-1], root))
-        return f"{key}: unknown key; {_other_keys(place, root, advice)}"
+        section = len(at) == 1 and isinstance(document.value(at), dict)
+        return f"{key}: unknown key; {_other_keys(place, root, advice or (section and OF_NO_COMMAND) or '')}"
     if kind != "value_error" and error["loc"] and error["loc"][-1] == "[key]":
         names = _options(_hint(root, at[:-1])[0], keys=True)
         if set(names) == set(NAMES):
@@ -484,6 +491,11 @@ def _other_keys(at: Location, root: type[BaseModel], advice: str) -> str:
     """Return the ``advice`` on an unknown key, or the keys that there are where it is empty or one is as good as it."""
     branches = _branches(_hint(root, at[:-1])[0])
     names = [name for branch in branches if is_section(branch) for name in branch.model_fields]
+    if len(at) == 1 and "macro" in names:
+        offers = (offered.offer for offered in registry().offers)
+        names += [offer.section for offer in offers if isinstance(offer, CommandOffer) and offer.section]
+    if advice == OF_NO_COMMAND:
+        return _nearest(at[-1], names) if did_you_mean(at[-1], names) else advice
     if advice and not did_you_mean(at[-1], names, cutoff=SLIP):
         return advice
     return _nearest(at[-1], names)

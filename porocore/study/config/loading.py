@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
-from pydantic import ValidationError
+from pydantic import ValidationError, create_model
 
 from porocore.cell.cell import Cell
 from porocore.cell.level_sets.voxels import stated_size
@@ -20,9 +20,13 @@ from porocore.core.models.strict import StrictModel
 from porocore.core.units import OutputUnits, ResultUnits, Scales, length_text, resolved, speaking, unit_notes
 from porocore.errors import ConfigurationError
 from porocore.macro.body.kinds import Box, Cylinder, QuarterCylinder, Wedge
+from porocore.plugins.discovery import Offered
+from porocore.plugins.hookspecs import CommandOffer
+from porocore.plugins.registry import find_command
 from porocore.study.config.config import SAME_LENGTH, Reading, RunConfig, cell_faults, other_lengths
 from porocore.study.config.errors import faults, located, refusal, switched, unexpected
 
+Section = TypeVar("Section", bound=StrictModel)
 #: File of the benchmark of Dehghani & Zilian.
 BENCHMARK = "dehghani2022.yaml"
 SCHEMA_FILE = "porocore.schema.json"
@@ -150,10 +154,12 @@ def load_config(path: Path | str, cell_only: bool = False) -> RunConfig:
     return validated(_with_a_study(document) if alone else document, alone=alone)
 
 
-def holds_cells_alone(path: Path) -> bool:
+def holds_cells_alone(document: YamlDocument) -> bool:
     """Tell whether a file describes cells, but no part of a study of them."""
-    keys = YamlDocument.read(path).data.keys()
-    return bool(keys & {"cell", "cells"}) and not keys & {"sampling", "macro", "calibration", "experiments"}
+    keys = document.data.keys()
+    if not keys & {"cell", "cells"} or keys & {"sampling", "macro"}:
+        return False
+    return find_command(lambda offer: bool(keys & {offer.section, *offer.file_keys})) is None
 
 
 def _with_a_study(document: YamlDocument) -> YamlDocument:
@@ -193,12 +199,14 @@ def validated(document: YamlDocument, *, alone: bool = False) -> RunConfig:
 
     Cells that stand ``alone`` need no regions of a body.
     """
+    document, sections, faulty = _without_sections(document)
     scales, found = _scales(document)
     if found:
-        raise refusal(document, [*found, *_beside_the_scales(document)])
+        raise refusal(document, [*found, *faulty, *_beside_the_scales(document)])
     data, found = resolved(RunConfig, document.data, scales)
     if scales is not None:
         data["scales"].setdefault("pore", scales.pore)
+    found += faulty
     unread = {at for at, _ in found}
     config: RunConfig | None = None
     try:
@@ -208,7 +216,8 @@ def validated(document: YamlDocument, *, alone: bool = False) -> RunConfig:
         found += [fault for fault in faults(document, error.errors(), RunConfig) if fault[0] not in unread]
         found += _surfaces_beside(document, found)
     else:
-        for at, value in leaves(config.model_dump()):
+        config._sections = sections
+        for at, value in leaves(config.model_dump() | sections):
             if isinstance(value, float) and not abs(value) <= LARGEST_NUMBER:
                 kind = f"a number up to {LARGEST_NUMBER:g}" if math.isfinite(value) else "a finite number"
                 found.append((at, unexpected(at, kind, value)))
@@ -225,6 +234,88 @@ def validated(document: YamlDocument, *, alone: bool = False) -> RunConfig:
         raise refusal(document, found)
     config._reading = Reading(tuple(unit_notes(RunConfig, document.data, scales)))
     return config
+
+
+def _without_sections(
+    document: YamlDocument,
+) -> tuple[YamlDocument, dict[str, dict[str, Any]], list[tuple[Location, str]]]:
+    """Return a document without the sections of commands, these, and faults of those that are none."""
+    found: dict[str, dict[str, Any]] = {}
+    faulty: list[tuple[Location, str]] = []
+    rest = dict(document.data)
+    for key in document.data:
+        if key in RunConfig.model_fields or (owner := command_of_section(key)) is None:
+            continue
+        section = rest.pop(key)
+        if isinstance(section, dict):
+            paths = owner.offer.paths if isinstance(owner.offer, CommandOffer) else ()
+            found[key] = _with_absolute_paths(section, document.folder, paths)
+        elif section is not None:
+            faulty.append(((key,), unexpected((key,), "a section with keys below it", section)))
+    return replace(document, data=rest), found, faulty
+
+
+def command_of_section(key: str) -> Offered | None:
+    """Return the offer of the command to which a section belongs; None without one."""
+    return find_command(lambda offer: offer.section == key)
+
+
+def _with_absolute_paths(section: Any, folder: Path, keys: Collection[str]) -> Any:
+    """Return a part of a section in which the values of ``keys`` are absolute paths, if relative from a folder."""
+    if isinstance(section, list):
+        return [_with_absolute_paths(value, folder, keys) for value in section]
+    if not isinstance(section, dict):
+        return section
+    return {
+        key: str((folder / value).absolute())
+        if key in keys and isinstance(value, str) and value
+        else _with_absolute_paths(value, folder, keys)
+        for key, value in section.items()
+    }
+
+
+def command_of_file(document: YamlDocument) -> Offered | None:
+    """Return the offer of the command to which a file belongs that is no study; None for a study."""
+    keys = document.data.keys()
+    if "cell" in keys:
+        return None
+    return find_command(lambda offer: offer.section not in keys and bool(keys & set(offer.file_keys)))
+
+
+def section_settings(document: YamlDocument, key: str, model: type[Section], config: RunConfig) -> Section:
+    """Return the section of a command as its model has it, dimensionless by the scales of the study.
+
+    Raises
+    ------
+    ConfigurationError
+        Lists every fault on a line of its own, as :func:`load_config`; or the section is missing and has no defaults.
+    """
+    root: Any = create_model("Section", __base__=StrictModel, **{key: (model, ...)})  # type: ignore[call-overload]
+    section: Section = getattr(
+        read_settings(replace(document, data={key: document.data.get(key) or {}}), root, config.scales), key
+    )
+    return section
+
+
+def read_settings(document: YamlDocument, root: type[Section], scales: Scales | None = None) -> Section:
+    """Return the data of a document as a model has them.
+
+    Raises
+    ------
+    ConfigurationError
+        Lists every fault on a line of its own, as :func:`load_config`.
+    """
+    data, found = resolved(root, document.data, scales)
+    unread = {at for at, _ in found}
+    read = None
+    try:
+        read = root.model_validate(data, context={"folder": document.folder})
+    except ValidationError as error:
+        found += [fault for fault in faults(document, error.errors(), root) if fault[0] not in unread]
+    found += [fault for fault in switched(document, root) if fault[0] not in dict(found)]
+    if found or read is None:
+        raise refusal(document, found)
+    return read
 
 
 def _without_viscosity(config: RunConfig) -> Iterator[tuple[Location, str]]:

@@ -7,16 +7,21 @@ import inspect
 import json
 import textwrap
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from functools import cache
 from typing import Annotated, Any, Literal, get_args, get_origin
 
-from pydantic import BaseModel
+from pydantic import BaseModel, Field, create_model
 from pydantic.fields import FieldInfo
 from pydantic.json_schema import GenerateJsonSchema
 
 from porocore.cell.cell import Cell
 from porocore.core.models.strict import bare, is_section
 from porocore.core.units import MULTIPLES, QUANTITIES, Carried, Dimension, Unit
+from porocore.errors import PluginError
+from porocore.plugins.discovery import Offered
+from porocore.plugins.hookspecs import CommandOffer
+from porocore.plugins.registry import make_command, registry
 from porocore.study.config.config import RunConfig
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
@@ -48,8 +53,21 @@ def configuration_schema() -> dict[str, Any]:
     It knows keys, types, bounds and choices, and the keys that take a text with a unit, with their ``x-dimension``.
     Only :func:`porocore.load_config` and ``porocore check`` find faults between several keys, and those of a mesh.
     """
-    found = RunConfig.model_json_schema(schema_generator=_WithDescriptions)
+    found = with_sections(registry().offers).model_json_schema(schema_generator=_WithDescriptions)
     return {"$schema": DIALECT, **found, "title": "Configuration of a porocore study"}
+
+
+def with_sections(offers: Iterable[Offered]) -> type[RunConfig]:
+    """Return the model of a configuration with the sections of the commands among ``offers``."""
+    found: dict[str, Any] = {}
+    for offered in offers:
+        if isinstance(offered.offer, CommandOffer) and (key := offered.offer.section):
+            with suppress(PluginError):  # 'porocore plugins' tells of a broken one
+                model = make_command(offered).section()
+                said = f"Section of `porocore {offered.offer.name}`; other commands leave it alone."
+                found[key] = (Annotated[model | None, Field(description=said)], None)
+    whole: type[RunConfig] = create_model("RunConfig", __base__=RunConfig, __doc__=RunConfig.__doc__, **found)
+    return whole
 
 
 def may_have_range(model: type[BaseModel], name: str, field: FieldInfo) -> bool:
@@ -126,8 +144,8 @@ def field_docstrings(model: type[BaseModel]) -> dict[str, str]:
     """Return by field the docstring below it, in the class or in one that it derives; code in single backquotes."""
     found: dict[str, str] = {}
     for cls in reversed(model.__mro__):
-        if not issubclass(cls, BaseModel) or cls is BaseModel:
-            continue
+        if not issubclass(cls, BaseModel) or cls is BaseModel or cls.__module__ == __name__:
+            continue  # that of with_sections has no source
         (tree,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
         assert isinstance(tree, ast.ClassDef)
         for field, below in zip(tree.body, tree.body[1:], strict=False):

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
+from porocore.core.files.yaml_document import YamlDocument
 from porocore.core.inputs import least_volume, value_text
 from porocore.core.models.bounds import LARGEST_GRADIENT, LARGEST_PRESSURE
 from porocore.core.units import speaking
 from porocore.errors import ConfigurationError, PluginError
+from porocore.interfaces.command import FileCheck
 from porocore.interfaces.surrogate import MORE_STATES, least_states
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary.conditions import boundary_data, not_held
@@ -15,10 +17,15 @@ from porocore.macro.boundary.probes import interpolation
 from porocore.macro.boundary.symmetry import Symmetry
 from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.plugins import registry
-from porocore.plugins.kinds import KINDS, Kind
+from porocore.plugins.border import refuse
+from porocore.plugins.discovery import Offered
+from porocore.plugins.hookspecs import short_repr
+from porocore.plugins.kinds import OF_A_STUDY, Kind
 from porocore.sampling.execution.dask_workers import check_reachable
 from porocore.study import backends
 from porocore.study.config.config import RunConfig, keys_of
+from porocore.study.config.errors import located
+from porocore.study.config.loading import command_of_section, section_settings
 from porocore.study.notes.abilities import (
     check_time_functions,
     require_cells,
@@ -52,7 +59,42 @@ def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) ->
         contradict each other, do not hold the body or turn it inside out, or a probe lies outside.
     """
     with speaking(config.result_units):
-        _check(config, KINDS if needed is None else needed)
+        _check(config, OF_A_STUDY if needed is None else needed)
+
+
+def check_section(document: YamlDocument, config: RunConfig) -> tuple[str, FileCheck] | None:
+    """Check the sections of commands in a study; return the command of the last one, and what all say of the file."""
+    found = None
+    lines: list[str] = []
+    for key in config.sections:
+        if (offered := command_of_section(key)) is not None:
+            checked = check_file(offered, document, config, key)
+            lines += checked.lines
+            found = offered.offer.name, FileCheck(lines, checked.options)
+    return found
+
+
+def check_file(
+    offered: Offered, document: YamlDocument, config: RunConfig | None = None, key: str = ""
+) -> FileCheck:
+    """Return what a command says of its section ``key`` in a study, or of a file of its own.
+
+    Raises
+    ------
+    ConfigurationError
+        The section or something that it names is faulty.
+    PluginError
+        The command cannot be loaded, or returns something wrong.
+    """
+    command, settings = registry.make_command(offered), None
+    model = command.section()
+    if config is not None and model is not None:
+        settings = section_settings(document, key, model, config)
+    with located(document):
+        checked = command.check(document, config, settings)
+    if not isinstance(checked, FileCheck):
+        raise refuse(command, f"check: expected a porocore.FileCheck, got {short_repr(checked)}")
+    return checked
 
 
 def _check(config: RunConfig, needed: Collection[Kind]) -> None:
@@ -63,7 +105,7 @@ def _check(config: RunConfig, needed: Collection[Kind]) -> None:
             check_sampling(one, trained="surrogate" in needed)
     check_time_functions(config.macro)
     require_right_side_out(config.macro, place(config), config.result_units)
-    for kind in KINDS:
+    for kind in OF_A_STUDY:
         try:
             for name, one in cells.items() if kind != "macro solver" else [(None, config)]:
                 with keys_of(config, name):

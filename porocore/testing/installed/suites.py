@@ -6,7 +6,7 @@ from typing import Any
 
 from porocore import testing
 from porocore.errors import PluginError
-from porocore.plugins.hookspecs import Offer
+from porocore.plugins.hookspecs import CommandOffer, Offer
 from porocore.plugins.kinds import KINDS, Kind
 from porocore.plugins.table import KIT_VERSION
 from porocore.testing.suite import Suite
@@ -21,7 +21,7 @@ def find_suites(kind: Kind, offer: Offer, implementation: type[Any]) -> list[typ
         They cannot be loaded, are no suites, or are suites of another kind only.
     """
     if offer.suites is None:
-        return [_default(kind, offer.name, implementation)]
+        return [_default(kind, offer, implementation)]
     try:
         found = list(offer.suites())
     except Exception as error:  # foreign code; its reason goes into the message
@@ -43,7 +43,7 @@ def find_suites(kind: Kind, offer: Offer, implementation: type[Any]) -> list[typ
     return found
 
 
-def _default(kind: Kind, name: str, implementation: type[Any]) -> type[Suite]:
+def _default(kind: Kind, offer: Offer, implementation: type[Any]) -> type[Suite]:
     """Return the suite of a plugin without suites of its own: with default options, of the present version."""
 
     def make(cls: Any, *inputs: Any, **options: Any) -> Any:
@@ -52,7 +52,9 @@ def _default(kind: Kind, name: str, implementation: type[Any]) -> type[Suite]:
     members: dict[str, Any] = {KINDS[kind].factory: classmethod(make), "kit_version": KIT_VERSION}
     if kind == "surrogate":
         members["resumable"] = members["random"] = None
-    words = "".join(word.capitalize() for word in name.replace("-", "_").split("_"))
+    if isinstance(offer, CommandOffer):
+        members["name"] = f"{offer.group} {offer.name}".strip()
+    words = "".join(word.capitalize() for word in offer.name.replace("-", "_").split("_"))
     return type(f"Test{words}", (_suite(kind),), members)
 
 

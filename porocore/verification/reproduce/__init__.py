@@ -10,7 +10,7 @@ from porocore.core.console import Console
 from porocore.core.echo import echo
 from porocore.core.files.atomic import new_folder
 from porocore.errors import ConfigurationError
-from porocore.plugins.kinds import KINDS
+from porocore.plugins.kinds import OF_A_STUDY
 from porocore.study.config.config import RunConfig
 from porocore.study.config.loading import as_stated_path, benchmark_path, load_config
 from porocore.study.notes.checks import find_backends
@@ -73,7 +73,7 @@ def reproduce(
     if pictures and any(figure.stage == "fields" for figure in wanted):
         require_pyvista()
     config, stated = _configurations(fem, surrogate, workers)
-    find_backends(config, KINDS if any(f.stage == "column" for f in wanted) else ["cell solver"])
+    find_backends(config, OF_A_STUDY if any(f.stage == "column" for f in wanted) else ["cell solver"])
     place = new_folder(Path(folder or f"runs/reproduce-{paper}"))
     console, processes = console or Console(io.StringIO()), config.sampling.worker_count()
     results = Results(place, config, stated, processes, console, pictures)

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from porocore.cli.common import command, command_group, interruptible
+from porocore.cli.common import command, interruptible
+from porocore.cli.parsing import command_group
 from porocore.errors import PluginError
 from porocore.plugins.kinds import Kind, kind_of
 
@@ -29,7 +30,9 @@ COLOURS = {"passed": "green", "failed": "bold red", "expected failure": "yellow"
 @plugin.command()
 def new(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Name in configurations, such as my-sampler.")],
-    kind: Annotated[str, typer.Option("--kind", metavar="KIND", help="cell, macro, surrogate or sampler.")],
+    kind: Annotated[
+        str, typer.Option("--kind", metavar="KIND", help="cell, macro, surrogate, sampler or command.")
+    ],
     to: Annotated[
         Path | None,
         typer.Option("--to", metavar="DIR", help="The new folder.", show_default="porocore-KIND-NAME"),
@@ -56,7 +59,7 @@ def check(
         typer.Option(
             "--kind",
             metavar="KIND",
-            help="cell, macro, surrogate or sampler.",
+            help="cell, macro, surrogate, sampler or command.",
             show_default="all of the name",
         ),
     ] = None,

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porocore.cli.common import command_group, interruptible, page, plain_table
+from porocore.cli.common import interruptible, page, plain_table
 from porocore.cli.options import JsonOption
+from porocore.cli.parsing import command_group
 from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from porocore.cli.common import command_group, interruptible
+from porocore.cli.common import interruptible
 from porocore.cli.options import JsonOption
+from porocore.cli.parsing import command_group
 from porocore.errors import ConfigurationError, DataError, RunFolderError
 
 if TYPE_CHECKING:

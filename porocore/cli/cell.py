@@ -1,21 +1,19 @@
-"""``porocore cell``: commands ``state``, ``fields`` and ``show``; results of a state as text."""
+"""``porocore cell`` and its command ``state``; results of a state as text."""
 
 from __future__ import annotations
 
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 
-from porocore.cli.common import chosen_store, command_group, in_units_of, interruptible, located, read_config
+from porocore.cli.common import chosen_store, in_units_of, interruptible, located, read_config
 from porocore.cli.options import ConfigArgument, FemOption, JsonOption, NoStoreOption, StoreOption
-from porocore.cli.parsing import Commands
-from porocore.cli.representative import rev
+from porocore.cli.parsing import Commands, command_group
 from porocore.cli.states import (
     STATE_HELP,
     AtOption,
@@ -44,17 +42,16 @@ BELONGS = {
     "equals the porosity if H = 0 and p = 0",
     "deformed_conductivity": "in this state, for the flux through undeformed area",
 }
-NoPicturesOption = Annotated[
-    bool, typer.Option("--no-pictures", help="Write only what ParaView reads; pyvista is not needed.")
-]
 
 
 class _StateByDefault(Commands):
     """``porocore cell [CONFIG] …`` is short for ``porocore cell state [CONFIG] …``."""
 
+    panels = MappingProxyType(dict.fromkeys(("rev", "state", "fields", "show"), "Commands"))
+
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         first = args[0] if args else ""
-        if first in self.commands or first in ("-h", "--help"):
+        if first in ("-h", "--help") or self.find(first) is not None:
             return super().parse_args(ctx, args)
         if (
             re.fullmatch(r"[\w-]*[A-Za-z]\w*", first)
@@ -63,10 +60,11 @@ class _StateByDefault(Commands):
         ):
             if link := obstacle(Path(first)):
                 ctx.fail(f"{first}: {link}; a configuration is a file such as my.yaml.")
-            question = did_you_mean(first, self.commands)
+            known = self.list_commands(ctx)
+            question = did_you_mean(first, known)
             ctx.fail(
                 f"There is no command and no file {echo(first)}; {question + ' ' if question else ''}the commands are "
-                f"{joined(self.commands)}, and a configuration is a file such as my.yaml."
+                f"{joined(known)}, and a configuration is a file such as my.yaml."
             )
         return super().parse_args(ctx, ["state", *args])
 
@@ -76,7 +74,6 @@ cell = command_group(
     f"pores, or find how large a part of an image it must be.\n\n{STATE_HELP}",
     cls=_StateByDefault,
 )
-cell.command()(rev)
 
 
 @cell.command()
@@ -156,95 +153,6 @@ def _which(file: RunConfig, cell: str | None, parameters: list[str] | None) -> d
     return found
 
 
-@cell.command()
-def fields(
-    config: ConfigArgument = None,
-    at: AtOption = None,
-    grad_u: GradUOption = None,
-    p: PressureOption = None,
-    parameters: ParametersOption = None,
-    cell: CellOption = None,
-    fem: FemOption = None,
-    no_pictures: NoPicturesOption = False,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of file and pictures.")] = Path(
-        "runs/fields"
-    ),
-    store: StoreOption = None,
-    no_store: NoStoreOption = False,
-) -> None:
-    """Solve one state, by default H22=-0.1, and write its local fields.
-
-    Writes a .vtu file of the whole cell for ParaView with the micro displacement, F, J, the strain energy density and
-    stresses. Draws the micro displacement on the deformed cell and the strain energy density on the undeformed one.
-    Pictures need pyvista (pip install pyvista) and no display.
-    """
-    kept = chosen_store(store, no_store)
-    path, settings = read_config(config, fem, cell_only=True)
-    with located(path):
-        settings = one_cell(settings, cell, parameters)
-    asked = read_state(at, grad_u, p, settings.cell.modulus, {"H22": -0.1}, settings.scales)
-    with interruptible(), located(path):
-        from porocore.verification.local_fields.solve import write_local_fields
-
-        found = write_local_fields(
-            settings, out, asked, pictures=not no_pictures, store=kept or False, tell=Console().note
-        )
-    from porocore.states import Status
-
-    typer.echo(f"status: {_described(Status(int(found.response.status[0])).name)}")
-    if (extrema := found.response.extrema) is not None:
-        from porocore.report.format import multiple
-
-        with in_units_of(settings):
-            mean, largest = (
-                multiple(float(value[0]), "energy-density", 6)
-                for value in (extrema.energy_mean, extrema.energy)
-            )
-        typer.echo(f"strain energy density: mean <Ψ>_s {mean}, largest {largest}")
-    for written in (found.vtu, *found.pictures.values()):
-        typer.echo(written)
-
-
-@cell.command()
-def show(
-    config: ConfigArgument = None,
-    parameters: ParametersOption = None,
-    cell: CellOption = None,
-    no_pictures: NoPicturesOption = False,
-    as_json: JsonOption = False,
-    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of files and picture.")] = Path(
-        "runs/cell"
-    ),
-) -> None:
-    """Mesh the cell and show it; nothing is solved.
-
-    Prints porosity, number and quality of the elements, how solid and fluid are connected from cell to cell, and
-    if opposite faces match. Writes both phases as .vtu files for ParaView, and a picture.
-    Pictures need pyvista (pip install pyvista) and no display.
-    """
-    path, settings = read_config(config, None, cell_only=True)
-    with interruptible(), located(path):
-        from porocore.cell.meshing.mesh_quality import measure_mesh_quality, quality_lines
-        from porocore.core.files.atomic import new_folder
-        from porocore.verification.local_fields.pictures import render_phases, write_phases
-
-        if parameters or cell is not None:
-            settings = one_cell(settings, cell, parameters)
-        new_folder(out)
-        quality = measure_mesh_quality(settings.cell)
-        if as_json:
-            typer.echo(json.dumps(json_ready(asdict(quality)), allow_nan=False))
-        else:
-            typer.echo("\n".join(quality_lines(quality)))
-        files = write_phases(settings.cell, out, path.stem)
-        written = [*files]
-        if not no_pictures:
-            written.append(render_phases(settings.cell, files, out / f"{path.stem}.png"))
-    if not as_json:
-        for file in written:
-            typer.echo(file)
-
-
 def as_text(result: Mapping[str, Any], belongs: Mapping[str, str] = MappingProxyType({})) -> str:
     """Return a result as text, without fourth-order derivatives; ``belongs`` is said behind some names.
 
@@ -253,6 +161,7 @@ def as_text(result: Mapping[str, Any], belongs: Mapping[str, str] = MappingProxy
     """
     from porocore.core.units import MULTIPLES
     from porocore.report.dimensional import FIGURES
+    from porocore.report.text import status_in_words
 
     lines = []
     for name, given in result.items():
@@ -263,7 +172,7 @@ def as_text(result: Mapping[str, Any], belongs: Mapping[str, str] = MappingProxy
             name, value = f"{name} [{given['unit']}]", _rounded(given["value"], given["dimensionless"])
         name += f" ({belongs[name.split()[0]]})" if name.split()[0] in belongs else ""
         if name == "status":
-            lines.append(f"status: {_described(value)}")
+            lines.append(f"status: {status_in_words(value)}")
         elif _is_empty(value):
             continue
         elif isinstance(value, Mapping):
@@ -274,15 +183,6 @@ def as_text(result: Mapping[str, Any], belongs: Mapping[str, str] = MappingProxy
         else:
             lines.append(f"{name}: {_number(value).strip() if not isinstance(value, str) else value}")
     return "\n".join(lines)
-
-
-def _described(status: str) -> str:
-    """Return the name of a status, with its meaning unless the state converged."""
-    from porocore.report.text import MEANINGS
-    from porocore.states import Status
-
-    known = Status[status]
-    return status if known is Status.converged else f"{status} – {MEANINGS[known]}"
 
 
 def _is_empty(value: Any) -> bool:

@@ -54,7 +54,10 @@ def stability(
     ] = "p=0,0.05,0.1,0.15,0.2",
     steps: Annotated[int, typer.Option(metavar="N", help="Equal steps of each line.")] = 12,
     tolerance: Annotated[
-        float, typer.Option(metavar="X", help="Width of the interval in which an onset is found.")
+        float,
+        typer.Option(
+            metavar="X", help="Width of the interval in which an onset is found; of p a multiple of E."
+        ),
     ] = 0.005,
     eigenvalues: Annotated[
         bool,

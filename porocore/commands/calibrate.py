@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from porocore.cli.common import chosen_store, command, interruptible, page, plain_table
 from porocore.cli.options import JsonOption, NoStoreOption, ResumeOption, StoreOption
+from porocore.interfaces.command import Command, FileCheck
 
 if TYPE_CHECKING:
     from porocore.calibration.posterior import Posterior
     from porocore.calibration.results import Calibration
+    from porocore.calibration.settings import CalibrationSettings
+    from porocore.core.files.yaml_document import YamlDocument
 
 
 def calibrate(
@@ -74,6 +77,29 @@ def calibrate(
     names = ["calibration.json", "report.html", "curves.csv", "samples.csv"]
     for name in names if done.posterior is None else [*names, "posterior.csv"]:
         typer.echo(done.path / name)
+
+
+class CalibrateCommand(Command):
+    """The command ``calibrate`` with its section ``calibration:``, and a file of its own."""
+
+    run = staticmethod(calibrate)
+
+    def section(self) -> type[CalibrationSettings]:
+        """Return the model of the section."""
+        from porocore.calibration.settings import CalibrationSettings
+
+        return CalibrationSettings
+
+    def check(self, document: YamlDocument, config: Any, settings: Any) -> FileCheck:
+        """Read the data, of which some may be made up later."""
+        from porocore.calibration.loading import read_plan
+        from porocore.study.notes.checks import check_backends
+
+        plan = read_plan(document, planned=True)
+        if config is None:
+            for experiment in plan.experiments:
+                check_backends(experiment.config)
+        return FileCheck(plan.outline if config is None else plan.section, {"synthetic": plan.is_planned})
 
 
 def print_unknowns(done: Calibration) -> None:

@@ -87,25 +87,25 @@ def check(
     body consolidates. A later run finds that cell in the store. Reads the measured data of a calibration, in a section
     of the study or a file of its own.
     """
-    from porocore.calibration.loading import is_calibration, read_plan
-    from porocore.study.config.loading import holds_cells_alone
+    from porocore.core.files.yaml_document import YamlDocument
+    from porocore.interfaces.command import FileCheck
+    from porocore.study.config.loading import command_of_file, holds_cells_alone
     from porocore.study.notes.at_rest import at_rest
     from porocore.study.notes.cell_alone import outline_of_cells
-    from porocore.study.notes.checks import check_backends
+    from porocore.study.notes.checks import check_backends, check_file, check_section
     from porocore.study.notes.magnitudes import WARNING
     from porocore.study.notes.outline import outline
     from porocore.study.store import user_store
 
-    if config is not None and config.is_file() and is_calibration(config):
+    document = YamlDocument.read(config) if config is not None and config.is_file() else None
+    if document is not None and (owner := command_of_file(document)) is not None:
         with interruptible():
-            own = read_plan(config, planned=True)
-            for experiment in own.experiments:
-                check_backends(experiment.config)
-        for line in own.outline:
+            own = check_file(owner, document)
+        for line in own.lines:
             typer.echo(line)
-        typer.echo(f"no faults; next: {command('calibrate', config, synthetic=own.is_planned)}")
+        typer.echo(f"no faults; next: {command(owner.offer.name, config, **own.options)}")
         return
-    alone = config is not None and config.is_file() and holds_cells_alone(config)
+    alone = document is not None and holds_cells_alone(document)
     path, settings = read_config(config, fem, surrogate, closure, macro, cell_only=alone)
     with interruptible(), located(path):
         if alone:
@@ -118,18 +118,15 @@ def check(
             )
             return
         check_backends(settings)
-        plan = None if settings.calibration is None else read_plan(path, planned=True)
-        of_plan = [] if plan is None else plan.section
+        name, section = check_section(YamlDocument.read(path), settings) or ("run", FileCheck())
         warned = False
-        for line in chain(outline(settings), at_rest(settings, user_store()), of_plan):
+        for line in chain(outline(settings), at_rest(settings, user_store()), section.lines):
             typer.echo(line)
             warned |= line.startswith(WARNING)
     if warned:
         typer.echo("no faults, but a run would be wasted: first mend what is said behind 'warning:'")
-    elif plan is None:
-        typer.echo(f"no faults; next: {command('run', config)}")
     else:
-        typer.echo(f"no faults; next: {command('calibrate', config, synthetic=plan.is_planned)}")
+        typer.echo(f"no faults; next: {command(name, config, **section.options)}")
 
 
 def _beginning(path: Path) -> str:
