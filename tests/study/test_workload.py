@@ -28,7 +28,7 @@ def study(tmp_path, size, fluid_size=0.2, **sampling):
 def test_the_nodes_of_an_image_are_known_before_it_is_meshed(tmp_path):
     config = study(tmp_path, 0.1, 0.1)
     nodes = [len(config.cell.make_mesh(phase, "whole").points) for phase in ("solid", "fluid")]
-    assert workload.expected_nodes(config) == pytest.approx(nodes, rel=0.3)
+    assert workload.expected_cost(config).nodes == pytest.approx(nodes, rel=0.3)
 
 
 def test_a_mesh_beyond_the_memory_is_refused_with_a_size_that_fits(tmp_path, monkeypatch):
@@ -79,7 +79,7 @@ def test_sheared_states_are_whole_cells_and_those_at_rest_an_eighth():
     flow = eighth.conductivity.at(30_000 / 8)
     assert sheared.state == pytest.approx(cost.LEAST + whole.state.at(20_000))
     assert sheared.cell_time == pytest.approx(rest + first + 40 * sheared.state + flow)
-    assert replace(sheared, deformed=True).state - sheared.state == pytest.approx(
+    assert replace(sheared, deformed=True).cell.state - sheared.state == pytest.approx(
         whole.conductivity.at(30_000)
     )
     config = load_config(BENCHMARK.with_name("soil-strip.yaml"))  # samples H12
@@ -125,10 +125,10 @@ def test_the_time_of_a_study_is_that_of_its_states_on_its_workers():
     assert one.cell_time == pytest.approx(2 * first + 41 * each + flow)  # the run itself has a first one too
     assert replace(one, serial=True).cell_time == pytest.approx(first + 41 * each + flow)
     assert four.cell_time == pytest.approx(2 * first + 11 * each + flow)
-    assert replace(one, deformed=True).state == pytest.approx(each + flow)
+    assert replace(one, deformed=True).cell.state == pytest.approx(each + flow)
     part = replace(one, parts=(1 / 8, 1 / 8), rest=1 / 8)
-    assert part.state == pytest.approx(cost.LEAST + eighth.state.at(2_500))
-    assert part.conductivity == pytest.approx(eighth.conductivity.at(30_000 / 8))
+    assert part.cell.state == pytest.approx(cost.LEAST + eighth.state.at(2_500))
+    assert part.cell.conductivity == pytest.approx(eighth.conductivity.at(30_000 / 8))
     # Every parity of the derivatives has a factor of its own: an image of 13,010 nodes took 1.9 to 2.3 s, one of 25,596
     # nodes 9 to 13 s.
     assert 1.9 / 2 < eighth.state.at(13_010) < 2 * 2.3
@@ -142,12 +142,12 @@ def test_the_time_of_a_study_is_that_of_its_states_on_its_workers():
 def test_the_memory_is_that_of_all_processes_at_once():
     """An eighth of 12,128 nodes was told to take 1.5 GB; two workers and their parent held 4.0 to 4.5 GB."""
     two = workload.Workload(32, 2, 17, 2, 8, 4, 97_020, 107_653, (1 / 8, 1 / 8))
-    assert two.memory == pytest.approx(3 * two.process)
+    assert two.memory == pytest.approx(3 * two.cell.memory)
     assert two.memory == pytest.approx(4.25e9, rel=0.2)
-    assert two.process == pytest.approx(1.5e9, rel=0.2)
-    assert replace(two, workers=1, serial=True).memory == pytest.approx(two.process)
+    assert two.cell.memory == pytest.approx(1.5e9, rel=0.2)
+    assert replace(two, workers=1, serial=True).memory == pytest.approx(two.cell.memory)
     assert replace(two, workers=0).memory == pytest.approx(
-        two.process
+        two.cell.memory
     )  # a scheduler has the workers elsewhere
     said = next(workload.work_lines({None: two}))
     assert (

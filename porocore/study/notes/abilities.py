@@ -34,8 +34,8 @@ from porocore.macro.integration.stepping import Stepper
 from porocore.macro.problem import MacroSetup
 from porocore.states import Array, CellResponse
 from porocore.study.config.config import RunConfig, cell_ranges
-from porocore.study.notes.cost import LIBRARIES, costs, process_memory
-from porocore.study.notes.workload import as_time, expected_nodes, share_of_flow, share_solved, workers_here
+from porocore.study.notes.cost import LIBRARIES, costs
+from porocore.study.notes.workload import as_time, expected_cost, workers_here
 from porocore.surrogates.potential import STILL, variables
 from porocore.surrogates.stretch import PLACES, LogStretch
 from porocore.surrogates.symmetry import acting_across, on_places
@@ -225,16 +225,14 @@ def require_memory(config: RunConfig) -> None:
     ConfigurationError
         The mesh of the cell is too fine, or the processes are too many.
     """
-    workers, there, share = workers_here(config), memory_here(), share_solved(config)
+    workers, there, cell = workers_here(config), memory_here(), expected_cost(config)
     if there is None or workers == 0:
         return
-    (nodes, flow), mesh = expected_nodes(config), config.cell.mesh
-    process, law = process_memory(nodes, share), costs(share_of_flow(config)).fluid
-    fluid = LIBRARIES + law.at(flow)
+    (nodes, flow), mesh, process = cell.nodes, config.cell.mesh, cell.memory
     spare = max(there - LIBRARIES, LIBRARIES)
     for key, count, phase, needs, bytes_of in (
-        ("size", nodes, "solid", process, costs(share).solid),
-        ("fluid_size", flow, "fluid", fluid, law),
+        ("size", nodes, "solid", process, costs(cell.parts[0]).solid),
+        ("fluid_size", flow, "fluid", cell.memory_of_flow, costs(cell.parts[1]).fluid),
     ):
         if needs > there:
             larger = getattr(mesh, key) * (count / bytes_of.nodes_for(spare)) ** (1 / 3)

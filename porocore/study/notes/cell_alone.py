@@ -30,9 +30,9 @@ from porocore.study.notes.at_rest import (
     edges,
     thin_fluid,
 )
-from porocore.study.notes.cost import LEAST, costs
+from porocore.study.notes.cost import CellCost
 from porocore.study.notes.outline import cell_outline
-from porocore.study.notes.workload import as_time
+from porocore.study.notes.workload import as_time, parts_at_rest
 from porocore.study.stages.reference import solve_cell
 
 #: A conductivity below this share of the largest, or of d²/μ_c, is round-off.
@@ -78,14 +78,13 @@ def outline_of_cells(config: RunConfig, store: ResultStore | None) -> Iterator[s
 
 def _cost(cell: Cell, solid: int, fluid: int) -> Iterator[str]:
     """Yield what a state at rest and K take; the nodes are those of the whole cell."""
-    rest, flow = (1 / 8 if one else 1.0 for one in (cell.mirrored, cell.symmetric))
-    state = LEAST + costs(rest).first.at(solid * rest) + costs(rest).state.at(solid * rest)
-    K = costs(flow).conductivity.at(fluid * flow) if fluid else 0.0
+    cost = CellCost(solid, fluid, parts_at_rest(cell))
     yield (
-        f"  solved are {solid * rest:,.0f} nodes of the solid and {fluid * flow:,.0f} of the fluid: "
-        f"{as_time(state)} for the state at rest, {as_time(K)} for K on one quiet core"
+        f"  solved are {cost.nodes[0]:,.0f} nodes of the solid and {cost.nodes[1]:,.0f} of the fluid: "
+        f"{as_time(cost.first + cost.state)} for the state at rest, {as_time(cost.conductivity)} for K on one quiet "
+        "core"
     )
-    if slow := slow_states(solid * rest, cell.mesh.size, rest):
+    if slow := slow_states(cost.nodes[0], cell.mesh.size, cost.parts[0]):
         yield f"note: {slow}"
 
 

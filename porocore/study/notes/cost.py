@@ -98,6 +98,61 @@ def process_memory(nodes: float, share: float = 1.0) -> float:
 #: Seconds of any state beside those of the tables, which are near rest: the 256 states of ``dehghani2022``, of which a
 #: third are in contact, take 0.12 s of processor time in the mean, where these make 0.05 of their eighth.
 LEAST = 0.07
+
+
+@dataclass(frozen=True)
+class CellCost:
+    """Costs of the problems of one cell on one quiet core and in one process.
+
+    Attributes
+    ----------
+    solid, fluid
+        Nodes of the whole solid and fluid.
+    parts
+        Shares of them that are solved for a state and for K: an eighth, or the whole.
+    deformed
+        True if every state also has the flow through its deformed pore.
+    """
+
+    solid: float
+    fluid: float
+    parts: tuple[float, float] = (1.0, 1.0)
+    deformed: bool = False
+
+    @property
+    def nodes(self) -> tuple[float, float]:
+        """Nodes of the solid and of the fluid that are solved."""
+        return self.solid * self.parts[0], self.fluid * self.parts[1]
+
+    @property
+    def first(self) -> float:
+        """Time that the first state of a process takes longer than any other [s]."""
+        return costs(self.parts[0]).first.at(self.nodes[0])
+
+    @property
+    def state(self) -> float:
+        """Time of a state with its derivatives [s]."""
+        of = costs(self.parts[0])
+        # The flow through a deformed pore is solved on the domain of the state.
+        flow = of.conductivity.at(self.fluid * self.parts[0]) if self.deformed else 0.0
+        return LEAST + of.state.at(self.nodes[0]) + flow
+
+    @property
+    def conductivity(self) -> float:
+        """Time of K [s]."""
+        return costs(self.parts[1]).conductivity.at(self.nodes[1])
+
+    @property
+    def memory(self) -> float:
+        """Memory of a process that solves states [bytes]."""
+        return process_memory(self.nodes[0], self.parts[0])
+
+    @property
+    def memory_of_flow(self) -> float:
+        """Memory of a process that solves K [bytes]."""
+        return LIBRARIES + costs(self.parts[1]).fluid.at(self.nodes[1])
+
+
 #: Seconds in which a process has loaded the libraries and prepared the cell: coarse cells. Of a run until it begins.
 START, BEGIN = 0.7, 3.0
 #: Seconds of the report, and more for each load: 4.7 and 5.5 with one, 10.7 with three.

@@ -22,9 +22,7 @@ from porocore.study.notes import cost
 from porocore.study.notes.workload import (
     Workload,
     as_time,
-    expected_nodes,
-    share_of_flow,
-    share_solved,
+    expected_cost,
     workers_here,
 )
 from porocore.study.stages.exploration import coarse_problem
@@ -185,7 +183,7 @@ def guessed_times(config: RunConfig, sampler: Sampler, solved: Array | None = No
 
 def _state(config: RunConfig) -> float:
     """Return the time of a state of the cell on a quiet core [s]."""
-    return cost.LEAST + cost.costs(share_solved(config)).state.at(expected_nodes(config)[0])
+    return expected_cost(config).state
 
 
 def processes_here(config: RunConfig) -> int:
@@ -209,11 +207,8 @@ def bodies_at_once(config: RunConfig, count: int, work: float | None = None) -> 
 
 def starts_early(config: RunConfig) -> bool:
     """Return whether there is memory for workers that prepare the cell while its conductivity is computed."""
-    nodes, flow = expected_nodes(config)
-    fluid = cost.LIBRARIES + cost.costs(share_of_flow(config)).fluid.at(flow)
-    return fits(
-        workers_here(config) * cost.process_memory(nodes, share_solved(config)) + fluid, available_bytes()
-    )
+    cell = expected_cost(config)
+    return fits(workers_here(config) * cell.memory + cell.memory_of_flow, available_bytes())
 
 
 def trains_beside(config: RunConfig) -> bool:

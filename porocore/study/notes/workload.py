@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from porocore.cell.cell import Cell
 from porocore.cell.family.mesh import undeformed_count
 from porocore.study.config.config import RunConfig
-from porocore.study.notes import cost
-from porocore.study.notes.cost import LIBRARIES, process_memory
+from porocore.study.notes.cost import CellCost
 from porocore.study.notes.reach import shears
 
 #: Nodes for each tetrahedron that a geometry expects; measured 1.7 to 2.4 of second order on images, since
@@ -84,7 +83,7 @@ class Workload:
             len(time.profiles) + 2,
             *nodes,
             (share_solved(config), share_of_flow(config)),
-            1 / 8 if config.cell.mirrored else 1.0,
+            parts_at_rest(config.cell)[0],
             config.conductivity == "deformed",
             solves_itself(config),
             undeformed_count(config.cell) if config.cell.is_family else 0,
@@ -110,62 +109,32 @@ class Workload:
     @property
     def memory(self) -> float:
         """Approximate memory of all processes at once [bytes]: workers, and the run itself, which solves K and rest."""
-        return max(
-            (1 if self.serial else self.workers + 1) * self.process,
-            LIBRARIES + cost.costs(self.parts[1]).fluid.at(self._solved[1]),
-        )
+        return max((1 if self.serial else self.workers + 1) * self.cell.memory, self.cell.memory_of_flow)
 
     @property
-    def process(self) -> float:
-        """Approximate memory of each of them [bytes]."""
-        return process_memory(self._solved[0], self.parts[0])
-
-    @property
-    def state(self) -> float:
-        """Approximate time of one state with its derivatives on one quiet core [s]."""
-        return self._state(self.parts[0])
-
-    def _state(self, share: float) -> float:
-        costs = cost.costs(share)
-        # The flow through a deformed pore is solved on the domain of the state.
-        flow = costs.conductivity.at(self.fluid * share) if self.deformed else 0.0
-        return cost.LEAST + costs.state.at(self.solid * share) + flow
-
-    @property
-    def first(self) -> float:
-        """Approximate time that the first state of a process takes longer than any other [s]."""
-        return self._first(self.parts[0])
-
-    def _first(self, share: float) -> float:
-        return cost.costs(share).first.at(self.solid * share)
-
-    @property
-    def conductivity(self) -> float:
-        """Approximate time of K on one quiet core [s]."""
-        return cost.costs(self.parts[1]).conductivity.at(self._solved[1])
+    def cell(self) -> CellCost:
+        """Costs of the cell's problems for the sampled states."""
+        return CellCost(self.solid, self.fluid, self.parts, self.deformed)
 
     @property
     def cell_time(self) -> float:
         """Approximate time of all cell problems, K and the state at rest included; the states share the workers [s]."""
-        again = 0.0 if self.serial and self.rest == self.parts[0] else self.first
-        rest = self._first(self.rest) + self._state(self.rest)
-        workers = max(1, self.workers)
-        members = math.ceil(self.members / workers) * self.first
-        members += math.ceil(self.undeformed / workers) * (self.conductivity + rest)
-        return self.conductivity + rest + again + members + math.ceil(self.states / workers) * self.state
-
-    @property
-    def _solved(self) -> tuple[float, float]:
-        return self.solid * self.parts[0], self.fluid * self.parts[1]
+        cell, at_rest, workers = self.cell, replace(self.cell, parts=(self.rest, 1.0)), max(1, self.workers)
+        again = 0.0 if self.serial and self.rest == cell.parts[0] else cell.first
+        undeformed = cell.conductivity + at_rest.first + at_rest.state
+        members = math.ceil(self.members / workers) * cell.first
+        members += math.ceil(self.undeformed / workers) * undeformed
+        return undeformed + again + members + math.ceil(self.states / workers) * cell.state
 
     def line(self, name: str | None = None) -> str:
         """Return the cell problems for reading; ``name`` is that of the cell."""
-        (solid, fluid), workers = self._solved, max(1, self.workers)
+        cell, workers = self.cell, max(1, self.workers)
+        solid, fluid = cell.nodes
         head = "" if name is None else f"{name}: "
         return (
             f"  {head}cell problems of {solid:,.0f} nodes of the solid and {fluid:,.0f} of the fluid: "
-            f"{as_time(self.state)} for a state with its derivatives, {as_time(self.state + self.first)} for the "
-            f"first, {as_time(self.conductivity)} for K; "
+            f"{as_time(cell.state)} for a state with its derivatives, {as_time(cell.state + cell.first)} for the "
+            f"first, {as_time(cell.conductivity)} for K; "
             f"all cells {as_time(self.cell_time)} on {workers} quiet {'core' if workers == 1 else 'cores'}"
         )
 
@@ -175,7 +144,7 @@ class Workload:
         if self.serial or not self.workers:
             return ""
         who = f"{self.workers} {'worker' if self.workers == 1 else 'workers'} and of the run itself"
-        return f", {self.process / 1e9:.2g} GB each of {who}"
+        return f", {self.cell.memory / 1e9:.2g} GB each of {who}"
 
 
 def work_lines(works: Mapping[str | None, Workload]) -> Iterator[str]:
@@ -226,7 +195,7 @@ def sheared(config: RunConfig, nodes: int, more: Iterable[str] = ()) -> list[str
     sampled, names = shears(config.sampling.inputs), shears(more or config.sampling.inputs)
     if not config.cell.mirrored or not names or (more and sampled):
         return []
-    eighth, whole = (as_time(cost.LEAST + cost.costs(share).state.at(nodes * share)) for share in (1 / 8, 1))
+    eighth, whole = (as_time(CellCost(nodes, 0, (share, 1.0)).state) for share in (1 / 8, 1))
     them = " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
     is_ = "would be" if more else "is" if len(names) == 1 else "are"
     return [
@@ -240,10 +209,15 @@ def share_of_flow(config: RunConfig) -> float:
     return 1 / 8 if config.cell.symmetric else 1.0
 
 
-def expected_nodes(config: RunConfig) -> tuple[float, float]:
-    """Return the approximate numbers of nodes of the solid and of the fluid that are solved, without meshing them."""
-    solid, fluid = nodes_of(config.cell, config.cell.geometry.porosity)
-    return solid * share_solved(config), fluid * share_of_flow(config)
+def expected_cost(config: RunConfig) -> CellCost:
+    """Return the approximate costs of the problems of the cell, without meshing it."""
+    nodes = nodes_of(config.cell, config.cell.geometry.porosity)
+    return CellCost(*nodes, (share_solved(config), share_of_flow(config)))
+
+
+def parts_at_rest(cell: Cell) -> tuple[float, float]:
+    """Return the shares of the solid and of the fluid that are solved at rest and for K."""
+    return 1 / 8 if cell.mirrored else 1.0, 1 / 8 if cell.symmetric else 1.0
 
 
 def nodes_of(cell: Cell, porosity: float) -> tuple[float, float]:

@@ -9,8 +9,8 @@ from porocore.cell.geometry.pore_geometry import MOST
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.states import Array
 from porocore.study.notes.abilities import memory_here
-from porocore.study.notes.cost import LIBRARIES, costs, process_memory
-from porocore.study.notes.workload import as_time, nodes_of
+from porocore.study.notes.cost import CellCost
+from porocore.study.notes.workload import as_time, nodes_of, parts_at_rest
 from porocore.verification.representative.plan import SubvolumePlan
 from porocore.verification.representative.scan import Corner, Scan
 
@@ -88,13 +88,10 @@ def foresee(scan: Scan, plan: SubvolumePlan, size: int, workers: int) -> SizeOut
     if left_out:
         return SizeOutlook(size, tuple(places), porosities, count, (0.0, 0.0), 0.0, 0.0, 0, left_out)
     cell = scan.subvolume(places[0], size)
-    solid, fluid = nodes_of(cell, porosity)
-    share, of_flow = (1 / 8 if mirrored else 1.0 for mirrored in (cell.mirrored, cell.symmetric))
-    solid, fluid = solid * share, fluid * of_flow
-    states, flow = costs(share), costs(of_flow)
+    cost = CellCost(*nodes_of(cell, porosity), parts_at_rest(cell))
     # Each sub-volume is the first state of its cell.
-    seconds = states.first.at(solid) + states.state.at(solid) + flow.conductivity.at(fluid)
-    memory, there = max(process_memory(solid, share), LIBRARIES + flow.fluid.at(fluid)), memory_here()
+    seconds = cost.first + cost.state + cost.conductivity
+    memory, there = max(cost.memory, cost.memory_of_flow), memory_here()
     side_by_side = workers if there is None else min(workers, int(there / memory))
     if side_by_side < 1:
         assert there is not None
@@ -105,7 +102,7 @@ def foresee(scan: Scan, plan: SubvolumePlan, size: int, workers: int) -> SizeOut
         whole = as_time(seconds * math.ceil(count / side_by_side))
         left_out = f"{count} would take some {whole}; name the size in --sizes to solve them"
     return SizeOutlook(
-        size, tuple(places), porosities, count, (solid, fluid), seconds, memory, side_by_side, left_out
+        size, tuple(places), porosities, count, cost.nodes, seconds, memory, side_by_side, left_out
     )
 
 
