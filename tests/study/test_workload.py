@@ -77,9 +77,9 @@ def test_sheared_states_are_whole_cells_and_those_at_rest_an_eighth():
     whole, eighth = cost.WHOLE, cost.EIGHTH
     first, rest = whole.first.at(20_000), cost.LEAST + eighth.state.at(2_500) + eighth.first.at(2_500)
     flow = eighth.conductivity.at(30_000 / 8)
-    assert sheared.state == pytest.approx(cost.LEAST + whole.state.at(20_000))
-    assert sheared.cell_time == pytest.approx(rest + first + 40 * sheared.state + flow)
-    assert replace(sheared, deformed=True).cell.state - sheared.state == pytest.approx(
+    assert sheared.cell.state == pytest.approx(cost.LEAST + whole.state.at(20_000))
+    assert sheared.cell_time == pytest.approx(rest + first + 40 * sheared.cell.state + flow)
+    assert replace(sheared, deformed=True).cell.state - sheared.cell.state == pytest.approx(
         whole.conductivity.at(30_000)
     )
     config = load_config(BENCHMARK.with_name("soil-strip.yaml"))  # samples H12
