@@ -89,8 +89,8 @@ class PoreGeometry(StrictModel, ABC):
         return ()
 
     @property
-    def error_of_flow(self) -> str:
-        """Sentence on an error that the description of the pores makes in K; empty where there is none."""
+    def error_of_shape(self) -> str:
+        """Sentence on an error that the description of the pores makes in K and moduli; empty where there is none."""
         return ""
 
     @property

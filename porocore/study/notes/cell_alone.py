@@ -150,8 +150,8 @@ def notes(config: RunConfig) -> Iterator[str]:
     yield from single.geometry.warnings
     yield from single.geometry.notes
     yield from grains(single)
-    if single.geometry.error_of_flow:
-        yield single.geometry.error_of_flow
+    if single.geometry.error_of_shape:
+        yield single.geometry.error_of_shape
     for line in resolution(single, cell_length(config)):
         if line.startswith("note: "):
             yield line.removeprefix("note: ")

@@ -251,7 +251,7 @@ def _cell_summary(results: RunResults) -> CellSummary:
             *grains(single),
             *(line.strip() for line in edges(results.config)),
             *([CLOSED_PORES] if closed else []),
-            *([cell.geometry.error_of_flow] if cell.geometry.error_of_flow else []),
+            *([cell.geometry.error_of_shape] if cell.geometry.error_of_shape else []),
         ),
         image_porosity=cell.geometry.porosity if isinstance(cell.geometry, Voxels) else None,
         which="in the middle of the ranges" if cell.is_family else "",
