@@ -181,6 +181,8 @@ def print_sweep(sweep: ParameterSweep) -> None:
     units, mode = sweep.units, sweep.loading_mode
     names = []
     for name in _PRINTED[mode.settles]:
+        if name == "final_settlement" and not sweep.moves_along_y:
+            name = "largest_displacement"
         whole = f"{mode.displaced[0]}: {name}" if name in ("peak", "final") else name
         whole = whole if name == "porosity" else sweep.named(whole)
         names += [whole] if whole in sweep.figures else []

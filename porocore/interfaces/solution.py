@@ -52,6 +52,8 @@ class StepReport:
     notes: tuple[str, ...] = ()
     #: Largest displacement in the direction +y.
     heave: float = 0.0
+    #: Largest size of the displacement.
+    displacement: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +81,8 @@ class History:
     heave: Array
     #: Least pore pressure, negative where there is suction.
     pressure_min: Array
+    #: Largest size of the displacement, max |u|.
+    displacement: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -222,7 +226,7 @@ class MacroSolution:
     def save(self, path: Path) -> None:
         """Write one HDF5 file, atomically."""
         with atomic_hdf5(path) as file:
-            file.attrs.update(format="porocore-solution", version=3, law=self.law, load=self.load)
+            file.attrs.update(format="porocore-solution", version=4, law=self.law, load=self.load)
             file.attrs.update(
                 backend=self.backend, copies=float(self.copies), linear_solver=self.linear_solver
             )
@@ -250,9 +254,9 @@ class MacroSolution:
             The file is truncated or foreign.
         """
         with opened(path, "porocore solution", "solve again") as file:
-            if not file.is_of("porocore-solution", 3):
+            if not file.is_of("porocore-solution", 4):
                 raise DataError(
-                    f"{path}: expected a porocore solution of version 3; move it elsewhere and solve again"
+                    f"{path}: expected a porocore solution of version 4; move it elsewhere and solve again"
                 )
             history = {
                 f.name: file.array(f"history/{file_name(f.name)}", "steps", kind="number")

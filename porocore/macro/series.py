@@ -24,6 +24,7 @@ HISTORY = {
     "iterations": ("", "Newton iterations of the step"),
     "heave": ("displacement", "largest displacement along +y, max(u_2)"),
     "pressure_min": ("pressure", "least pore pressure"),
+    "displacement": ("displacement", "largest size of the displacement max|u|"),
 }
 #: Of the components of a probe.
 PROBE = (("u_1", "displacement"), ("u_2", "displacement"), ("u_3", "displacement"), ("p", "pressure"))

@@ -17,7 +17,7 @@ from porocore.interfaces.solution import History, MacroSolution
 from porocore.macro.laws.closure import ClosureError, ConductivityLaw
 from porocore.macro.laws.linear import EffectiveProperties, LinearCoefficients
 from porocore.macro.problem import Boundary, MacroSetup
-from porocore.report.metrics import STEADY_TOLERANCE, LoadCase, is_remnant, time_to_fraction
+from porocore.report.metrics import STEADY_TOLERANCE, LoadCase, is_remnant, moves_along_y, time_to_fraction
 from porocore.report.words.held_out import OutputCheck
 from porocore.report.words.parameters import BodyCells, FamilySummary
 from porocore.states import Array, IntArray
@@ -479,7 +479,12 @@ def law_differences(case: LoadCase) -> list[dict[str, Any]]:
     found = []
     for pair in combinations((case.nonlinear, *case.others), 2):
         reference, other = sorted(pair, key=_exactness)
-        differences = {name: history_difference(reference.history, other.history, name) for name in COMPARED}
+        differences = {
+            name: history_difference(reference.history, other.history, name)
+            if name != "settlement" or moves_along_y(reference.history)
+            else None
+            for name in COMPARED
+        }
         found.append({"law": other.law, "reference": reference.law, **differences})
     return found
 

@@ -98,6 +98,9 @@ def dimensional_rows(
 
 def _settlement_rows(found: dict[str, Any], linear: dict[str, Any] | None) -> list[Row]:
     """Return heave if there is any, and the final settlement with its times, and the largest where that is another."""
+    if not found["moves_along_y"]:
+        named = f"largest displacement, mostly {found['largest_component']}".removesuffix(", mostly ")
+        return [(named, "displacement", found["largest_displacement"])]
     heave: Row = ("largest displacement along +y", "displacement", found["largest_heave"])
     if nothing_settles(found) and found["largest_heave"]:
         return [heave]
@@ -150,6 +153,9 @@ FIGURES = {
     "largest_settlement": "displacement",
     "time_of_largest_settlement": "time",
     "largest_heave": "displacement",
+    "largest_displacement": "displacement",
+    "time_of_largest_displacement": "time",
+    "final_displacement": "displacement",
     "time_of_largest_heave": "time",
     "time_to_50_percent": "time",
     "time_to_95_percent": "time",

@@ -11,8 +11,8 @@ from porocore.interfaces.solution import History, MacroSolution
 from porocore.report.format import number
 from porocore.states import Array
 
-#: A run whose settlement still moves by more than this share of its largest value in the last tenth of the time
-#: has not reached the steady state.
+#: A run whose largest displacement still moves by more than this share of its largest value in the last tenth of the
+#: time has not reached the steady state.
 STEADY_TOLERANCE = 1e-3
 #: A quantity that ends below this share of its largest value has no figures of its final value. A solution counts as
 #: steady to 0.1 % of its largest value, so that a hundredth of it is known to a tenth at best.
@@ -188,17 +188,32 @@ def time_of_largest(time: Array, value: Array) -> float:
 
 
 def steady_drift(history: History) -> float | None:
-    """Return the change of the settlement over the last tenth of the time, as a share of its largest value."""
-    largest = abs(largest_value(history.settlement))
+    """Return the change of max |u| over the last tenth of the time, as a share of its largest value."""
+    largest = float(history.displacement.max())
     if largest == 0:
         return None
     start, end = history.time[0], history.time[-1]
-    before = float(np.interp(end - 0.1 * (end - start), history.time, history.settlement))
-    return abs(float(history.settlement[-1]) - before) / largest
+    before = float(np.interp(end - 0.1 * (end - start), history.time, history.displacement))
+    return abs(float(history.displacement[-1]) - before) / largest
 
 
-#: Figures that say nothing where the settlement is prescribed, beside those that it names.
-OF_SETTLEMENT = ("time_to_95_percent", "time_to_99_percent", "steady_drift", "heave")
+def moves_along_y(history: History) -> bool:
+    """Return False if the body moves along x or z and hardly along y, so that settlement and heave are no results.
+
+    What is below 1 % of the largest displacement is round-off, or the error of a mesh.
+    """
+    along = max(abs(largest_value(history.settlement)), float(history.heave.max()))
+    return not is_remnant(along, float(history.displacement.max()))
+
+
+def largest_component(solution: MacroSolution) -> str:
+    """Return the largest component of the displacement in the profiles, such as ``u_3``; empty without profiles."""
+    moved = [np.abs(profile.u).max(axis=0) for profile in solution.after_rest]
+    return f"u_{int(np.max(moved, axis=0).argmax()) + 1}" if moved else ""
+
+
+#: Figures that say nothing where the settlement is no result, beside those that it names.
+OF_SETTLEMENT = ("time_to_95_percent", "time_to_99_percent", "heave")
 
 
 def solution_metrics(solution: MacroSolution) -> dict[str, Any]:
@@ -221,6 +236,11 @@ def solution_metrics(solution: MacroSolution) -> dict[str, Any]:
         "time_of_largest_settlement": time_of_largest(history.time, history.settlement),
         "largest_heave": float(history.heave[highest]),
         "time_of_largest_heave": float(history.time[highest]),
+        "largest_displacement": float(history.displacement.max()),
+        "time_of_largest_displacement": time_of_largest(history.time, history.displacement),
+        "final_displacement": float(history.displacement[-1]),
+        "largest_component": largest_component(solution),
+        "moves_along_y": moves_along_y(history),
         "max_pressure": float(history.pressure_max.max()),
         "time_of_max_pressure": float(history.time[int(history.pressure_max.argmax())]),
         "final_pressure": float(history.pressure_max[-1]),
@@ -268,6 +288,7 @@ def case_metrics(case: LoadCase) -> dict[str, Any]:
         "time_to_99_percent_ratio": ratio("time_to_99_percent"),
         "largest_settlement_ratio": ratio("largest_settlement"),
         "largest_heave_ratio": ratio("largest_heave"),
+        "largest_displacement_ratio": ratio("largest_displacement"),
         "drained_ratio": ratio("drained"),
         "drained_paper_ratio": ratio("drained_paper"),
         "largest_drained_ratio": ratio("largest_drained"),
@@ -275,7 +296,7 @@ def case_metrics(case: LoadCase) -> dict[str, Any]:
 
 
 def without_settlement(metrics: Any) -> Any:
-    """Return the figures of :func:`case_metrics` of a body whose settlement is prescribed: without those of it."""
+    """Return the figures of :func:`case_metrics` without those of the settlement where it is no result."""
     if isinstance(metrics, list):
         return [without_settlement(each) for each in metrics]
     if not isinstance(metrics, dict):

@@ -91,5 +91,6 @@ def make_column(
         iterations=np.where(time > 0, 3, 0),
         heave=np.zeros(len(time)),
         pressure_min=np.zeros(len(time)),
+        displacement=np.abs(settled),
     )
     return MacroSolution(law, load, points, cells, history, tuple(profile(t) for t in sorted({*times, end})))

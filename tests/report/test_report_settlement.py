@@ -29,6 +29,7 @@ def unloaded(solution, left, peak=2.0, rate=1.0):
     history = replace(
         solution.history,
         settlement=peak * shape,
+        displacement=peak * np.abs(shape),
         drained=0.1 * peak * shape,
         drained_paper=0.1 * peak * shape + 1e-5,
         outside_training_range=0 * time,
@@ -111,7 +112,9 @@ def moving_up(solution, u_2, p):
     """The solution without settlement, but with a heave at one time and a suction at the next."""
     heave, least = np.zeros((2, len(solution.history.time)))
     heave[3], least[4] = u_2, p
-    still = replace(solution.history, settlement=0 * heave, heave=heave, pressure_min=least)
+    still = replace(
+        solution.history, settlement=0 * heave, heave=heave, pressure_min=least, displacement=heave
+    )
     return replace(solution, history=still, profiles=())
 
 

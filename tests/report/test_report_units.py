@@ -62,7 +62,12 @@ def test_every_figure_of_a_solution_has_a_unit_or_is_known_to_have_none(context)
     plain = {"load", "steady_drift", "flagged_end", "flagged_largest", "flagged_time_mean", "stress_spread"}
     plain |= {"steps", "newton_iterations", "drift", "drop", "peak_over_final", "drained_paper_ratio"}
     plain |= {"settlement_ratio", "time_to_95_percent_ratio", "time_to_99_percent_ratio", "drained_ratio"}
-    plain |= {"largest_settlement_ratio", "largest_drained_ratio"}
+    plain |= {
+        "largest_settlement_ratio",
+        "largest_drained_ratio",
+        "largest_displacement_ratio",
+        "moves_along_y",
+    }
 
     def names(figures):
         for key, value in figures.items():

@@ -11,7 +11,15 @@ from porocore.errors import ConfigurationError
 from porocore.macro.problem import MacroSetup, body_mesh
 from porocore.study.config.config import MacroSettings
 from porocore.study.notes.abilities import late_functions
-from porocore.study.notes.magnitudes import formulas, require_right_side_out, run_times, separation, too_thin
+from porocore.study.notes.magnitudes import (
+    formulas,
+    part_as_it_is,
+    require_right_side_out,
+    run_times,
+    separation,
+    sideways,
+    too_thin,
+)
 
 SCALES = Scales(modulus=1e3, length=1e-3, pore=1e-6, viscosity=1e-3)
 SECOND = 1 / SCALES.factor("time")
@@ -227,3 +235,39 @@ def test_a_field_whose_course_goes_on_after_the_end_is_noted():
         "the function of time of macro.fields.radius goes on until t = 20 s, beyond the end, 10 s"
     )
     assert list(late_functions(macro(-0.1, end=20 * SECOND, fields=over), ResultUnits(SCALES))) == []
+
+
+ALONG_Z = {
+    "x-": {"normal": 0},
+    "z-": {"normal": 0},
+    "z+": {"traction": [0, 0, 1], "pressure": 0},
+}
+
+
+def test_loads_across_y_are_noted():
+    """Settlements of 5e-14 µm were read as those of a column that stood along z."""
+    body = {"kind": "box", "size": (2, 2, 5), "elements": (1, 1, 4)}
+    (told,) = sideways(MacroSetup.model_validate({"body": body, "boundary": ALONG_Z}))
+    assert told.startswith("the loads act along z, and settlement and heave are displacements along y;")
+    assert "take u_3 of a probe" in told
+    plate = {**ALONG_Z, "z+": {"plate": -1, "pressure": 0}}
+    assert list(sideways(MacroSetup.model_validate({"body": body, "boundary": plate}))) == [told]
+    upright = {**ALONG_Z, "y+": {"traction": [0, 1, 0]}}
+    assert list(sideways(MacroSetup.model_validate({"body": body, "boundary": upright}))) == []
+
+
+def test_a_plate_on_a_part_without_symmetry_is_noted():
+    """40 mN on a quarter of a specimen were 160 mN on the whole."""
+    body = {"kind": "box", "size": (1, 1, 1), "elements": (2, 2, 2)}
+    faces = {"x-": {"normal": 0}, "z-": {"displacement": [None, None, 0]}, "y-": {"normal": 0}}
+    faces["y+"] = {"plate": -1}
+    (told,) = part_as_it_is(MacroSetup.model_validate({"body": body, "boundary": faces}))
+    assert told.startswith("no macro.body.symmetry is given, so the force on y+ is that on the part as it is")
+    assert "add 'symmetry: [x-, z-]' under macro.body" in told
+    walls = faces | {"x+": {"normal": 0}, "z+": {"normal": 0}}
+    pressed = faces | {"y+": {"traction": [0, -1, 0]}}
+    clamped = faces | {"x-": {"displacement": [0, 0, 0]}, "z-": {}}
+    for others in (walls, pressed, clamped):
+        assert list(part_as_it_is(MacroSetup.model_validate({"body": body, "boundary": others}))) == []
+    given = body | {"symmetry": ["x-", "z-"]}
+    assert list(part_as_it_is(MacroSetup.model_validate({"body": given, "boundary": faces}))) == []

@@ -61,7 +61,7 @@ HEIGHT, LOAD = 7.5, -0.04
 VALUES = (0.2, 0.3, 0.4)
 NAMES = (
     "poisson_ratio", "porosity", "K_11", "K_22", "K_33", "final_settlement", "time_to_50_percent", "time_to_95_percent",
-    "largest_heave", "max_pressure", "time_of_max_pressure", "drained", "flagged_largest",
+    "largest_heave", "largest_displacement", "max_pressure", "time_of_max_pressure", "drained", "flagged_largest",
 )  # fmt: skip
 
 

@@ -116,8 +116,10 @@ class HistoryRecorder:
         return forces + [each.total(residual / dt, inward) for each in drains]
 
     def _extremes(self, x: Array) -> dict[str, float]:
+        n_u = self.d.mesh.n_u
         # No −0 at rest.
-        return {name: sign * float(x[i]) + 0.0 for name, (i, sign) in extremes(x, self.d.mesh.n_u).items()}
+        found = {name: sign * float(x[i]) + 0.0 for name, (i, sign) in extremes(x, n_u).items()}
+        return found | {"displacement": float(np.linalg.norm(x[:n_u].reshape(-1, 3), axis=1).max())}
 
     def add_profile(self, unknowns: Array, response: MacroResponse, time: float) -> None:
         """Add the fields at ``time``: nodal values, and means over the elements."""
@@ -200,7 +202,7 @@ def _spread(d: Discretisation, response: MacroResponse) -> float:
     return d.communicator.max(float(np.abs(means - mean).max(initial=0.0)))
 
 
-FORMAT, VERSION = "porocore-macro-checkpoint", 6
+FORMAT, VERSION = "porocore-macro-checkpoint", 7
 #: What is kept of the time stepping.
 STEPPER: dict[str, Any] = {"time": float, "halvings": int, "streak": int, "proposed": float}
 #: No step is halved more often: 2 to this power is still a number.

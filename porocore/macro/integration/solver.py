@@ -189,8 +189,10 @@ def _newton(d: Discretisation, law: MacroLaw, linearisations: Linearisations) ->
 def _report(
     record: HistoryRecorder, step: Step, time: float, work: StepWork, notes: tuple[str, ...]
 ) -> StepReport:
-    settlement, heave = (float(record.column(name)[-1]) for name in ("settlement", "heave"))
-    return StepReport(time, record.d.problem.time.end, step.iterations, settlement, work, notes, heave)
+    settlement, heave, moved = (
+        float(record.column(name)[-1]) for name in ("settlement", "heave", "displacement")
+    )
+    return StepReport(time, record.d.problem.time.end, step.iterations, settlement, work, notes, heave, moved)
 
 
 def _fields_at(d: Discretisation, body: BodyFields, time: float) -> CellsAtPoints:

@@ -50,6 +50,7 @@ class _Panel:
 
 SETTLEMENT = _Panel("settlement max$(-u_2)$", "displacement", lambda history: history.settlement)
 HEAVE = _Panel("heave max$(u_2)$", "displacement", lambda history: history.heave)
+DISPLACEMENT = _Panel("largest displacement max$|u|$", "displacement", lambda history: history.displacement)
 PRESSURE = _Panel("largest pore pressure $p$", "pressure", lambda history: history.pressure_max)
 SUCTION = _Panel("least pore pressure $p$", "pressure", lambda history: history.pressure_min)
 DRAINED = _Panel("drained volume", "volume", lambda history: history.drained)
@@ -60,9 +61,10 @@ PAPER = _Panel("", "volume", lambda history: history.drained_paper)
 def _panels(solutions: Sequence[MacroSolution], settles: bool) -> list[_Panel]:
     """Return what is drawn: heave of a body that rises by all laws, the least pressure where there is only suction."""
     found = [solution_metrics(each) for each in solutions]
-    heaves = all(map(rises, found))
+    upright = any(each["moves_along_y"] for each in found)
+    moved = (HEAVE if all(map(rises, found)) else SETTLEMENT) if upright else DISPLACEMENT
     pressure = SUCTION if all(map(only_suction, found)) else PRESSURE
-    return [*([HEAVE if heaves else SETTLEMENT] if settles else []), pressure, DRAINED]
+    return [*([moved] if settles else []), pressure, DRAINED]
 
 
 @styled
@@ -93,7 +95,8 @@ def history_figure(
         Draw the publication's own measure of the drained volume too, dotted.
 
     The panels are largest settlement, largest pore pressure, drained volume. Where the body moves further up than down
-    the first is the largest heave, where no pressure is positive the second is the least one.
+    the first is the largest heave, where it hardly moves along y the largest displacement. Where no pressure is
+    positive the second is the least one.
     """
     units = units or ResultUnits()
     figure = new_figure(5.4, 7.6 if settles else 5.4)

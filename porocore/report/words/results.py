@@ -34,6 +34,9 @@ def case_sentences(metrics: dict[str, Any], settles: bool = True) -> list[str]:
     laws = [each for each in (metrics["nonlinear"], metrics["linear"]) if each is not None]
     if not settles:
         told = []
+    elif not any(law["moves_along_y"] for law in laws):
+        told = [_moved_sentence(metrics, laws)]
+        return [*told, *_suction_sentence(laws)]
     elif all(nothing_settles(law) for law in laws):
         told = [_heave_sentence(metrics, laws)]
     elif any(goes_back(law, "final_settlement") for law in laws):
@@ -62,13 +65,17 @@ def rises(law: dict[str, Any]) -> bool:
 
 
 def settling_or_heaving(cases: list[dict[str, Any]], settles: bool) -> dict[str, bool]:
-    """Return by the names ``settling`` and ``heaving`` whether the table has columns of settlement and of heave.
+    """Return by the names ``settling``, ``heaving`` and ``moving`` what the table has columns of.
+
+    They are the settlement, the heave, and the largest displacement of a body that hardly moves along y.
 
     ``settles`` says whether the settlement is a result.
     """
     laws = [law for m in cases for law in (m["nonlinear"], *m["others"], m["linear"]) if law is not None]
-    heaving = settles and any(map(rises, laws))
-    return {"heaving": heaving, "settling": settles and not (heaving and all(map(nothing_settles, laws)))}
+    upright = any(law["moves_along_y"] for law in laws)
+    heaving = settles and upright and any(map(rises, laws))
+    settling = settles and upright and not (heaving and all(map(nothing_settles, laws)))
+    return {"moving": settles and not upright, "heaving": heaving, "settling": settling}
 
 
 def only_suction(law: dict[str, Any]) -> bool:
@@ -88,9 +95,10 @@ def largest_rows(cases: list[dict[str, Any]], settles: bool) -> list[tuple[float
 
     The last row of a load has the ratios nonlinear over linear as figures, if there is a linear law.
     """
-    keys, rows = ("final_settlement", "drained") if settles else ("drained",), []
+    rows = []
     for case in cases:
         nonlinear, linear, others = case["nonlinear"], case["linear"], case["others"]
+        keys = ("final_settlement", "drained") if settles and nonlinear["moves_along_y"] else ("drained",)
         named = [(law["law"] if others else "nonlinear", law) for law in (nonlinear, *others)]
         named += [] if linear is None else [("linear", linear)]
         if any(goes_back(law, key) for _, law in named for key in keys):
@@ -152,6 +160,18 @@ def _heave_sentence(metrics: dict[str, Any], laws: list[dict[str, Any]]) -> str:
     if not laws[0]["largest_heave"]:
         return begin
     return f"{begin} The largest displacement in the direction +y is {_heave(laws)}."
+
+
+def _moved_sentence(metrics: dict[str, Any], laws: list[dict[str, Any]]) -> str:
+    """Return the largest displacement of a body that hardly moves along y."""
+    component = laws[0]["largest_component"]
+    along = f" along {'xyz'[int(component[-1]) - 1]}" if component else ""
+    largest = _by_law(laws, "largest_displacement", "time_of_largest_displacement")
+    probe = f" A probe (macro.probes) has {component} of a point." if component else ""
+    return (
+        f"Under the load {plain(metrics['load'])} the body moves{along}, and by less than {100 * REMNANT:g} % of that "
+        f"along y, so there is no settlement or heave, which are along y. The largest displacement is {largest}.{probe}"
+    )
 
 
 def _heave(laws: list[dict[str, Any]]) -> str:
@@ -318,8 +338,8 @@ def case_warnings(
         drift = metrics[kind] and metrics[kind]["steady_drift"]
         if drift is not None and drift > STEADY_TOLERANCE:
             found.append(
-                f"Load {load}: the {kind} settlement still changed by {100 * drift:.1f} % of its largest value "
-                "in the last tenth of the time, so the body is not yet in its steady state at the end. Raise the end "
-                "time."
+                f"Load {load}: the largest displacement by the {kind} law still changed by {100 * drift:.1f} % of its "
+                "largest value in the last tenth of the time, so the body is not yet in its steady state at the end. "
+                "Raise the end time."
             )
     return found

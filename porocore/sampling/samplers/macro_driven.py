@@ -36,7 +36,7 @@ AGREEING = 3
 class MacroDriven(LearningSampler):
     """Sampling along macro runs: fit a surrogate, run the macro problem with it, solve visited states, repeat.
 
-    It ends when a round has changed no result of the macro runs (final settlement and largest pressure under each
+    It ends when a round has changed no result of the macro runs (final displacement and largest pressure under each
     load; largest and final force on a surface that is moved) by more than ``tolerance``, twice in a row, and the stable
     states are as many as a surrogate needs; or with the budget. One half of a round are the visited states that are
     farthest from all known ones; the other are those that tell most about all visited states, weighted by how much a

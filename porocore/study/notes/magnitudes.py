@@ -305,6 +305,60 @@ def pulls(config: RunConfig) -> Iterator[str]:
             )
 
 
+def sideways(macro: MacroSetup) -> Iterator[str]:
+    """Yield a note where no load acts along y, in whose direction settlement and heave are."""
+    mesh, times, axes = body_mesh(macro), prescribed_times(macro), set[int]()
+
+    def acting(values: tuple[Value | None, ...]) -> set[int]:
+        return {
+            i for i, value in enumerate(values) if value is not None and _course(macro, value, times).any()
+        }
+
+    axes |= acting(macro.body_force)
+    for name, face in macro.boundary.items():
+        axes |= acting(face.displacement) | acting(face.traction)
+        facets = Facets(mesh, mesh.surface(name, name))
+        if len(facets.nodes) and acting((face.normal, face.follower, face.plate, face.pressure, face.flux)):
+            axes |= set(np.flatnonzero(np.abs(facets.normals).max(axis=(0, 1)) > FLAT).tolist())
+    if axes and 1 not in axes:
+        along = " and ".join("xyz"[i] for i in sorted(axes))
+        components = " or ".join(f"u_{i + 1}" for i in sorted(axes))
+        yield (
+            f"the loads act along {along}, and settlement and heave are displacements along y; for the displacement "
+            f"along the loads take {components} of a probe (macro.probes), or the largest size of the displacement "
+            "('displacement' of the history)"
+        )
+
+
+def part_as_it_is(macro: MacroSetup) -> Iterator[str]:
+    """Yield a note where a plate presses a part with planes that may be those of a symmetry that is not given."""
+    plates = [name for name, face in macro.boundary.items() if face.plate is not None]
+    if not plates or macro.body.symmetry_planes:
+        return
+    held = [each for each in _faces(macro, body_mesh(macro)) if _slides(each)]
+    pressed = {face.axis for face in _faces(macro, body_mesh(macro)) if face.name in plates}
+    alone = [
+        face.name
+        for face in held
+        if face.axis not in pressed
+        and not any(other is not face and other.axis == face.axis for other in held)
+    ]
+    if alone:
+        planes = ", ".join(alone)
+        yield (
+            f"no macro.body.symmetry is given, so the force on {' and '.join(plates)} is that on the part as it is, "
+            f"and results are those of the part; if {planes} cut a whole specimen, add 'symmetry: [{planes}]' under "
+            "macro.body: forces and volumes are then those of the whole"
+        )
+
+
+def _slides(face: _Face) -> bool:
+    """Return True if only the displacement along the normal is held, at 0."""
+    held, others = face.boundary.displacement[face.axis], list(face.boundary.displacement)
+    del others[face.axis]
+    return others == [None, None] and _held(face.boundary.normal, held)
+
+
 def _unit(units: ResultUnits) -> str:
     if not units.given:
         return "is that what you want?"

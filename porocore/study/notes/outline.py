@@ -41,7 +41,9 @@ from porocore.study.notes.magnitudes import (
     formulas,
     left_out,
     long_step,
+    part_as_it_is,
     separation,
+    sideways,
     too_thin,
     unloaded,
 )
@@ -93,6 +95,7 @@ def outline(config: RunConfig) -> Iterator[str]:
     yield from (f"note: {warning}" for warning in config.unit_notes)
     yield from (f"note: {warning}" for warning in late_functions(config.macro, config.result_units))
     yield from (f"note: {warning}" for warning in long_step(config.macro, config.result_units))
+    yield from (f"note: {text}" for text in (*sideways(config.macro), *part_as_it_is(config.macro)))
     yield from (f"{WARNING}{text}" for text in unloaded(config))
     # K is not known yet, but along which axes it is positive in any of the cells.
     percolates = [any(axis not in quality.blocked for quality in measured.values()) for axis in "xyz"]

@@ -100,8 +100,8 @@ class MacroExplorer:
     def __call__(self, data: TrainingSet, *, elements: int, steps: int) -> Exploration:
         """Solve the coarse problem; see :class:`~porocore.interfaces.sampler.Explore`.
 
-        The results are final settlement and largest pressure of each load, and largest and final force on each surface
-        that is moved.
+        The results are final displacement and largest pressure of each load, and largest and final force on each
+        surface that is moved.
         """
         if self._solver is None:
             self._solver = make_backend("macro solver", self.config)
@@ -122,7 +122,7 @@ class MacroExplorer:
                 results += [np.nan] * (2 + 2 * len(moved))
             else:
                 history = solution.history
-                results += [float(history.settlement[-1]), float(history.pressure_max.max())]
+                results += [float(history.displacement[-1]), float(history.pressure_max.max())]
                 for name in moved:
                     force = np.abs(solution.reactions[name]).max(axis=1)
                     results += [float(force.max()), float(force[-1])]

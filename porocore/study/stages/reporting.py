@@ -22,7 +22,7 @@ from porocore.macro.linear_systems import work_figures
 from porocore.macro.reference import diffusion_time
 from porocore.report.context import ReportContext, SurrogateSummary, law_differences, reactions
 from porocore.report.dimensional import dimensional_metrics, figures_with_units
-from porocore.report.metrics import case_metrics, without_settlement
+from porocore.report.metrics import REMNANT, LoadCase, case_metrics, without_settlement
 from porocore.report.text import all_warnings
 from porocore.report.words.held_out import (
     rms_percent,
@@ -150,14 +150,13 @@ WITH_UNITS = ("macro", "reactions")
 def figures_of_merit(results: RunResults, context: ReportContext) -> dict[str, Any]:
     """Return what ``metrics.json`` holds, apart from the times of the stages."""
     limit = diffusion_time(results.config.macro, rest_of_body(results))
-    figures = dict if context.loading_mode.settles else without_settlement
     (first, *others), cells = context.of_each_cell, results.by_cell
     found: dict[str, Any] = {
         "warnings": all_warnings(context),
         **_of_cell(cells[None], first),
         "macro": [
             {
-                **figures(case_metrics(case)),
+                **_of_case(case, context.loading_mode.settles),
                 "mesh_diffusion_time": limit,
                 "gaps": law_differences(case),
                 "cell_states": visited_shares(part.nonlinear, first.sampling),
@@ -188,6 +187,17 @@ def figures_of_merit(results: RunResults, context: ReportContext) -> dict[str, A
     if context.direct:
         found["direct"] = [asdict(cost) | {"speed_up": cost.speed_up} for cost in context.direct]
     return found
+
+
+def _of_case(case: LoadCase, settles: bool) -> dict[str, Any]:
+    """Return the figures of a load; those of the settlement only where it is a result, else why it is none."""
+    found = case_metrics(case)
+    laws = [law for law in (found["nonlinear"], *found["others"], found["linear"]) if law is not None]
+    if settles and any(law["moves_along_y"] for law in laws):
+        return found
+    left: dict[str, Any] = without_settlement(found)
+    reason = f"displacements along y stay below {100 * REMNANT:g} % of the largest displacement"
+    return left | {"without_settlement": reason if settles else "the displacement is prescribed"}
 
 
 def _of_cell(results: RunResults, context: ReportContext) -> dict[str, Any]:

@@ -32,6 +32,7 @@ from porocore.macro.linear_systems import step_in_words, work_in_words
 from porocore.macro.problem import MacroProblem
 from porocore.macro.reference import CellReference
 from porocore.plugins.border import body_solution_of
+from porocore.report.metrics import is_remnant
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.execution.members import MembersAtRest
@@ -514,6 +515,8 @@ def body_progress(
         name, moved = (
             ("heave", step.heave) if step.heave > abs(step.settlement) else ("settlement", step.settlement)
         )
+        if is_remnant(moved, step.displacement):
+            name, moved = "largest displacement", step.displacement
         update(f"{name} {length * moved:.4g}{of_length}{step_in_words(step.work)}")
 
     with console.task(title, unit.strip(), "t = ", clock) as task:

@@ -35,10 +35,17 @@ from porocore.states import Array
 from porocore.study.run_folder import LINEAR as LINEAR_LAW
 from porocore.study.sweep.results import ParameterSweep
 
+#: Histories of the displacement, one of which is drawn.
+MOVED = {
+    "settlement": "settlement max$(-u_2)$",
+    "heave": "heave max$(u_2)$",
+    "displacement": "largest displacement max$|u|$",
+}
 #: Labels of the results.
 LABELS = {
     "final_settlement": "final settlement",
     "largest_heave": "largest heave",
+    "largest_displacement": "largest displacement",
     "time_to_50_percent": "time to 50 %",
     "time_to_95_percent": "time to 95 %",
     "max_pressure": "largest pore pressure",
@@ -84,6 +91,8 @@ def _rows(sweep: ParameterSweep) -> list[tuple[str, ...]]:
     mode = sweep.loading_mode
     if sweep.heaves_alone:
         return [("largest_heave",), ("drained",), ("max_pressure",)]
+    if mode.settles and not sweep.moves_along_y:
+        return [("largest_displacement",), ("drained",), ("max_pressure",)]
     if mode.settles:
         return [("final_settlement",), ("time_to_50_percent", "time_to_95_percent"), ("max_pressure",)]
     surface = mode.displaced[0]
@@ -122,18 +131,19 @@ def _colours() -> matplotlib.colors.Colormap:
 
 def _histories(sweep: ParameterSweep, panels: Sequence[Axes], places: Array, scale: ScalarMappable) -> None:
     """Draw settlement, heave, or the force on the moved surface, and largest pressure against time."""
-    units, settles, rises = sweep.units, sweep.loading_mode.settles, sweep.heaves_alone
+    units, settles = sweep.units, sweep.loading_mode.settles
+    kind = "heave" if sweep.heaves_alone else "settlement" if sweep.moves_along_y else "displacement"
     at = dict(zip((point.name for point in sweep.plan.points), places, strict=True))
     for point in sweep.solved:
         solution = sweep.solution(point, sweep.laws[0], sweep.largest_load)
         time = solution.history.time * units.factor("time")
         colour = scale.to_rgba(at[point.name])
-        moved = solution.history.heave if rises else solution.history.settlement
+        moved = getattr(solution.history, kind)
         first = moved * units.factor("displacement") if settles else _force(sweep, solution)
         panels[0].plot(time, first, color=colour, lw=1.4)
         panels[1].plot(time, solution.history.pressure_max * units.factor("pressure"), color=colour, lw=1.4)
     panels[0].set_ylabel(
-        axis_label("heave max$(u_2)$" if rises else "settlement max$(-u_2)$", "displacement", units)
+        axis_label(MOVED[kind], "displacement", units)
         if settles
         else axis_label(f"force on {sweep.loading_mode.displaced[0]}", "force", units)
     )

@@ -29,6 +29,8 @@ from porocore.study.sweep.plan import FOLDER, SweepPlan, SweepPoint
 TABLE, PICTURES = "sweep.csv", ("sweep.png", "sweep.svg")
 #: Figures of a settlement that is a result, of every solution, and of the force on a surface that is moved.
 OF_SETTLEMENT = ("final_settlement", "time_to_50_percent", "time_to_95_percent", "largest_heave")
+#: Figure of every displacement that is a result, whatever its direction.
+OF_DISPLACEMENT = "largest_displacement"
 OF_ALL = ("max_pressure", "time_of_max_pressure", "drained", "flagged_largest")
 OF_FORCES = ("peak", "final", "relaxed_50_percent", "relaxed_95_percent")
 #: Quantities of the results of the cell.
@@ -114,9 +116,16 @@ class ParameterSweep:
         return LoadingMode.from_setup(self.plan.family.macro)
 
     @property
+    def moves_along_y(self) -> bool:
+        """True if some body has a settlement or a heave under the largest load."""
+        return self.named("final_settlement") in self.figures
+
+    @property
     def heaves_alone(self) -> bool:
         """True if no body settles and some rise, as solids do that swell."""
         if not self.loading_mode.settles:
+            return False
+        if not self.moves_along_y:
             return False
         settled, risen = (
             np.abs(
@@ -226,7 +235,9 @@ def _of_the_body(solution: MacroSolution, mode: LoadingMode) -> dict[str, float 
     history = solution.history
     found = solution_metrics(solution)
     found["time_to_50_percent"] = time_within(history.time, history.settlement, 0.5)
-    names = (*(OF_SETTLEMENT if mode.settles else ()), *OF_ALL)
+    names = [*([OF_DISPLACEMENT] if mode.settles else ()), *OF_ALL]
+    if mode.settles and found["moves_along_y"]:
+        names = [*OF_SETTLEMENT, *names]
     figures: dict[str, float | None] = {name: found[name] for name in names}
     forces = reactions(solution)
     for surface in mode.displaced:

@@ -376,7 +376,7 @@ def _largest(difference: Array, span: float) -> float:
 
 #: Compared at every time, with their names for a reader.
 HISTORIES = {
-    "settlement": "settlement",
+    "displacement": "largest displacement",
     "pressure_max": "largest pressure",
     "drained": "drained volume",
     "drained_paper": "drained volume, paper's measure",

@@ -18,7 +18,7 @@ from porocore.verification.crosscheck.check import CrossCheck
 from porocore.verification.crosscheck.comparison import BODY, Comparison, Part
 
 PANELS = {
-    "settlement": r"settlement max$(-u_2)$ [–]",
+    "displacement": "largest displacement max$|u|$ [–]",
     "pressure_max": "largest pore pressure $p\\,/E$ [–]",
     "drained": "drained volume [–]",
 }

@@ -170,6 +170,7 @@ class ColumnMacroSolver(MacroSolver):
             0.0,
             max(x[: column.n + 1].max(), 0.0),
             min(start.pressure, 0.0),
+            np.abs(x[: column.n + 1]).max(),
         ]
         rows, profiles = [first], [self._profile(column, x, response, 0.0)]
         while not stepper.done:
@@ -207,6 +208,7 @@ class ColumnMacroSolver(MacroSolver):
             float(iterations),
             float(x[: column.n + 1].max()),
             float(min(*x[column.n + 1 :], *column.ends_of_p(x, time))),
+            float(np.abs(x[: column.n + 1]).max()),
         ]
 
     @staticmethod
