@@ -168,6 +168,9 @@ FAULTS: dict[str, tuple[str, Content, str, str]] = {
     "VTK cut short": (".vtu", VTU[:400], "is cut short, before its last tag", "is cut short, before its last tag"),
     "STL of its first line": (".stl", "solid a\n", NO_NODES, NO_NODES),
     "STL of another program": (".stl", "Dear diary,\n", UNREADABLE, UNREADABLE),
+    "Abaqus with elements of plane stress": (
+        ".inp", "*NODE\n1, 0, 0, 0\n*ELEMENT, type=CPS8\n1, 1, 1, 1, 1, 1, 1, 1, 1\n", "got CPS8; leave", "got CPS8",
+    ),
     "a picture": (".vtu", b"\x89PNG\r\n\x1a\n", "got a PNG picture by its first", "got a PNG picture by its first"),
     "gmsh's own renamed": (".vtu", WHOLE, "rename it to mesh.msh", "rename it to mesh.msh"),
     "an archive": (".msh", b"PK\x03\x04" + b"\0" * 90, "got a ZIP archive", "unpack it first"),

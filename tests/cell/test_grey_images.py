@@ -235,6 +235,30 @@ def test_edges_of_voxels_that_the_file_states_are_told_where_they_differ(tmp_pat
     assert warnings() == ()
 
 
+def test_the_resolution_of_a_plain_tiff_is_told_where_it_contradicts(tmp_path):
+    path, pages = tmp_path / "stack.tif", PORES.T.astype(np.uint8)
+
+    def warnings(resolution, unit, **keys):
+        tifffile.imwrite(path, pages, resolution=resolution, resolutionunit=unit)
+        return Voxels(kind="voxels", path=str(path), pore=1, **keys).warnings
+
+    (note,) = warnings((500, 1000), "CENTIMETER", voxel_size=20e-6)
+    assert "its voxels are [0.002 cm, 0.001 cm] along x, y, and cell.geometry has 20 x 20 x 20 µm" in note
+    assert "the distance of the pages" in note
+    assert "takes them for cubes" in warnings((500, 1000), "CENTIMETER")[0]
+    assert "0.00078" in warnings((1270, 1270), "INCH", voxel_size=(30e-6, 30e-6, 25e-6))[0]
+    assert warnings((500, 1000), "CENTIMETER", voxel_size=(20e-6, 10e-6, 25e-6)) == ()
+    assert warnings((1270, 1270), "INCH", voxel_size=20e-6) == ()
+    for resolution, unit in [
+        (72, "INCH"),
+        (1, "CENTIMETER"),
+        (1, "INCH"),
+        (28.3465, "CENTIMETER"),
+        (500, "NONE"),
+    ]:
+        assert warnings((resolution, resolution), unit, voxel_size=20e-6) == ()
+
+
 #: White at 0 and black at 255, as the masks of ImageJ with an inverting table.
 DESCENDING = np.tile(np.arange(255, -1, -1, dtype=np.uint16) * 257, (3, 1))
 

@@ -225,6 +225,14 @@ def test_markers_of_su2_keep_their_names(tmp_path):
         read_body(path, None, 1.0)
 
 
+def test_materials_of_nastran_are_surfaces_and_volumes_by_their_numbers(tmp_path):
+    path = tmp_path / "a.bdf"
+    grid = "GRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,0.,1.,0.\nGRID,4,,0.,0.,1.\n"
+    path.write_text(f"BEGIN BULK\n{grid}CTETRA,1,21,1,2,3,4\nCTRIA3,2,3,1,2,3\nENDDATA\n")
+    mesh = read_body(path, None, 1.0)
+    assert (set(mesh.surfaces), set(mesh.volumes)) == ({"3"}, {"21"})
+
+
 def test_a_damaged_file_that_makes_gmsh_crash_is_refused(tmp_path):
     """It has more nodes than it says, which gmsh writes beyond the end of its memory."""
     path = tmp_path / "core.msh"

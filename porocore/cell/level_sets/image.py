@@ -125,6 +125,10 @@ MOST = 1_000_000_000
 #: Voxels along an edge above which the share below a level is computed from one point a voxel instead of eight.
 MANY = 96
 SUFFIXES = (*NPY.suffixes, *TIFF.suffixes)
+#: Units of the resolution of a TIFF by their code; 1 is none.
+RESOLUTION_UNITS = {2: "in", 3: "cm"}
+#: Dots per inch that programs write for screens and paper, which say nothing about a voxel.
+OF_PAGES = (72, 96, 100, 150, 200, 240, 300, 600)
 #: Pages of a TIFF that are looked at.
 MOST_PAGES = 1_000_000
 SAVE = "save the image as a TIFF stack, or by numpy.save as an array of numbers with the axes x, y, z"
@@ -379,9 +383,9 @@ def _opened(path: Path) -> Any:
 
 
 def stated_voxel(path: Path) -> tuple[tuple[float, float, float], str] | None:
-    """Return the edges of a voxel along x, y, z and their unit, as a TIFF file of ImageJ or OME states them.
+    """Return the edges of a voxel along x, y, z and their unit, as a TIFF file states them.
 
-    None: it states none.
+    Those of ImageJ and OME state all three, others the first two with z NaN. None: it states none.
     """
     if path.suffix.lower() not in TIFF.suffixes:
         return None
@@ -393,13 +397,18 @@ def stated_voxel(path: Path) -> tuple[tuple[float, float, float], str] | None:
                 found = tuple(float(edge[1]) for edge in edges if edge)
                 name = unit[1] if unit else "µm"
             else:
-                stated, tags = file.imagej_metadata or {}, file.pages[0].tags
-                per_unit = [tags[f"{axis}Resolution"].value for axis in "XY"]
-                found = (*(n / m for m, n in per_unit), float(stated["spacing"]))
-                name = str(stated["unit"])
+                stated, tags = file.imagej_metadata, file.pages[0].tags
+                x, y = (n / m for m, n in (tags[f"{axis}Resolution"].value for axis in "XY"))
+                if stated is None:
+                    name = RESOLUTION_UNITS[tags["ResolutionUnit"].value]
+                    inch = 1.0 if name == "in" else 2.54
+                    if any(abs(inch / (x * dpi) - 1) < 0.01 for dpi in (inch, *OF_PAGES)):
+                        return None
+                found = (x, y, math.nan if stated is None else float(stated["spacing"]))
+                name = name if stated is None else str(stated["unit"])
     except (KeyError, ValueError, ZeroDivisionError, TypeError, AttributeError, IndexError, OSError):
         return None
-    if len(found) < 3 or not all(0 < edge < math.inf for edge in found) or name.startswith("pixel"):
+    if len(found) < 3 or any(edge <= 0 or edge == math.inf for edge in found) or name.startswith("pixel"):
         return None
     return (found[0], found[1], found[2]), name
 

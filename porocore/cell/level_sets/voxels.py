@@ -119,7 +119,7 @@ ROUNDED = (
 )
 #: Units of lengths in image files: other names, and metres.
 UNITS = {"micron": "um", "microns": "um", "µm": "um", "\\u00B5m": "um", "\u03bcm": "um", "inch": "in"}
-METRES = {"nm": 1e-9, "um": 1e-6, "mm": 1e-3, "cm": 1e-2, "m": 1.0}
+METRES = {"nm": 1e-9, "um": 1e-6, "mm": 1e-3, "cm": 1e-2, "in": 0.0254, "m": 1.0}
 #: Larger voxels [m] are most likely a number without a unit, in µm or mm.
 HUGE = 1e-3
 #: A given threshold that takes less than this share of the voxels for pores, or for solid, is most often a slip.
@@ -296,15 +296,22 @@ class Voxels(FromFile, LevelSetGeometry):
         given = np.broadcast_to(1.0 if self.voxel_size is None else self.voxel_size, 3)
         metres = METRES.get(unit)
         same = edges * metres if metres and self.voxel_size is not None else edges * given[0] / edges[0]
-        if np.abs(same / given - 1).max() <= SAME:
+        known = np.isfinite(edges)
+        if np.abs(same / given - 1)[known].max() <= SAME:
             return ()
-        shown = f"[{', '.join(f'{edge:.6g} {unit}' for edge in edges)}]"
+        shown = f"[{', '.join(f'{edge:.6g} {unit}' for edge in edges[known])}]"
         taken = (
             "takes them for cubes" if self.voxel_size is None else f"has {length_text(*map(float, given))}"
         )
+        then = (
+            f"'voxel_size: {_edges_as_key(edges, unit)}'"
+            if known.all()
+            else "these as the first two of 'voxel_size: [x, y, z]', with the distance of the pages, which it does not "
+            "state, as the third"
+        )
         return (
-            f"the file states that its voxels are {shown} along x, y, z, and cell.geometry {taken}; if the file is "
-            f"right, write 'voxel_size: {_edges_as_key(edges, unit)}'",
+            f"the file states that its voxels are {shown} along {', '.join('xyz'[: known.sum()])}, and "
+            f"cell.geometry {taken}; if the file is right, write {then}",
         )
 
     @property
@@ -387,7 +394,7 @@ class Voxels(FromFile, LevelSetGeometry):
 
 def stated_size(path: Path) -> str:
     """Return what to write as ``voxel_size`` by what the file states; empty where it states no lengths."""
-    if (stated := stated_voxel(path)) is None:
+    if (stated := stated_voxel(path)) is None or not np.isfinite(stated[0]).all():
         return ""
     unit = UNITS.get(stated[1], stated[1])
     return _edges_as_key(np.array(stated[0]), unit) if unit in METRES else ""

@@ -67,6 +67,8 @@ IN_THREE_DIMENSIONS = (
 SAVE = "save the mesh anew, best as .msh of gmsh of version 4.1 or 2.2"
 #: Last tags of files in XML.
 _XML = {".vtu": b"</VTKFile>", ".xdmf": b"</Xdmf>", ".xmf": b"</Xdmf>"}
+#: How meshio reports a type of elements that it does not know.
+_UNKNOWN_ELEMENT = re.compile(r"Element type not available: (\w+)")
 #: Kinds of first bytes that many formats share.
 SHARED = ("text", "an HDF5 file")
 
@@ -493,12 +495,18 @@ def _read_by_meshio(path: Path, numbering: str | None) -> ForeignMesh:
 
     _require_suffix(path)
     sets = _abaqus_sets(path) if path.suffix.lower() == ".inp" else []
+    said = io.StringIO()
     try:
         # What it prints is redirected for all threads.
-        with _ONE_AT_A_TIME, redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):
+        with _ONE_AT_A_TIME, redirect_stdout(said), redirect_stderr(said):
             mesh = _read_med(path) if path.suffix.lower() == ".med" else meshio.read(path)
     # meshio's readers raise whatever the file makes them stumble over; some of them print and end the process.
     except (Exception, SystemExit) as error:
+        if unknown := _UNKNOWN_ELEMENT.search(said.getvalue()):
+            raise ConfigurationError(
+                f"{path}: expected elements of types that meshio reads, got {unknown[1]}; leave these elements out, or "
+                "save the mesh as .msh (gmsh) or .med"
+            ) from error
         how = (
             "is cut short, before its last tag"
             if _is_cut(path)
