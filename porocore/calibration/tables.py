@@ -398,12 +398,17 @@ def _mark_of_others(column: TextColumn, marks: set[str], separator: str) -> str 
 
 
 def _require_numbers(where: str, column: TextColumn) -> None:
-    for line, entry in zip(column.lines, column.entries, strict=True):
-        if not entry.is_number or (":" in entry.text and not column.clock):
-            at = f"{where}:{line}: {column.name}"
-            raise ConfigurationError(
-                f"{at}: expected a finite number, got {echo(entry.text)}; {_advice(entry.text)}"
-            )
+    sound = [entry.is_number and (column.clock or ":" not in entry.text) for entry in column.entries]
+    if all(sound):
+        return
+    k = sound.index(False)
+    advice = _advice(column.entries[k].text)
+    if k > 0 and not any(sound[k:]):
+        advice = f"remove the rows below the table, or end it by 'last_line: {column.lines[k] - 1}'"
+    raise ConfigurationError(
+        f"{where}:{column.lines[k]}: {column.name}: expected a finite number, got {echo(column.entries[k].text)}; "
+        f"{advice}"
+    )
 
 
 def _advice(text: str) -> str:

@@ -532,7 +532,13 @@ REFUSED = {
     "statistics below": (
         rows("time [s];force [N]", *BLOCK, "Maximum;1234.5"),
         {},
-        "force.csv:7: time: expected a finite number, got 'Maximum'; remove the row",
+        "force.csv:7: time: expected a finite number, got 'Maximum'; remove the rows below the table, or end it by "
+        "'last_line: 6'",
+    ),
+    "several statistics below": (
+        rows("time [s];force [N]", *BLOCK, "Mittelwert;600", "Max;1234.5"),
+        {},
+        "got 'Mittelwert'; remove the rows below the table, or end it by 'last_line: 6'",
     ),
     "a row that was cut off": (rows("time;force;gap", "0;1;1", "1;2;1", "2;1,6"), {"values": "force"},
                                "force.csv:4: expected 3 entries"),

@@ -204,6 +204,12 @@ def _reach(
     if any(each.name in DIAGONAL and each.value > 0 for each in reached):
         yield from (f"note: {note}" for note in pulls(config))
     yield from _crushed(found)
+    new = [each.name for each in reached if each.name not in config.sampling.inputs]
+    if new and body_mesh(config.macro).element.shape == "tetrahedron":
+        yield (
+            f"note: {', '.join(new)} may come from the mesh alone, as where a problem in one direction is solved on "
+            "coarse tetrahedra; a finer mesh, or one of hexahedra, shows whether they stay"
+        )
     nodes = len(config.cell.make_mesh("solid", "whole").points)
     for note in sheared(config, nodes, left):
         yield f"note: {note}{_without(config, reached, found)}"
