@@ -6,11 +6,13 @@ import yaml
 from invoked import BENCHMARK
 
 from porocore.core.units import ResultUnits
+from porocore.macro.body.kinds import Box
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.study.config.loading import load_config
 from porocore.study.notes import linear_reach
 from porocore.study.notes.linear_reach import predicted_reach
 from porocore.study.notes.reach import visited
+from porocore.testing.macro_laws.bodies import write_tetrahedra
 
 ONE = np.eye(3)
 #: λ = μ = 1 before the confined modulus of 3.
@@ -28,12 +30,12 @@ def coefficients():
     return LinearCoefficients(C, ALPHA * ONE, ALPHA * ONE, STORAGE, CONDUCTIVITY * ONE, *zero)
 
 
-def study(tmp_path, top, elements=8, scales=None, **time):
+def study(tmp_path, top, elements=8, scales=None, body=None, **time):
     data = yaml.safe_load(BENCHMARK.with_name("soil-strip.yaml").read_text(encoding="utf-8"))
     ranges = {"H22": [-0.05, 0.05], "p": [-0.01, 0.01]}
     data["sampling"]["inputs"] = {name: {"range": ends} for name, ends in ranges.items()}
     data["macro"] = {
-        "body": {"kind": "box", "size": [1, HEIGHT, 1], "elements": [1, elements, 1]},
+        "body": body or {"kind": "box", "size": [1, HEIGHT, 1], "elements": [1, elements, 1]},
         "boundary": SIDES | {"y+": top | {"pressure": 0}},
         "loads": [1],
         "time": {"step": SLOWEST, "ramp_increments": 10, "ramp_step": 0.1, "profiles": []} | time,
@@ -92,3 +94,12 @@ def test_what_goes_unlikely_far_names_its_causes_before_ranges(tmp_path):
     near = "\n".join(predicted_reach(study(tmp_path, {"traction": [0, 0.3, 0]}, end=40), coefficients()))
     assert "at one time; write under 'sampling.inputs:'" in near
     assert "factor of ten" not in near
+
+
+def test_components_that_a_coarse_mesh_makes_are_told(tmp_path):
+    """A confined column of tetrahedra was to sample H11, H12 and H13, which are zero but for its mesh."""
+    write_tetrahedra(tmp_path / "column.msh", Box(size=(1, HEIGHT, 1), elements=(2, 4, 2)))
+    body, load = {"kind": "file", "path": str(tmp_path / "column.msh")}, {"traction": [0, -0.3, 0]}
+    for given, told in ((body, True), (None, False)):
+        said = "\n".join(predicted_reach(study(tmp_path, load, body=given, end=40), coefficients()))
+        assert ("may come from the mesh alone" in said) == told
