@@ -90,6 +90,14 @@ def test_sides_have_the_volume_one_and_exact_multiples():
         assert [k * side - side / 2 for k in range(1, 9)] == [(k - 1) * side + side / 2 for k in range(1, 9)]
 
 
+def test_the_edge_of_the_cell_is_told_in_the_unit_of_the_mesh_file(tmp_path, one):
+    periods = (2, 1, 3)
+    (note,) = repeated(tmp_path / "box.vtu", cell(one), periods).geometry.notes
+    edges = np.array([float(edge) for edge in note.split(" is ")[1].split(" in the unit")[0].split(" x ")])
+    assert edges / edges[1] == pytest.approx(periods, rel=1e-5)
+    assert note.endswith(f"is {np.prod(edges) ** (1 / 3):.6g} of this unit")
+
+
 def test_a_box_has_faces_that_match_and_the_volume_one(two):
     described = cell(two, element="quadratic-curved")
     meshes = [described.make_mesh(phase, "whole") for phase in ("solid", "fluid")]

@@ -82,6 +82,18 @@ class MeshFile(FromFile, PoreGeometry):
         return _read(self)[1]
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """A sentence on the edge of the cell in the file's unit, where it is not 1."""
+        box = _read(self)[2]
+        edge = float(np.cbrt(box.prod()))
+        if abs(edge - 1) <= SAME:
+            return ()
+        return (
+            f"the box of {Path(self.path).name} is {box[0]:.6g} x {box[1]:.6g} x {box[2]:.6g} in the unit of the file; "
+            f"scales.pore, the cube root of its volume, is {edge:.6g} of this unit",
+        )
+
+    @property
     def unfolding(self) -> Unfolding:
         """The whole cell."""
         return "whole"
@@ -126,8 +138,8 @@ def _of_order(mesh: Tetrahedra, element: Element) -> Tetrahedra:
 
 
 @lru_cache(maxsize=2)
-def _read(geometry: MeshFile) -> tuple[dict[Phase, Tetrahedra], Sides]:
-    """Return the tetrahedra of a file by phase, and the sides of the cell."""
+def _read(geometry: MeshFile) -> tuple[dict[Phase, Tetrahedra], Sides, Array]:
+    """Return the tetrahedra of a file by phase, the sides of the cell, and the edges (3,) of the box in the file."""
     path = geometry.checked("cell.geometry")
     mesh = read_mesh(path, geometry.tags)
     kinds = list(mesh.elements[3])
@@ -138,7 +150,7 @@ def _read(geometry: MeshFile) -> tuple[dict[Phase, Tetrahedra], Sides]:
         )
     ((kind, cells),) = mesh.elements[3].items()
     parts = _parts(geometry, path, mesh, kind)
-    points, sides = _unit_cell(path, mesh.points, cells)
+    points, sides, box = _unit_cell(path, mesh.points, cells)
     points, cells = used(points, cells)
     require_apart(points, path)
     points = matched(points, cells, sides, str(path))
@@ -156,12 +168,12 @@ def _read(geometry: MeshFile) -> tuple[dict[Phase, Tetrahedra], Sides]:
             else Tetrahedra(*part, regions[chosen], tuple(parts[name]))
         )
 
-    return {"solid": of_phase("solid"), "fluid": of_phase("fluid")}, sides
+    return {"solid": of_phase("solid"), "fluid": of_phase("fluid")}, sides, box
 
 
 @lru_cache(maxsize=2)
 def _region_maps(geometry: MeshFile) -> dict[Rotation, RegionMap]:
-    phases, sides = _read(geometry)
+    phases, sides, _ = _read(geometry)
     return region_maps(phases["solid"], sides)
 
 
@@ -245,8 +257,8 @@ def _listed(mesh: ForeignMesh, names: Iterable[str]) -> str:
     return ", ".join(named[:12])
 
 
-def _unit_cell(path: Path, points: Array, cells: IntArray) -> tuple[Array, Sides]:
-    """Return the points shifted and scaled so that the corners of the tetrahedra fill a cell, and its sides."""
+def _unit_cell(path: Path, points: Array, cells: IntArray) -> tuple[Array, Sides, Array]:
+    """Return the points shifted and scaled so that the corners of the tetrahedra fill a cell, its sides, the box."""
     corners = points[np.unique(cells[:, :4])]
     low, high = corners.min(axis=0), corners.max(axis=0)
     extent = high - low
@@ -256,9 +268,9 @@ def _unit_cell(path: Path, points: Array, cells: IntArray) -> tuple[Array, Sides
             "flat; mesh a whole cell"
         )
     if np.ptp(extent) <= SAME * extent.max():
-        return np.asarray((points - low) / extent.max() - 0.5), CUBE
+        return np.asarray((points - low) / extent.max() - 0.5), CUBE, extent
     sides = unit_sides(extent)
-    return np.asarray(((points - low) / extent - 0.5) * sides), sides
+    return np.asarray(((points - low) / extent - 0.5) * sides), sides, extent
 
 
 def _positive(points: Array, cells: IntArray, path: Path) -> IntArray:
