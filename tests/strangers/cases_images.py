@@ -81,7 +81,7 @@ CASES: list[Case] = [
         says=(
             "note: the image is not segmented, its values are 10",
             "porosity φ_f of the mesh 0.2600",
-            "K of an image",
+            "K and moduli of an image",
         ),
     ),
     Case(
