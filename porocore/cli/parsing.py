@@ -95,13 +95,10 @@ class Commands(TyperGroup):
 
     def _loaded(self, offered: Offered) -> Any:
         from porocore.plugins.foreign_code import reason_of
-        from porocore.plugins.kinds import PROJECT
         from porocore.plugins.registry import make_command
 
         name, made = offered.offer.name, typer.Typer(rich_markup_mode="markdown", add_completion=False)
-        run = make_command(offered).run
-        if offered.source.distribution != PROJECT:
-            run = _interruptible(run)
+        run = _interruptible(make_command(offered).run)
         made.command(name, rich_help_panel=self._panel(name))(run)
         try:
             return typer.main.get_command(made)
@@ -129,13 +126,13 @@ class Commands(TyperGroup):
 
 
 def _interruptible(run: Callable[..., None]) -> Callable[..., None]:
-    """Return a command of another package that acknowledges Ctrl-C and says how to go on."""
-    again = ["porocore", *sys.argv[1:]]
-    if "resume" in inspect.signature(run).parameters and "--resume" not in again:
-        again.append("--resume")
+    """Return a command that acknowledges Ctrl-C and says how to go on: as it was called, with ``--resume`` if known."""
+    resumes = "resume" in inspect.signature(run).parameters
 
     @wraps(run)
     def guarded(*arguments: Any, **options: Any) -> None:
+        again = ["porocore", *sys.argv[1:]]
+        again += ["--resume"] if resumes and "--resume" not in again else []
         with interruptible(shlex.join(again)):
             run(*arguments, **options)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from porocore.cli.common import chosen_store, command, interruptible, page, plain_table
+from porocore.cli.common import chosen_store, page, plain_table
 from porocore.cli.options import JsonOption, NoStoreOption, ResumeOption, StoreOption
 from porocore.interfaces.command import Command, FileCheck
 
@@ -58,18 +58,7 @@ def calibrate(
 
     kept = chosen_store(store, no_store)
     folder = Path("runs") / f"{config.stem}-calibration" if out is None else out
-    again = command(
-        "calibrate",
-        config,
-        out=folder,
-        synthetic=synthetic,
-        json=json_,
-        resume=True,
-        store=store,
-        no_store=no_store,
-    )
-    with interruptible(again):
-        done = run(config, folder, synthetic=synthetic, resume=resume, store=kept or False)
+    done = run(config, folder, synthetic=synthetic, resume=resume, store=kept or False)
     if json_:
         typer.echo((done.path / "calibration.json").read_text(encoding="utf-8"), nl=False)
         return

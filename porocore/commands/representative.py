@@ -12,9 +12,7 @@ import typer
 from porocore.cli.common import (
     check_workers,
     chosen_store,
-    command,
     in_units_of,
-    interruptible,
     located,
     page,
     plain_table,
@@ -102,12 +100,7 @@ def rev(
     kept = chosen_store(store, no_store)
     path, settings = read_config(config, fem, cell_only=True)
     settings = named_cell(settings, cell)
-    again = command(
-        "cell", "rev", config, cell=cell, sizes=sizes, count=count, seed=seed, overlapping=overlapping,
-        within_crop=within_crop, element=element, tolerance=tolerance, porosity_only=porosity_only, fem=fem,
-        workers=workers, out=out, resume=True, json=as_json, store=store, no_store=no_store,
-    )  # fmt: skip
-    with interruptible(again), located(path), in_units_of(settings):
+    with located(path), in_units_of(settings):
         from porocore.verification.representative.study import study_representative_volume
         from porocore.verification.representative.tables import summary, verdict
 

@@ -11,9 +11,7 @@ from porocore.cli.common import (
     MINUS,
     check_workers,
     chosen_store,
-    command,
     in_units_of,
-    interruptible,
     page,
     parse_pressure,
     plain_table,
@@ -73,11 +71,7 @@ def sensitivity(
     """
     kept = chosen_store(store, no_store)
     _, settings = read_config(config, fem)
-    again = command(
-        "sensitivity", config, fem=fem, loads=loads, tolerance=tolerance, workers=workers, out=out, resume=True,
-        store=store, no_store=no_store,
-    )  # fmt: skip
-    with interruptible(again), in_units_of(settings):
+    with in_units_of(settings):
         from porocore.verification.sensitivity.study import study_sensitivity
 
         check_workers(workers)

@@ -11,10 +11,8 @@ import typer
 from porocore.cli.common import (
     check_workers,
     chosen_store,
-    command,
     decimals,
     in_units_of,
-    interruptible,
     page,
     parse_inputs,
     parse_pressure,
@@ -81,11 +79,7 @@ def stability(
     """
     kept = chosen_store(store, no_store)
     _, settings = read_config(config, fem)
-    again = command(
-        "stability", config, fem=fem, along=along, across=across, steps=steps, tolerance=tolerance,
-        eigenvalues=eigenvalues, workers=workers, out=out, resume=True, store=store, no_store=no_store,
-    )  # fmt: skip
-    with interruptible(again), in_units_of(settings):
+    with in_units_of(settings):
         from porocore.verification.stability import map_stability
 
         check_workers(workers)

@@ -11,9 +11,7 @@ import typer
 from porocore.cli.common import (
     chosen_store,
     claim,
-    command,
     in_units_of,
-    interruptible,
     located,
     page,
     plain_table,
@@ -94,11 +92,7 @@ def sweep(
         check_backends(plan.family)
     kept = chosen_store(store, no_store)
     folder = claim(path.with_name(path.stem + plan.suffix), plan.family, out, resume)
-    again = command(
-        "sweep", config, over=over, fem=fem, macro=macro, surrogate=surrogate, closure=closure, law=law,
-        executor=executor, scheduler=scheduler, out=folder.path, resume=True, store=store, no_store=no_store,
-    )  # fmt: skip
-    with interruptible(again), located(path), in_units_of(settings), folder:
+    with located(path), in_units_of(settings), folder:
         found = run_sweep(folder, plan, console=Console(), laws=laws, store=kept)
         print_sweep(found)
     for written in (found.table, *found.pictures):

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porocore.cli.common import check_workers, chosen_store, command, interruptible, read_config
+from porocore.cli.common import check_workers, chosen_store, read_config
 from porocore.cli.options import NoStoreOption, OutOption, StoreOption, SurrogateOption, WorkersOption
 from porocore.core.console import Console
 from porocore.core.echo import echo
@@ -62,12 +62,8 @@ def tune(
         config = settings.with_backends(None, surrogate)
         grid = candidates(config, *sizes)
         folder = RunFolder.claim(Path("runs") / path.stem if out is None else out, settings, resume=True)
-    again = command(
-        "tune", folder.path, surrogate=surrogate, depths=depths, widths=widths, activations=activations,
-        margin=margin, workers=workers, store=store, no_store=no_store,
-    )  # fmt: skip
     console = Console()
-    with interruptible(again), folder:
+    with folder:
         from porocore.study import tuning
         from porocore.study.stages import pipeline
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from porocore.cli.common import check_workers, command, failed, interruptible, page, plain_table
+from porocore.cli.common import check_workers, failed, interruptible, page, plain_table
 from porocore.cli.options import FemOption, ResumeOption, SeveralFemOption, SurrogateOption
 from porocore.core.console import Console
 
@@ -143,23 +143,11 @@ def reproduce(
     these figures need is computed, and their paths are printed.
     """
     check_workers(workers)
-    again = command(
-        "reproduce",
-        paper,
-        figure=figure,
-        fem=fem,
-        surrogate=surrogate,
-        workers=workers,
-        no_pictures=not pictures,
-        out=out,
-        resume=True,
-    )
-    with interruptible(again):
-        from porocore.verification import reproduce as reproduction
+    from porocore.verification import reproduce as reproduction
 
-        paths = reproduction.reproduce(
-            paper, out, figures=figure, fem=fem, surrogate=surrogate, workers=workers, pictures=pictures,
-            resume=resume, console=Console(),
-        )  # fmt: skip
+    paths = reproduction.reproduce(
+        paper, out, figures=figure, fem=fem, surrogate=surrogate, workers=workers, pictures=pictures,
+        resume=resume, console=Console(),
+    )  # fmt: skip
     for path in paths:
         typer.echo(path)

@@ -83,7 +83,7 @@ def test_ended_between_values_it_goes_on(
     assert 1 <= len(solved) < 6
     if how == signal.SIGINT:
         assert process.returncode == 130
-        assert f"continue with: porocore sweep {study} --over radius=0.22:0.26:3 --out {out} --resume" in said
+        assert f"continue with: porocore sweep {study} --over radius=0.22:0.26:3 --out {out} --no-store --resume" in said
     before = {path: path.stat().st_mtime_ns for path in (*solved, out / "samples.h5", out / "surrogate.h5")}
     done = called(*words, "--resume")
     assert "the cells are learned already" in done.stderr
