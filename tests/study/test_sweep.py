@@ -202,6 +202,7 @@ def test_a_value_is_a_study_of_its_own(tmp_path: Path, swept: ParameterSweep) ->
 def test_more_values_between_the_ends_go_on_and_solve_no_cell(
     study: porocore.Study, swept: ParameterSweep
 ) -> None:
+    table = swept.table.read_bytes()
     files = [path for path in swept.folder.path.rglob("*.h5") if path.is_file()]
     before = {path: path.stat().st_mtime_ns for path in files}
     more = study.sweep("poisson_ratio", (0.2, 0.25, 0.3, 0.4))
@@ -209,8 +210,12 @@ def test_more_values_between_the_ends_go_on_and_solve_no_cell(
     new = {path for path in swept.folder.path.rglob("*.h5")} - set(files)
     assert {path.parent.parent.name for path in new} == {"poisson_ratio=0.25"}
     assert len(rows_of(more)) == 4
+    # One of the solutions of a value, as after an interruption.
+    (lacking,) = (swept.folder.path / "sweep" / "poisson_ratio=0.3" / "solutions").glob("linear*.h5")
+    lacking.unlink()
     study.sweep("poisson_ratio", VALUES)
-    assert len(rows_of(swept)) == 3
+    assert {path for path, time in before.items() if path.stat().st_mtime_ns != time} == {lacking}
+    assert swept.table.read_bytes() == table
 
 
 @pytest.mark.usefixtures("undrawn")
