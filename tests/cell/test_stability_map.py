@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porocore.cell.stability.line import EVENTS, LineSettings, StabilityLine
+from porocore.cell.stability.line import EVENTS, LineSettings, StabilityLine, walk
 from porocore.cell.stability.map import MapPlan, load, save, write_tables
 from porocore.cell.stability.modes import WAVES
 from porocore.errors import ConfigurationError, DataError
@@ -47,6 +47,34 @@ def lines():
         0.1, {"crease": (0.7, 0.72), "110": (0.6, 0.61), "000": (0.0, 0.0)}, n=4, last=Status.inverted
     )
     return [one, other]
+
+
+@pytest.mark.parametrize("edge", [0.05, 0.333, 0.5, 0.999])
+@pytest.mark.parametrize("first", [None, (0.0, 0.0)])
+def test_the_end_of_what_can_be_solved_is_found(edge, first):
+    asked, values = [], [] if first else [0.0]
+
+    def solve(value, last):
+        asked.append((value, last))
+        return value
+
+    values += [-0.25, -0.5, -0.75, -1.0]
+    found = dict(walk(values, solve, lambda state: abs(state) <= edge, 0.01, first))
+    solved = [value for value in found if abs(value) <= edge]
+    (beyond,) = [value for value in found if abs(value) > edge]
+    assert solved == sorted(solved, reverse=True)
+    assert beyond == list(found)[-1]
+    assert 0 < abs(beyond) - max([0.0, *np.abs(solved)]) <= 0.01 + 1e-9
+    # Each starts from the last one before it that could be solved.
+    reached = None if first is None else 0.0
+    for value, last in asked:
+        assert last == reached
+        reached = value if abs(value) <= edge else reached
+
+
+def test_a_goal_is_reached_without_a_halving():
+    values = [0.25, 0.5, 0.75, 1.0]
+    assert list(walk(values, lambda value, last: value, lambda state: True, 0.01)) == [(x, x) for x in values]
 
 
 def test_a_plan_says_where_lines_run():

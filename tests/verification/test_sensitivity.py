@@ -18,7 +18,6 @@ from porocore.verification.sensitivity.plan import (
     Sweep,
     quantities,
     states_of,
-    targets,
 )
 from porocore.verification.sensitivity.results import Sensitivity, line_name, load, save, write_table
 
@@ -93,31 +92,6 @@ def test_a_plan_says_its_half_lines_and_describes_itself():
     assert {(name, sign): goal for name, sign, goal in PLAN.half_lines()}["pressure", -1] == -0.4
     assert ("shear", -1) not in [(name, sign) for name, sign, _ in PLAN.half_lines()]
     assert StudyPlan.from_description(PLAN.describe()) == PLAN
-
-
-@pytest.mark.parametrize("edge", [0.05, 0.333, 0.5, 0.999])
-def test_the_end_of_what_can_be_solved_is_found(edge):
-    asked, values = [], targets(-1.0, 0.25, 0.01)
-    value = next(values)
-    while value is not None:
-        asked.append(value)
-        try:
-            value = values.send(abs(value) <= edge)
-        except StopIteration:
-            value = None
-    solved = [v for v in asked if abs(v) <= edge]
-    failed = [v for v in asked if abs(v) > edge]
-    assert solved == sorted(solved, reverse=True)
-    assert max([0.0, *np.abs(solved)]) <= edge < np.abs(failed).min()
-    assert np.abs(failed).min() - max([0.0, *np.abs(solved)]) <= 0.01 + 1e-9
-
-
-def test_a_goal_is_reached_in_equal_steps():
-    values = targets(1.0, 0.3, 0.01)
-    asked = [next(values), *(values.send(True) for _ in range(3))]
-    np.testing.assert_allclose(asked, [0.25, 0.5, 0.75, 1.0])
-    with pytest.raises(StopIteration):
-        values.send(True)
 
 
 def test_quantities_by_their_definitions():

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
@@ -125,6 +126,50 @@ class _State:
         return self.pivots.get(event, 0) > 0
 
 
+T = TypeVar("T")
+
+
+def walk(
+    values: Iterable[float],
+    solve: Callable[[float, T | None], T],
+    has_values: Callable[[T], bool],
+    resolution: float,
+    first: tuple[float, T] | None = None,
+) -> Iterator[tuple[float, T]]:
+    """Yield values with their states up to the end of what can be solved, and at most one state beyond it.
+
+    Behind the first value that cannot be solved the interval between it and the last one that could is halved until it
+    is not wider than the resolution.
+
+    Parameters
+    ----------
+    values
+        Values to be solved one after another.
+    solve
+        Returns the state at a value; takes the last state that could be solved, too.
+    has_values
+        Tells whether a state could be solved.
+    first
+        A value with its state that is known, not yielded.
+    """
+    last = first
+    for value in values:
+        state = solve(value, last and last[1])
+        # The guard is for widths that are the resolution up to round-off.
+        while last and not has_values(state) and abs(value - last[0]) > resolution * (1 + 1e-9):
+            middle = (last[0] + value) / 2
+            between = solve(middle, last[1])
+            if has_values(between):
+                last = middle, between
+                yield last
+            else:
+                value, state = middle, between
+        yield value, state
+        if not has_values(state):
+            return
+        last = value, state
+
+
 def follow_line(
     solver: CellSolver,
     prepared: PreparedCell,
@@ -204,20 +249,9 @@ class _LineSolver:
 
     def states(self) -> Iterator[_State]:
         """Yield the states from the start on, and at most one without values, within the tolerance of the last one."""
-        last: _State | None = None
-        for share in np.linspace(0.0, 1.0, self.settings.steps + 1):
-            state = self.examined(float(share), last)
-            while last is not None and state.field is None and state.share - last.share > self.resolution:
-                middle = self.examined((last.share + state.share) / 2, last)
-                if middle.field is None:
-                    state = middle
-                else:
-                    yield middle
-                    last = middle
+        shares = map(float, np.linspace(0.0, 1.0, self.settings.steps + 1))
+        for _, state in walk(shares, self.examined, lambda state: state.field is not None, self.resolution):
             yield state
-            if state.field is None:
-                return
-            last = state
 
     def examined(self, share: float, last: _State | None) -> _State:
         state = self.solve(share, last.field if last else None, WAVES, eigenvalues=self.settings.eigenvalues)

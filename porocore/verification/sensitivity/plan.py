@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field
 from itertools import product
 from typing import Any
@@ -265,29 +265,6 @@ class HalfLine:
         """Status that ended the line before its goal; None if the goal was reached."""
         last = Status(int(self.response.status[-1]))
         return None if last.has_values else last
-
-
-def targets(goal: float, step: float, tolerance: float) -> Generator[float, bool, None]:
-    """Values of the load to be solved one after another; is sent whether the last one could be solved.
-
-    Equal steps to the goal, not longer than ``step``. Behind the first value that cannot be solved the interval
-    between it and the last one that could is halved until it is not wider than the tolerance.
-    """
-    count = step_count(goal, step)
-    solved = 0.0
-    for k in range(1, count + 1):
-        value = goal * k / count
-        if (yield value):
-            solved = value
-            continue
-        failed = value
-        while abs(failed - solved) > tolerance * (1 + 1e-9):
-            middle = (solved + failed) / 2
-            if (yield middle):
-                solved = middle
-            else:
-                failed = middle
-        return
 
 
 def step_count(goal: float, step: float) -> int:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from porocore.cell.cell import Cell
+from porocore.cell.stability.line import walk
 from porocore.core.console import Console
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.store import ResultStore
@@ -23,6 +24,7 @@ from porocore.interfaces.records import failed_response
 from porocore.macro.laws.closure import ConductivityLaw
 from porocore.macro.reference import CellReference
 from porocore.plugins.border import solution_of
+from porocore.sampling.execution import FinishedSolve
 from porocore.sampling.execution.solved_store import SolvedStore
 from porocore.states import CellResponse, Status
 from porocore.study.config.config import FemSettings, RunConfig
@@ -38,7 +40,7 @@ from porocore.study.series import (
 )
 from porocore.study.stages.stage_files import prepare_stored
 from porocore.study.store import chosen_store, taken
-from porocore.verification.sensitivity.plan import LOADS, HalfLine, StudyPlan, states_of, step_count, targets
+from porocore.verification.sensitivity.plan import LOADS, HalfLine, StudyPlan, states_of, step_count
 from porocore.verification.sensitivity.results import Sensitivity, line_name, load, save, write_table
 
 FILE = "sensitivity.h5"
@@ -219,30 +221,27 @@ def follow(
     ``tell`` takes every state and what came from the store; ``rest`` is the response of the undeformed cell.
     """
     load, sign, goal = half_line
-    walk, count = targets(goal, step, tolerance), step_count(goal, step)
-    rows, beyond, field = [(0.0, rest, 0.0)], [], None
-    value: float | None = next(walk)
+    count, reached = step_count(goal, step), 0
+
+    def solve(value: float, last: FinishedSolve | None) -> FinishedSolve:
+        nonlocal reached
+        began, saved = time.perf_counter(), known.saved if known else 0.0
+        start = None if last is None else last.field
+        solution = solution_of(solver, prepared, states_of(load, value), start=[start], fields=True)
+        # What the store holds took what it took when it was solved.
+        seconds = (known.saved - saved if known else 0.0) or time.perf_counter() - began
+        reached += bool(solution.response.valid[0])
+        state = LoadedState(load, value, Status(int(solution.response.status[0])))
+        tell(CaseProgress(state, min(1.0, reached / count)))
+        return FinishedSolve("", solution.response, solution.fields[0] if solution.fields else None, seconds)
+
+    steps = [goal * k / count for k in range(1, count + 1)]
+    at_rest = 0.0, FinishedSolve("", rest, None, 0.0)
     with taken(known, lambda count, seconds: tell(FromStore(count, seconds))):
-        while value is not None:
-            began, saved = time.perf_counter(), known.saved if known else 0.0
-            solution = solution_of(solver, prepared, states_of(load, value), start=[field], fields=True)
-            # What the store holds took what it took when it was solved.
-            seconds = (known.saved - saved if known else 0.0) or time.perf_counter() - began
-            row, solved = (value, solution.response, seconds), bool(solution.response.valid[0])
-            if solved:
-                rows.append(row)
-                field = solution.fields[0] if solution.fields else None
-            else:
-                beyond = [row]
-            state = LoadedState(load, value, Status(int(solution.response.status[0])))
-            tell(CaseProgress(state, min(1.0, (len(rows) - 1) / count)))
-            try:
-                value = walk.send(solved)
-            except StopIteration:
-                value = None
-    values, responses, times = zip(*rows, *beyond, strict=True)
-    response = CellResponse.concatenate(list(responses))
-    return HalfLine(load, sign, np.array(values), response, np.array(times))
+        solved = walk(steps, solve, lambda found: bool(found.response.valid[0]), tolerance, at_rest)
+        values, found = zip(at_rest, *solved, strict=True)
+    response = CellResponse.concatenate([each.response for each in found])
+    return HalfLine(load, sign, np.array(values), response, np.array([each.seconds for each in found]))
 
 
 class SensitivitySeries(RunSeries[HalfLine]):
