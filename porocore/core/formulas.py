@@ -119,6 +119,8 @@ def _parse(text: str, names: tuple[str, ...], functions: tuple[str, ...]) -> Exp
         _check(tree, text.strip(), names, functions)
     except SyntaxError as error:
         known = {*names, *functions, *CONSTANTS}
+        if "if" in re.findall(r"[A-Za-z_]+", text):
+            raise ValueError(f"{echo(text)} is no formula: {_no_conditions(names)}") from None
         if unit := next((found for found in _UNIT.finditer(text) if found[1] not in known), None):
             raise ValueError(_takes_no_units(text, unit, names)) from None
         raise ValueError(
@@ -141,6 +143,17 @@ def _takes_no_units(text: str, unit: re.Match[str], names: tuple[str, ...]) -> s
         f"{echo(text)} has the unit of {echo(unit[0])} at character {unit.start() + 1}, but formulas take no units; "
         f"expected plain numbers{f': {counted}' if counted else ', in multiples of the scales of the study'}"
     )
+
+
+#: Functions of other languages that choose between values.
+CONDITIONS = ("where", "piecewise", "heaviside", "step", "ifelse", "iif", "select")
+
+
+def _no_conditions(names: Iterable[str]) -> str:
+    """Return the message for a condition in a formula of these names, and what there is instead."""
+    steps = "; steps are a 'table:'" if {"t", "x"} & {*names} else ""
+    parts = ", and other values in a part of the body 'macro.regions:'" if "x" in names else ""
+    return f"formulas have no conditions{steps}{parts}"
 
 
 def _check(
@@ -175,14 +188,27 @@ def _check(
             raise refuse("write a power as **")
         case ast.Call(func=ast.Name(id=name), args=[argument], keywords=[]):
             if name not in functions:
-                raise refuse(f"unknown function; there are {', '.join(functions)}, each of one argument")
+                raise refuse(_unknown_function(name, names, functions))
             _check(argument, text, names, functions, depth + 1)
         case ast.Call(func=ast.Name(id=name)) if name in functions:
             raise refuse(f"{name} takes one argument")
+        case ast.Call(func=ast.Name(id=name)):
+            raise refuse(_unknown_function(name, names, functions))
         case _:
+            chooses = isinstance(node, ast.IfExp | ast.Compare | ast.BoolOp)
             raise refuse(
                 "only numbers, names, + - * / **, brackets and functions of one argument may stand here"
+                f"{f'; {_no_conditions(names)}' if chooses else ''}"
             )
+
+
+def _unknown_function(name: str, names: tuple[str, ...], functions: tuple[str, ...]) -> str:
+    there = f"unknown function; there are {', '.join(functions)}, each of one argument"
+    if name.casefold() in CONDITIONS:
+        return f"{there}; {_no_conditions(names)}"
+    if name.casefold() in ("min", "max") and names == ("t",):
+        return f"{there}; a load that comes up and then stays is {{ramp: ..., until: ...}}"
+    return there
 
 
 def _number(node: ast.AST) -> float | None:

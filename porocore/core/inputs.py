@@ -85,8 +85,9 @@ _MEASURES = {
 
 def input_meant(name: str) -> str:
     """Return the advice on the name of an input that is none: the component that is meant; empty where none is near."""
+    numbered = name[:-2] + name[-2:].translate(str.maketrans("xyz", "123"))
     for pattern, meant in _MEASURES.items():
-        if found := re.fullmatch(pattern, name):
+        if found := re.fullmatch(pattern, numbered):
             return f"the inputs are of H = grad u = F − I: {found.expand(meant)}"
     return did_you_mean(name, NAMES, most=3, cutoff=0.5)
 

@@ -21,6 +21,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validat
 
 from porocore.core.echo import comma_advice, cut, echo
 from porocore.core.files.yaml_document import Location, dotted
+from porocore.core.models.bounds import LARGEST_NUMBER
 from porocore.core.models.strict import Place, StrictModel, bare, is_number, is_section, walk
 from porocore.errors import ConfigurationError
 
@@ -404,7 +405,10 @@ def _word(unit: str) -> str:
 
 
 def _near(unit: str) -> str:
-    """Return the common unit that an unknown one is but for capitals and language; empty where there is none."""
+    """Return the unit that an unknown one is but for capitals, language and the sign of a power; empty: none."""
+    powers = re.sub(r"([A-Za-zµμ])(\d)", r"\1^\2", unit)
+    if powers != unit and _measured(powers)[1] is not None:
+        return powers
     word = _word(unit)
     return FOREIGN.get(word) or next((known for known in COMMON if known.casefold() == word), "")
 
@@ -759,6 +763,7 @@ def unit_notes(model: type[BaseModel], data: Any, scales: Scales | None) -> Iter
             or not isinstance(value, str | int | float)
             or isinstance(value, bool)
             or not value
+            or (not isinstance(value, str) and not abs(value) <= LARGEST_NUMBER)
         ):
             continue
         part = () if dimension.quantity == "time" else place.path[:-1][:2]

@@ -8,13 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from porocore.core.echo import echo, suggestion
+from porocore.core.echo import echo, joined, suggestion
 from porocore.core.units import spoken
 from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import ElementCells
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.composition.axes import AXES, AxesField, as_field
-from porocore.macro.composition.fields import MeasuredField, ParameterField, Points
+from porocore.macro.composition.fields import (
+    FormulaField,
+    MeasuredField,
+    ParameterField,
+    Points,
+    require_formula,
+)
 from porocore.macro.composition.regions import (
     ComposedBody,
     NeedsParameters,
@@ -251,10 +257,18 @@ def _require_within(
     at = spoken().texts(piece.points.places[worst], "displacement")
     when = f", t = {spoken().text(time, 'time', 6)}" if piece.field.varies else ""
     raw = isinstance(piece.field, MeasuredField) and not piece.field.values
-    hint = "; without 'values: [[value in the file, parameter], …]' the file holds the parameter itself"
+    hint = (
+        "; without 'values: [[value in the file, parameter], …]' the file holds the parameter itself"
+        if raw
+        else ""
+    )
+    if isinstance(piece.field, FormulaField) and spoken().given:
+        used = [name for name in "xyz" if name in require_formula(piece.field.formula).names]
+        count = f"; in its formula {joined(used)} {'is' if len(used) == 1 else 'are'} in multiples of"
+        hint = f"{count} {spoken().text(1.0, 'displacement')}" if used else ""
     raise ConfigurationError(
         f"{piece.key}: the field is {values[worst]:.6g} at {at}{when}, beyond the range [{low:g}, {high:g}] of the "
-        f"parameter '{name}'; narrow the field, or widen the range{hint if raw else ''}"
+        f"parameter '{name}'; narrow the field, or widen the range{hint}"
     )
 
 

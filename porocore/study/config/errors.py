@@ -85,10 +85,26 @@ INSTEAD = {
     r"(time_functions?|amplitude|curve|cycles?)": "a prescribed value may be a function of time: {table: ...}, {ramp: "
     "..., until: ...} or {expression: ...}; macro.time.load_curve is one for all",
 }
+#: The same at places where a key means something else, by pattern of the dotted location with the kinds of sections.
+INSTEAD_AT = {
+    r".*\.materials?\.(.*\.)?ogden\.(mu|alpha)": "mu and alpha of an Ogden solid are those of its terms: 'terms: [{mu: "
+    "0.1, alpha: 2}]'",
+    r".*\.materials?\..*\.mu": _MODULUS,
+    r"macro\.boundary\..*\.(path|(csv_?)?file(_?name)?|csv|data)": "a measured history is 'table: [[time, value], "
+    "...]', with the rows of its file",
+    r"macro\.boundary\.[^.]+\.p": "the pressure of the fluid on a surface is 'pressure:'",
+    r".*\.geometry\.voxels\.(resolution|spacing|pixel_?size)": "the edge of a voxel is 'voxel_size:'",
+    r".*\.geometry\.voxels\.(invert(ed)?|inverse)": "the value of the pores is 'pore:'; of a grey image with "
+    "'threshold:', 'bright_pores: true' takes the others",
+}
 
 
-def instead_of(key: str) -> str:
+def instead_of(place: Location) -> str:
     """Return what there is instead of a key that is expected but unknown; empty where nothing is known."""
+    there = dotted(place)
+    if advice := next((said for pattern, said in INSTEAD_AT.items() if re.fullmatch(pattern, there)), ""):
+        return advice
+    key = place[-1]
     name = re.sub(r"[\s-]+", "_", key.strip().lower()).replace("'", "")
     return next((advice for pattern, advice in INSTEAD.items() if re.fullmatch(pattern, name)), "")
 
@@ -196,6 +212,13 @@ def _as_vector(at: Location, value: Any) -> str:
     return f", such as [{', '.join(map(cut, entries))}]"
 
 
+def _in_pairs(at: Location, value: Any) -> str:
+    """Return the form of pairs along each axis that stand in one list; empty for other lists."""
+    if at[-1] != "crop" or not isinstance(value, list) or len(value) != 2 * len(AXES):
+        return ""
+    return f", such as {echo([value[i : i + 2] for i in range(0, len(value), 2)])}"
+
+
 def _is_below(error: ErrorDetails, whole: ErrorDetails) -> bool:
     """Return True if an error is of a part of what another is of."""
     n = len(whole["loc"])
@@ -293,7 +316,7 @@ def _text(document: YamlDocument, at: Location, group: list[ErrorDetails], root:
     place = _with_tags(at, error)
     if kind == "extra_forbidden":
         # Of a section with kinds the keys of another kind are no advice.
-        advice = instead_of(at[-1]) or ("" if len(place) > len(at) else belongs_to(at[-1], root))
+        advice = instead_of(place) or ("" if len(place) > len(at) else belongs_to(at[-1], root))
         section = len(at) == 1 and isinstance(document.value(at), dict)
         return f"{key}: unknown key; {_other_keys(place, root, advice or (section and OF_NO_COMMAND) or '')}"
     if kind != "value_error" and error["loc"] and error["loc"][-1] == "[key]":
@@ -319,7 +342,9 @@ def _text(document: YamlDocument, at: Location, group: list[ErrorDetails], root:
                     return f"{text}; write '{at[-1]}: {other}' and '{name}: {tag}'"
         return _with_question(text, tag, tags)
     if kind == "too_long" and (length := error["ctx"]["max_length"]) in _lengths(_hint(root, place)[0]):
-        text = unexpected(at, _list_of(length, document, at), document.value(at))
+        text = unexpected(
+            at, _list_of(length, document, at) + _in_pairs(at, document.value(at)), document.value(at)
+        )
         return f"{text}; commas separate the entries, and decimals stand after a point"
     expected = " or ".join(dict.fromkeys(_expected(e, document, at, place, root) for e in group))
     text = unexpected(at, expected, document.value(at) if at in document else error["input"])
@@ -494,6 +519,9 @@ def _other_keys(at: Location, root: type[BaseModel], advice: str) -> str:
     if len(at) == 1 and "macro" in names:
         offers = (offered.offer for offered in registry().offers)
         names += [offer.section for offer in offers if isinstance(offer, CommandOffer) and offer.section]
+    before, colon, behind = at[-1].partition(":")
+    if colon and before.strip() in names:
+        return f"the blank behind the colon is missing: write '{before.strip()}: {cut(behind.strip())}'"
     if advice == OF_NO_COMMAND:
         return _nearest(at[-1], names) if did_you_mean(at[-1], names) else advice
     if advice and not did_you_mean(at[-1], names, cutoff=SLIP):

@@ -231,9 +231,20 @@ def validated(document: YamlDocument, *, alone: bool = False) -> RunConfig:
         found += _without_viscosity(config) if scales is not None else ()
     found += [fault for fault in switched(document, RunConfig) if fault[0] not in dict(found)]
     if found or config is None:
-        raise refusal(document, found)
+        # A unit that cannot be read is a fault itself.
+        notes = [] if unread else list(unit_notes(RunConfig, document.data, scales))
+        raise refusal(document, _with_unit_notes(found, notes))
     config._reading = Reading(tuple(unit_notes(RunConfig, document.data, scales)))
     return config
+
+
+def _with_unit_notes(
+    found: Iterable[tuple[Location, str]], notes: Collection[str]
+) -> Iterator[tuple[Location, str]]:
+    """Yield faults; those of a section with the first of the notes on numbers in it that may have lost their unit."""
+    for at, text in found:
+        note = next((note for note in notes if at and note.startswith(f"{dotted(at)}.")), "")
+        yield at, f"{text}; {note}" if note else text
 
 
 def _without_sections(

@@ -1,0 +1,119 @@
+"""Keys and values as other programs, papers and the hurry write them; each message tells the word that is meant."""
+
+from __future__ import annotations
+
+from bad_row import Row, faulty
+
+SCALES = {"modulus": "1 MPa", "length": "1 mm", "pore": "10 um", "viscosity": "1 Pa*s"}
+VOXELS = {"kind": "voxels", "path": "scan.npy"}
+#: What stands in place of the traction, and words of the message.
+COURSES = (
+    (
+        {"file": "piston.csv"},
+        "a measured history is 'table: [[time, value], ...]', with the rows of its file",
+    ),
+    ({"path": "piston.csv"}, "a measured history is 'table: [[time, value], ...]'"),
+    ({"ramp:-0.4 mm": None, "until": 1}, "the blank behind the colon is missing: write 'ramp: -0.4 mm'"),
+    (
+        {"expression": "min(t/3, 1)"},
+        "unknown function; there are sin, cos, tan, exp, log, sqrt, sinh, cosh, tanh",
+    ),
+    ({"expression": "min(t/3, 1)"}, "a load that comes up and then stays is {ramp: ..., until: ...}"),
+    ({"expression": "if(t > 3, 1, 0)"}, "formulas have no conditions; steps are a 'table:'"),
+    ({"expression": "1 if t > 3 else 0"}, "formulas have no conditions; steps are a 'table:'"),
+    ({"expression": "where(t > 3, 1, 0)"}, "formulas have no conditions; steps are a 'table:'"),
+)
+
+
+def viscosity(given: str, meant: str) -> Row:
+    return faulty(
+        f"viscosity {given}",
+        {"scales": SCALES, "cell.viscosity": given},
+        f"is not known; did you mean '{meant}'?",
+    )
+
+
+ROWS = [
+    faulty(
+        "mu and alpha of an Ogden solid",
+        {"cell.material": {"kind": "ogden", "mu": ["0.1 MPa"], "alpha": [2], "bulk_modulus": 1}},
+        "cell.material.mu: unknown key; mu and alpha of an Ogden solid are those of its terms: 'terms: [{mu: 0.1, "
+        "alpha: 2}]'",
+        "cell.material.alpha: unknown key; mu and alpha of an Ogden solid",
+    ),
+    faulty(
+        "mu of a neo-Hookean solid",
+        {"cell.material.mu": 0.5},
+        "cell.material.mu: unknown key; stresses are in units of a modulus of the solid",
+    ),
+    *(
+        faulty(f"traction {course}: {said[:30]}", {"macro.boundary.y+.traction.1": course}, said)
+        for course, said in COURSES
+    ),
+    faulty(
+        "p at a surface",
+        {"macro.boundary.y+.p": 0},
+        "macro.boundary.y+.p: unknown key; the pressure of the fluid on a surface is 'pressure:'",
+    ),
+    faulty(
+        "a strain by its axes",
+        {"sampling.inputs.eps_yy": {"range": [-0.1, 0.1]}},
+        "sampling.inputs.eps_yy: unknown key;",
+        "for a small strain along an axis H22 is that strain",
+    ),
+    faulty(
+        "a gradient by its axes",
+        {"sampling.inputs.Fxy": {"range": [-0.1, 0.1]}},
+        "sampling.inputs.Fxy: unknown key;",
+        "H12 = F12",
+    ),
+    faulty(
+        "a crop as one list",
+        {"cell.geometry": VOXELS | {"crop": [0, 20, 0, 20, 0, 20]}},
+        "cell.geometry.crop: expected a list of 3 entries (along x, y and z), such as [[0, 20], [0, 20], [0, 20]], got",
+    ),
+    faulty(
+        "voxels by resolution and inverted",
+        {"cell.geometry": VOXELS | {"resolution": "12 um", "invert": True}},
+        "cell.geometry.resolution: unknown key; the edge of a voxel is 'voxel_size:'",
+        "cell.geometry.invert: unknown key; the value of the pores is 'pore:'; of a grey image with 'threshold:', "
+        "'bright_pores: true'",
+    ),
+    viscosity("1e-3 N s/mm2", "N s/mm^2"),
+    viscosity("1e-3 N*s/m2", "N*s/m^2"),
+    faulty(
+        "an end without its unit",
+        {
+            "scales": SCALES,
+            "macro.time": {"end": 20, "step": "1 s", "ramp_increments": 10, "ramp_step": "0.1 s"},
+        },
+        "macro.time: end = 0.2 s does not lie behind the ramp, which takes 1 s; macro.time.end: 20 has no unit beside "
+        "macro.time.step: 1 s, so it is a multiple of its scale,",
+        "write '20 s' if that is meant",
+    ),
+    faulty(
+        "an endless end beside times with units",
+        {"scales": SCALES, "macro.time": {"end": 10**400, "step": "1 s", "ramp_step": float("inf")}},
+        "macro.time.",
+    ),
+    faulty(
+        "a condition in a field",
+        {
+            "cell.geometry.radius": {"range": [0.2, 0.3]},
+            "macro.fields": {"radius": "if(y > 2, 0.2, 0.3)"},
+        },
+        "macro.fields.radius",
+        "formulas have no conditions; steps are a 'table:', and other values in a part of the body 'macro.regions:'",
+    ),
+    faulty(
+        "a field in metres",
+        {
+            "scales": SCALES,
+            "cell.geometry.radius": {"range": [0.2, 0.3]},
+            "macro.fields": {"radius": "0.2 + 0.1*y/0.0075"},
+        },
+        "macro.fields.radius: the field is",
+        "beyond the range [0.2, 0.3] of the parameter 'radius'; narrow the field, or widen the range; in its formula y "
+        "is in multiples of 0.001 m",
+    ),
+]
