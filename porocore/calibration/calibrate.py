@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import time
 from collections.abc import Mapping
 from contextlib import ExitStack
@@ -77,7 +76,7 @@ def calibrate(
         The experiments can be computed at none of the starts.
     """
     began = time.monotonic()
-    console = Console(None if progress else io.StringIO())
+    console = Console.shown(progress)
     plan = read_plan(source, synthetic=synthetic)
     for experiment in plan.experiments:
         check_backends(experiment.config)

@@ -171,6 +171,11 @@ class Console:
         self.clock = clock
         self._live: Progress | None = None
 
+    @classmethod
+    def shown(cls, progress: bool) -> Console:
+        """Return a console on standard error, or one that shows nothing."""
+        return cls(None if progress else io.StringIO())
+
     @property
     def stream(self) -> TextIO:
         """The stream; standard error is that of the process that asks, since a console may be pickled."""

@@ -19,6 +19,7 @@ from platformdirs import user_cache_path
 from porocore.cell.cell import Cell
 from porocore.core.console import duration
 from porocore.core.files.atomic import atomic_path
+from porocore.core.files.plain_data import stable_hash
 from porocore.core.files.store import ResultStore
 from porocore.interfaces.records import flatten_response
 from porocore.interfaces.surrogate import TrainingSet
@@ -224,4 +225,4 @@ def _distributions() -> Mapping[str, list[str]]:
 
 
 def _hash(*parts: Any) -> str:
-    return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()[:40]
+    return stable_hash(json.dumps(parts, sort_keys=True, default=str), length=40)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 from dataclasses import dataclass
 from pathlib import Path
@@ -103,7 +102,7 @@ def map_stability(
     series = StabilitySeries(config, plan, folder / FILE, chosen_store(store))
     workers = config.sampling.worker_count() if workers is None else workers
     with speaking(config.result_units):
-        lines = series.run(series.cases(), Console(None if progress else io.StringIO()), workers)
+        lines = series.run(series.cases(), Console.shown(progress), workers)
         picture = folder / PICTURE
         write_pictures(stability_figure(plan, lines), picture)
         return StabilityMap(plan, lines, write_tables(folder, plan, lines), picture)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import cached_property, partial
@@ -98,7 +97,7 @@ class Study:
             raise ConfigurationError(f"out: expected the path of a folder, got {echo(out)}")
         name, self.config, self._document = configured(source, settings)
         self.path = Path("runs") / name if out is None else Path(out)
-        self._console = Console(None if progress else io.StringIO())
+        self._console = Console.shown(progress)
         self._store = chosen_store(store)
 
     def __repr__(self) -> str:

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from porocore.core.console import Console, duration
+from porocore.core.console import Console, Task, duration
 from porocore.core.echo import reason
 from porocore.core.files.reading import complete, read_text
 from porocore.core.files.store import ResultStore
@@ -63,22 +64,23 @@ def train(
         timed(folder.timings, stage, now and StageClock(now)) as clock,
         console.task(title, "epochs", clock=now) as task,
     ):
-
-        def show(progress: TrainingProgress) -> None:
-            if progress.epochs == 1:
-                task.done_at_once(progress.words)
-                return
-            task.unit, work = progress.unit, (progress.epoch, progress.left)
-            task.update(progress.epoch, progress.epochs, detail=progress.words, work=work)
-
         if begun is None:
-            _fit(folder, config, data, show)
+            _fit(folder, config, data, partial(show_training, task))
         else:
             for progress in begun.reports():
-                show(progress)
+                show_training(task, progress)
             begun.result()
         keep_files(store, key, files, clock.seconds)
     checkpoint.unlink(missing_ok=True)
+
+
+def show_training(task: Task, progress: TrainingProgress) -> None:
+    """Show the progress of a training."""
+    if progress.epochs == 1:
+        task.done_at_once(progress.words)
+        return
+    task.unit, work = progress.unit, (progress.epoch, progress.left)
+    task.update(progress.epoch, progress.epochs, detail=progress.words, work=work)
 
 
 def begin_training(

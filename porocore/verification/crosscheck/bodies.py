@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import combinations
 from typing import Any
 
@@ -14,9 +15,8 @@ from porocore.core.console import Console, Task
 from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.macro import MacroSolver
-from porocore.interfaces.solution import MacroSolution, StepReport
-from porocore.interfaces.surrogate import Surrogate, TrainingProgress
-from porocore.macro.integration.newton import StepForecast
+from porocore.interfaces.solution import MacroSolution
+from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.laws import ClosedLaw
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.plugins.border import body_solution_of, conductivity_of, prediction_of, solution_of
@@ -25,7 +25,9 @@ from porocore.states import Array, CellResponse, MacroState, Status
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
 from porocore.study.notes.abilities import lacking, offers_conductivity
+from porocore.study.stages.solving import body_progress
 from porocore.study.stages.stage_files import prepare_cell
+from porocore.study.stages.training import show_training
 from porocore.verification.crosscheck.comparison import (
     BODY,
     CELL,
@@ -269,13 +271,11 @@ def train(config: RunConfig, name: str, samples: SharedSamples, console: Console
     settings = config.with_backends(surrogate=name)
     with console.task(f"training, {name}", "epochs") as task:
 
-        def show(progress: TrainingProgress) -> None:
-            task.unit, work = progress.unit, (progress.epoch, progress.left)
-            task.update(progress.epoch, progress.epochs, detail=f"loss {progress.loss:.2e}", work=work)
-
         def fit() -> Surrogate:
             surrogate: Surrogate = make_backend("surrogate", settings)
-            return surrogate.fit(samples.training, seed=settings.surrogate.seed, on_progress=show)
+            return surrogate.fit(
+                samples.training, seed=settings.surrogate.seed, on_progress=partial(show_training, task)
+            )
 
         fitted = attempt(fit)
     if fitted.value is None:
@@ -435,12 +435,8 @@ def run_body(config: RunConfig, backend: str, name: str, law: MacroLaw, console:
     missing = lacking(kind, problem)
     if missing:
         return BodyRun(backend, name, None, 0.0, lacks=missing, solver=kind)
-    forecast = StepForecast(problem)
-    with console.task(f"body, {name}, {backend}", "", "t = ") as task:
-
-        def show(step: StepReport) -> None:
-            forecast.add(step.time)
-            task.update(round(step.time, 6), step.end, work=forecast.work)
+    title = f"body, {name}, {backend}"
+    with body_progress(console, title, problem, settings.result_units) as (show, _):
 
         def solve() -> MacroSolution:
             solver: MacroSolver = make_backend("macro solver", settings)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -158,7 +157,7 @@ def study_representative_volume(
         find_backends(config, ["cell solver"])
     scan = Scan.open(config, plan)
     sizes = scan.sizes(plan)
-    record, console = folder / FILE, Console(None if progress else io.StringIO())
+    record, console = folder / FILE, Console.shown(progress)
     # A record of the porosity alone may be replaced.
     claim_record(record, "study", resume=resume or not holds_results(record))
     series = SubvolumeSeries(config, scan, record, chosen_store(store), resume=resume)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -75,7 +74,7 @@ def reproduce(
     config, stated = _configurations(fem, surrogate, workers)
     find_backends(config, OF_A_STUDY if any(f.stage == "column" for f in wanted) else ["cell solver"])
     place = new_folder(Path(folder or f"runs/reproduce-{paper}"))
-    console, processes = console or Console(io.StringIO()), config.sampling.worker_count()
+    console, processes = console or Console.shown(False), config.sampling.worker_count()
     results = Results(place, config, stated, processes, console, pictures)
     claim_results(results, resume=resume)
     paths = draw(results, wanted)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -114,7 +113,7 @@ def study_sensitivity(
             config.cell, config.fem, folder, plan, conductivity=config.conductivity,
             workers=config.sampling.worker_count() if workers is None else workers,
             provenance={"config": config.resolved_yaml()}, store=chosen_store(store),
-            console=Console(None if progress else io.StringIO()),
+            console=Console.shown(progress),
         )  # fmt: skip
         return SensitivityFiles(study, write_table(folder, study), write_figures(folder, study))
 
@@ -156,7 +155,7 @@ def run_study(
     plan, path = StudyPlan() if plan is None else plan, folder / FILE
     study = _load_or_begin(path, cell, fem, plan, conductivity, dict(provenance or {}), store)
     series = SensitivitySeries(study, path, (fem.backend, fem.options, cell, conductivity), store)
-    series.run(series.cases(), console or Console(io.StringIO()), workers)
+    series.run(series.cases(), console or Console.shown(False), workers)
     return study
 
 
