@@ -149,7 +149,7 @@ def test_the_study_in_si_units_is_the_same_run(a_copy, tmp_path, capsys):
         "cell.viscosity": "1 mPa s",
         "output_units": {"length": "mm", "stress": "Pa", "time": "min"},
         "sampling.inputs.p": {"range": ["-50 Pa", "0.15 kPa"], "step": "1e-4 MPa"},
-        "macro.body.size": ["1 mm", "7.5 cm", 0.1],
+        "macro.body.size": ["1 mm", "7.5 cm", "1 mm"],
         "macro.boundary.y+": {"traction": [0, "2.5 kPa", 0], "pressure": "0 Pa"},
     }
     study = porocore.Study(write_study(tmp_path / "si.yaml", changes), out=folder)

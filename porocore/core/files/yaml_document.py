@@ -320,7 +320,7 @@ def _not_yaml(path: Path, text: str, error: Exception) -> str:
     if isinstance(error, yaml.reader.ReaderError):
         line = text.count("\n", 0, error.position) + 1
         sign = chr(int(error.character))
-        if sign == "\0":
+        if sign == "\0" and text.count(sign) > len(text) / 10:
             return f"{path}: {_NO_TEXT}"
         return f"{path}:{line}: expected YAML text, got the control character {sign!a}; remove it"
     if not isinstance(error, yaml.MarkedYAMLError):
