@@ -27,6 +27,8 @@ from porocore.states import Array
 
 #: Values that a measured curve has at least, and times that a planned one has.
 FEWEST, FEWEST_TIMES = 3, 2
+#: Diameter of the disc of an example [m].
+DISC = 6e-3
 #: Share of the end of a study by which a last time may lie behind it where it is rounded.
 ROUNDED = 1e-3
 
@@ -154,7 +156,7 @@ def _measured(
         heading_line=settings.heading_line,
         last_line=settings.last_line,
     )
-    at = table.find(settings.time)
+    at = _times_column(table, settings.time)
     column = (
         table.find(settings.values)
         if settings.values is not None
@@ -176,7 +178,7 @@ def _measured(
     timed = rows.with_clock(at, settings.time_unit, scales=scales is not None) or table
     given = settings.time_unit if timed is table else None
     time = _of_column("time_unit", given, timed, at, "time", scales)
-    unit = _of_column("unit", settings.unit, table, column, series.quantity, scales)
+    unit = _of_column("unit", settings.unit, table, column, series.quantity, scales, factor=settings.factor)
     numbers = dict(zip(used, rows.numbers(used, settings.decimal, clock=at), strict=True))
     deviations, weights = (None if k is None else _positive(rows, k, numbers[k].values) for k in extra)
     since = None if settings.since is None else time.converted("since", settings.since)
@@ -247,10 +249,14 @@ def _notes(
         yield f"{left} of {len(table.rows)} rows, which have no number for the curve, were left out"
     if doubled := len(read.times) - len(data.times):
         shared = int((np.unique(read.times, return_counts=True)[1] > 1).sum())
-        yield (
+        said = (
             f"{shared + doubled} rows have {shared} times between them; the mean of the rows at one time counts"
             if shared > 1
             else f"{1 + doubled} rows have the same time; their mean counts"
+        )
+        rising = len(read.values) > FEWEST and (np.diff(read.values) > 0).all()
+        yield said + (
+            "; the values rise from row to row, so the two columns may be exchanged" if rising else ""
         )
     if read.times[-1] < times.values[-1] * (1 - 1e-9):
         yield (
@@ -317,6 +323,17 @@ def _all_behind(
     )
 
 
+def _times_column(table: CurveTable, name: str) -> int:
+    """Return the column of the times; where none has its name, the only other with a unit of time is proposed."""
+    try:
+        return table.find(name)
+    except ConfigurationError as error:
+        timed = [each.name for each in table.headings if size_of(as_unit(each.unit, "time"), "time")]
+        if len(timed) != 1 or name in table.names:
+            raise
+        raise ConfigurationError(f"{error}; give 'time: {timed[0]}', whose unit is one of time") from None
+
+
 def _values_column(table: CurveTable, at: int, name: str, settings: ObservationSettings) -> int:
     """Return the column of the values where none is named: that with the name of the curve, or the only one left."""
     used = {at}
@@ -334,25 +351,54 @@ def _values_column(table: CurveTable, at: int, name: str, settings: ObservationS
 
 
 def _of_column(
-    key: str, given: str | None, table: CurveTable, column: int, quantity: str, scales: Scales | None
+    key: str,
+    given: str | None,
+    table: CurveTable,
+    column: int,
+    quantity: str,
+    scales: Scales | None,
+    *,
+    factor: float = 1.0,
 ) -> StudyUnit:
-    """Return the unit of a column: that of the key or of the file, which agree where both are there."""
+    """Return the unit of a column: that of the key or of the file, which agree where both are there.
+
+    A ``factor`` may turn one quantity into another, as the area a stress into a force. The key is then the unit of the
+    product.
+    """
     heading = table.headings[column]
     unit = as_unit(heading.unit, quantity)
     if given is None:
-        known = "" if is_unit(unit) else f", or name a known one by '{key}:'"
         return StudyUnit.at_key(
             f"{table.path}:{heading.unit_line or table.line}: {heading.name}", unit, quantity, scales,
-            (f"correct it in the file{known}", "take the unit out of the file, whose numbers are then dimensionless"),
+            (_other_unit(key, unit, quantity), "take the unit out of the file, whose numbers are then dimensionless"),
         )  # fmt: skip
     size, other = size_of(given.strip(), quantity), size_of(unit, quantity)
     # A unit that nobody knows, such as 'Sek', is what the key is for.
-    if given.strip() != unit and size is not None and (size != other if other else is_unit(unit)):
+    turned = abs(factor) != 1 and other is None
+    if (
+        given.strip() != unit
+        and size is not None
+        and not turned
+        and (size != other if other else is_unit(unit))
+    ):
         raise ConfigurationError(
             f"{key}: expected {echo(heading.unit)}, the unit of {echo(heading.name)} in {table.path}, got "
             f"{echo(given)}; remove one of the two"
         )
     return StudyUnit.at_key(key, given.strip(), quantity, scales)
+
+
+def _other_unit(key: str, unit: str, quantity: str) -> str:
+    """Return the advice on a unit in a file that is none of the quantity of its column."""
+    if not is_unit(unit):
+        return f"correct it in the file, or name a known one by '{key}:'"
+    if quantity == "force" and (pascal := size_of(unit, "stress")):
+        area = math.pi * DISC**2 / 4
+        return (
+            "a force is the stress times the area of the whole specimen: give 'unit: N' and as 'factor:' this area in "
+            f"m² times {float(pascal):g}, such as {area * float(pascal):.4g} for a disc of {1e3 * DISC:g} mm"
+        )
+    return "correct it in the file"
 
 
 def _spread(settings: ObservationSettings, unit: StudyUnit) -> float | None:

@@ -285,6 +285,16 @@ ROWS = [
         of_unit("kPa"),
     ),
     curve(
+        "sigma",
+        f"{KEY}.sigma: unknown key; the standard deviation of measured values is 'deviation:', or 'deviation_share:'",
+        sigma=0.01,
+    ),
+    row(
+        "bounds as a list",
+        "calibration.unknowns.radius: expected a section with keys below it, such as {lower: 0.2, upper: 0.3 m} (or",
+        {"unknowns": {"radius": [0.2, "0.3 m"]}},
+    ),
+    curve(
         "behind the end",
         f"{KEY}: the last time 40 lies behind",
         CREEP.replace("4,0", "40,0"),

@@ -104,6 +104,24 @@ REFUSED = {
         "s: expected a force, such as 10 mN, got 'kg', which is a mass; did you mean 'kgf', the weight of that mass, "
         "9.80665 N for 1 kg? correct it in the file",
     ),
+    "stress": (
+        "time,s [kPa]\n1,2\n2,3\n3,4\n",
+        {"quantity": "force", "surface": "y+"},
+        "s: expected a force, such as 10 mN, got 'kPa', which is a pressure; a force is the stress times the area of "
+        "the whole specimen: give 'unit: N' and as 'factor:' this area in m² times 1000, such as 0.02827 for a disc of "
+        "6 mm",
+    ),
+    "stress without its area": (
+        "time,s [kPa]\n1,2\n2,3\n3,4\n",
+        {"quantity": "force", "surface": "y+", "unit": "N", "factor": -1},
+        "unit: expected 'kPa', the unit of 's' in",
+    ),
+    "time in German": (
+        "Zeit [s];Kraft [um]\n1;2\n2;3\n3;4\n",
+        {},
+        "no column is called 'time'; the headings in line 1 are Zeit, Kraft; give 'time: Zeit', whose unit is one of "
+        "time",
+    ),
     "ragged": ("time,s\n1,2\n2\n3,4\n", {}, "curve.csv:3: expected 2 entries"),
     "text": ("time,s\n1,2\n2,x\n3,4\n", {}, "curve.csv:3: s: expected a finite number, got 'x'"),
     "nan": ("time,s\n1,2\n2,nan\n3,4\n", {}, "curve.csv:3: s: expected a finite number, got 'nan'"),
@@ -163,6 +181,27 @@ REFUSED = {
     ),
     "behind the end": ("time,s\n1,2\n2,3\n1e12,4\n", {}, "lies behind the end of the study"),
 }
+
+
+def test_a_stress_times_the_area_is_a_force(tmp_path: Path) -> None:
+    """2 kPa on 28.27 mm² are 0.05655 N."""
+    table = "time [s],s [kPa]\n1,2\n2,3\n3,4\n"
+    curve = read(
+        tmp_path, table, SCALES, quantity="force", surface="y+", unit="N", factor=1000 * np.pi * 3e-3**2
+    )
+    assert curve.unit == "N"
+    assert curve.measured == pytest.approx([0.0565487, 0.0848230, 0.1130973], rel=1e-5)
+
+
+def test_exchanged_columns_are_noted(tmp_path: Path) -> None:
+    table = "settlement [um],time [s]\n{}"
+    exchanged = read(tmp_path, table.format("1,0.1\n2,0.2\n3,0.3\n4,0.4\n5,0.4\n"), SCALES)
+    assert exchanged.notes == (
+        "2 rows have the same time; their mean counts; the values rise from row to row, so the two columns may be "
+        "exchanged",
+    )
+    doubled = read(tmp_path, table.format("1,0.1\n2,0.2\n2,0.3\n4,0.4\n5,0.4\n"), SCALES)
+    assert doubled.notes == ("2 rows have the same time; their mean counts",)
 
 
 def test_times_behind_the_end_that_have_no_unit_say_so(tmp_path: Path) -> None:

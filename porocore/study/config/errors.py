@@ -79,6 +79,8 @@ INSTEAD = {
     "'macro.initial:'",
     r"(dt|time_step|timestep|t_end|duration)": "the time plan is 'macro.time:', with step and end",
     r"(file|file_?name|image)": "a file is named by 'path:'",
+    r"(sigma|std(_?dev)?|sd|standard_deviation|errors?|uncertainty|noise)": "the standard deviation of measured values "
+    "is 'deviation:', or 'deviation_share:' as a share of the largest one",
     r"(units?)": "a unit is written behind its number, such as 3 mm, once 'scales:' is given at the top level; the "
     "units of results are 'output_units:'",
     r"(bcs?|boundary_conditions?|supports?|drainage)": "boundary conditions are 'macro.boundary:', by surface",
@@ -411,6 +413,9 @@ def _first(keys: Iterable[str], value: Any) -> Iterator[str]:
     for name, kind in (("kind", str), ("backend", str), ("range", list)):
         if name in keys and isinstance(value, kind):
             yield f", such as {{{name}: {cut(value) if isinstance(value, str) else echo(value)}}}"
+    if {"lower", "upper"} <= set(keys) and isinstance(value, list) and len(value) == 2:
+        lower, upper = (cut(end) if isinstance(end, str) else echo(end) for end in value)
+        yield f", such as {{lower: {lower}, upper: {upper}}}"
 
 
 def _number(name: str, value: Any, metadata: list[Any]) -> str:
