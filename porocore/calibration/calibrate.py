@@ -14,9 +14,18 @@ import numpy as np
 
 from porocore.calibration.cells import cells_at_rest, families, further_data
 from porocore.calibration.derived import derived_cells
-from porocore.calibration.fit import CalibrationFit, FitQuality, FitRounds, at_bounds, experiments_identity
+from porocore.calibration.fit import (
+    CalibrationFit,
+    FitQuality,
+    FitRounds,
+    at_bounds,
+    far_from_start,
+    place_of,
+    studies_identity,
+)
 from porocore.calibration.infer import Inference, infer
 from porocore.calibration.loading import read_plan
+from porocore.calibration.magnitudes import start_notes
 from porocore.calibration.observations import ObservedCurve, curve_data
 from porocore.calibration.plan import CalibrationFolder, CalibrationPlan, Experiment
 from porocore.calibration.posterior import Posterior, sample_posterior
@@ -97,6 +106,9 @@ def _calibrated(rounds: FitRounds, synthetic: bool, began: float) -> Calibration
     plan, folder, console = rounds.plan, rounds.folder, rounds.console
     if synthetic:
         plan = rounds.plan = _with_made_up_data(plan, rounds.model)
+    else:
+        for note in start_notes(plan, rounds.model):
+            console.warn(note)
     misfit, found = rounds.fitted(curve_data(plan.curves))
     inference = _with_error_of_steps(
         _inferred(plan, misfit, found, rounds, console), misfit, rounds, synthetic
@@ -111,17 +123,23 @@ def _calibrated(rounds: FitRounds, synthetic: bool, began: float) -> Calibration
 
 
 def _identity(plan: CalibrationPlan, synthetic: bool) -> dict[str, str]:
-    """Return the hashes of all that the answer depends on, by what they are of."""
-    curves = [
-        [None if c.measured is None else c.measured.tolist(), _listed(c.spread), c.share, c.weights.tolist()]
-        for c in plan.curves
-    ]
+    """Return the hashes of all that the answer depends on, by what they are of; the data of each curve by its file."""
     return {
-        "studies": experiments_identity(plan),
-        "data": json_hash([curves, synthetic]),
+        "studies": studies_identity(plan),
+        **{f"data of {_source(curve)}": json_hash([_contents(curve), synthetic]) for curve in plan.curves},
         "unknowns": json_hash([repr(each.unknown) for each in plan.unknowns]),
         "settings of the fit": json_hash(plan.fit.model_dump()),
     }
+
+
+def _source(curve: ObservedCurve) -> str:
+    return f"'{curve.name}'" if curve.file is None else f"'{curve.name}' ({curve.file.name})"
+
+
+def _contents(curve: ObservedCurve) -> list[Any]:
+    """Return all that a fit takes from a curve."""
+    measured = None if curve.measured is None else curve.measured.tolist()
+    return [place_of(curve), measured, _listed(curve.spread), curve.share, curve.weights.tolist()]
 
 
 def _listed(spread: float | Array | None) -> float | list[float] | None:
@@ -249,7 +267,8 @@ def _finished(
             f"{shift_words(inference.unknowns, inference.best.coordinates, error)}. The intervals include them. "
             "A quarter of macro.time.tolerance, or half of macro.time.step where there is none, halves the error"
         )
-    warnings += at_bounds(misfit, inference.best.coordinates)
+    warnings += at_bounds(misfit, inference.best.coordinates, explained=quality.explains)
+    warnings += far_from_start(misfit, inference.best.coordinates)
     warnings += () if posterior is None else posterior.complaints
     derived = derived_cells(inference, cells_at_rest(plan, rounds.cells))
     solves = sum(family.solves for family in rounds.cells)

@@ -13,6 +13,7 @@ import numpy as np
 
 from porocore.calibration.cells import FamilyCells
 from porocore.calibration.experiment import ExperimentModel, StudiesModel, error_of_steps
+from porocore.calibration.observations import ObservedCurve
 from porocore.calibration.plan import CalibrationFolder, CalibrationPlan
 from porocore.calibration.problem import CurveData, CurveModel, CurvePrediction, Fitted, Misfit
 from porocore.calibration.settings import FitSettings
@@ -232,16 +233,38 @@ class FitQuality:
         )
 
 
-def at_bounds(misfit: Misfit, coordinates: Array) -> list[str]:
-    """Return a sentence for each unknown that lies at a bound of the search, at coordinates (k,)."""
+def at_bounds(misfit: Misfit, coordinates: Array, *, explained: bool) -> list[str]:
+    """Return a sentence for each unknown that lies at a bound of the search, at coordinates (k,).
+
+    Wider bounds are proposed where the data are ``explained``; a wrong unit drives an unknown to a bound too.
+    """
     lower, upper = misfit.bounds
+    advice = "" if explained else "check the units and signs of the data first; where they are right, "
     return [
         f"the fitted {one.name} lies at the bound of the search, {one.value(float(bound)):.4g} {one.unit}".rstrip()
-        + "; widen the bounds"
+        + f"; {advice}widen the bounds"
         for one, x, low, high in zip(misfit.unknowns, coordinates, lower, upper, strict=True)
         for bound in (low, high)
         if abs(x - bound) < CLOSE * (high - low)
     ]
+
+
+#: A fitted value so many times the start value, or so small a part of it, is hardly that of the same material.
+DISTANT = 100.0
+
+
+def far_from_start(misfit: Misfit, coordinates: Array) -> list[str]:
+    """Return a sentence for each unknown on a log scale that lies far from its start value, at coordinates (k,)."""
+    found = []
+    for one, x in zip(misfit.unknowns, coordinates, strict=True):
+        ratio = one.value(float(x)) / one.start if one.scale == "log" else 1.0
+        if not 1 / DISTANT < ratio < DISTANT:
+            found.append(
+                f"the fitted {one.name}, {one.value(float(x)):.4g} {one.unit}".rstrip()
+                + f", is {ratio:.2g} times its start value, {one.start:.4g} {one.unit}".rstrip()
+                + "; check the units of the data and of the study"
+            )
+    return found
 
 
 #: Tolerance of the searches beside the first, until one is better by more than this share of a variance.
@@ -608,7 +631,8 @@ class FitRounds:
         found = fit(misfit, self.plan.fit, self.console)
         before = HOPELESS / LESS
         while True:
-            quality, bounds = FitQuality.of_fit(misfit, found.best), at_bounds(misfit, found.best.coordinates)
+            quality = FitQuality.of_fit(misfit, found.best)
+            bounds = at_bounds(misfit, found.best.coordinates, explained=quality.explains)
             for complaint in filter(None, (quality.complaint, *bounds)):
                 self.console.warn(f"fit: {complaint}")
             if not found.best.prediction.flagged or self.round >= self.plan.fit.rounds:
@@ -652,13 +676,22 @@ class FitRounds:
 
 def experiments_identity(plan: CalibrationPlan) -> str:
     """Return the hash of all that the curves depend on, beside cells and values of the unknowns."""
+    return json_hash([studies_identity(plan), [place_of(curve) for curve in plan.curves]])
+
+
+def place_of(curve: ObservedCurve) -> list[Any]:
+    """Return what a curve is of, its times and its units, for a hash."""
+    return [repr(curve.series), curve.times.tolist(), curve.unit, curve.factor]
+
+
+def studies_identity(plan: CalibrationPlan) -> str:
+    """Return the hash of the studies and of the numbers in them that are unknown."""
     experiments = [
         [
             one.name,
             one.config.stages.macro,
             None if one.config.scales is None else one.config.scales.model_dump(),
             one.load,
-            [[repr(c.series), c.times.tolist(), c.unit, c.factor] for c in one.curves],
         ]
         for one in plan.experiments
     ]

@@ -14,7 +14,7 @@ from porocore.calibration.observations import MeasuredSeries
 from porocore.calibration.plan import CalibrationPlan, Experiment, PlannedUnknown
 from porocore.calibration.posterior import require_emcee
 from porocore.calibration.reading import read_curve
-from porocore.calibration.settings import CalibrationSettings, ExperimentSettings
+from porocore.calibration.settings import OF_LOAD, CalibrationSettings, ExperimentSettings
 from porocore.calibration.unknowns import bounds_notes, keyed, planned_unknowns
 from porocore.core.files.reading import read_text
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted
@@ -28,8 +28,6 @@ from porocore.study.sweep.plan import family_over
 
 #: Key of the section in a study.
 SECTION = "calibration"
-#: Unknown numbers by which a load may have either sign.
-OF_LOAD = ("load", "boundary")
 
 
 class _Section(StrictModel):

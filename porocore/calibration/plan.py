@@ -203,7 +203,7 @@ RECORD = "calibrate.json"
 class CalibrationFolder(WorkFolder):
     """Files of one calibration."""
 
-    record, work, version = RECORD, "calibration", 2
+    record, work, version = RECORD, "calibration", 3
 
     def evaluations(self, round_: int) -> Path:
         """Return the record of all evaluations of a round."""

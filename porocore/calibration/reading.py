@@ -27,6 +27,8 @@ from porocore.states import Array
 
 #: Values that a measured curve has at least, and times that a planned one has.
 FEWEST, FEWEST_TIMES = 3, 2
+#: Share of the rows that have one time, above which the column may be one of values.
+PLATEAU = 0.2
 #: Diameter of the disc of an example [m].
 DISC = 6e-3
 #: Share of the end of a study by which a last time may lie behind it where it is rounded.
@@ -248,13 +250,15 @@ def _notes(
     if left := len(table.rows) - len(rows.rows):
         yield f"{left} of {len(table.rows)} rows, which have no number for the curve, were left out"
     if doubled := len(read.times) - len(data.times):
-        shared = int((np.unique(read.times, return_counts=True)[1] > 1).sum())
+        alike = np.unique(read.times, return_counts=True)[1]
+        shared = int((alike > 1).sum())
         said = (
             f"{shared + doubled} rows have {shared} times between them; the mean of the rows at one time counts"
             if shared > 1
             else f"{1 + doubled} rows have the same time; their mean counts"
         )
-        rising = len(read.values) > FEWEST and (np.diff(read.values) > 0).all()
+        # A plateau of the times, over which the values go on rising as times do.
+        rising = alike.max() > max(FEWEST, PLATEAU * len(read.times)) and (np.diff(read.values) > 0).all()
         yield said + (
             "; the values rise from row to row, so the two columns may be exchanged" if rising else ""
         )

@@ -315,6 +315,8 @@ OWN: dict[NumberKind, str] = {
     "load": "",
     "time_shift": "time",
 }
+#: Unknown numbers by which a load may have either sign, and any size.
+OF_LOAD: tuple[NumberKind, ...] = ("load", "boundary")
 #: Those that are above 0, whose search is in ln x unless something else is said.
 POSITIVE: tuple[NumberKind, ...] = ("modulus", "viscosity", "pore")
 #: Names of the coordinates, in order.

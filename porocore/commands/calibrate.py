@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -82,12 +83,14 @@ class CalibrateCommand(Command):
     def check(self, document: YamlDocument, config: Any, settings: Any) -> FileCheck:
         """Read the data, of which some may be made up later."""
         from porocore.calibration.loading import read_plan
+        from porocore.calibration.magnitudes import linear_notes
         from porocore.study.notes.checks import check_backends
 
         plan = read_plan(document, planned=True)
         if config is None:
             for experiment in plan.experiments:
                 check_backends(experiment.config)
+        plan = replace(plan, notes=(*plan.notes, *linear_notes(plan)))
         return FileCheck(plan.outline if config is None else plan.section, {"synthetic": plan.is_planned})
 
 

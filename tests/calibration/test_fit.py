@@ -17,6 +17,8 @@ from porocore.calibration.fit import (
     FitQuality,
     RecordedModel,
     _progress,
+    at_bounds,
+    far_from_start,
     fit,
 )
 from porocore.calibration.problem import CurveData, CurveModel, CurvePrediction, Misfit, NormalPrior, Unknown
@@ -167,6 +169,27 @@ def test_data_that_nothing_explains_are_told_in_one_sentence() -> None:
     assert "no values of the unknowns explain the data" in quality.complaint
     assert "units, signs and zero of its columns ('offset:' is subtracted)" in quality.complaint
     assert "the curve 'force' is off by" in quality.complaint
+
+
+def test_a_bound_is_widened_only_after_a_look_at_the_units() -> None:
+    misfit = Misfit(Relaxation(), data())
+    at = np.array([np.log(10.0), 1.0])
+    (plain,) = at_bounds(misfit, at, explained=True)
+    (other,) = at_bounds(misfit, at, explained=False)
+    assert plain == "the fitted height lies at the bound of the search, 10; widen the bounds"
+    assert other.endswith(
+        "10; check the units and signs of the data first; where they are right, widen the bounds"
+    )
+
+
+def test_a_value_far_from_its_start_is_told() -> None:
+    unknowns = (Unknown("modulus", 0.5, 0.1, 5000.0, "log", unit="MPa"), Unknown("rate", 0.01, 0.0, 5.0))
+    misfit = Misfit(Relaxation(unknowns), data())
+    assert far_from_start(misfit, np.array([np.log(500.0), 4.0])) == [
+        "the fitted modulus, 500 MPa, is 1e+03 times its start value, 0.5 MPa; check the units of the data and of the "
+        "study"
+    ]
+    assert not far_from_start(misfit, np.array([np.log(40.0), 4.0]))
 
 
 class Valley(CurveModel):

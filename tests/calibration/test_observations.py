@@ -195,13 +195,13 @@ def test_a_stress_times_the_area_is_a_force(tmp_path: Path) -> None:
 
 def test_exchanged_columns_are_noted(tmp_path: Path) -> None:
     table = "settlement [um],time [s]\n{}"
-    exchanged = read(tmp_path, table.format("1,0.1\n2,0.2\n3,0.3\n4,0.4\n5,0.4\n"), SCALES)
+    exchanged = read(tmp_path, table.format("1,.1\n2,.2\n3,.3\n4,.4\n5,.4\n6,.4\n7,.4\n"), SCALES)
     assert exchanged.notes == (
-        "2 rows have the same time; their mean counts; the values rise from row to row, so the two columns may be "
+        "4 rows have the same time; their mean counts; the values rise from row to row, so the two columns may be "
         "exchanged",
     )
-    doubled = read(tmp_path, table.format("1,0.1\n2,0.2\n2,0.3\n4,0.4\n5,0.4\n"), SCALES)
-    assert doubled.notes == ("2 rows have the same time; their mean counts",)
+    plateau = read(tmp_path, table.format("1,.1\n2,.2\n2,.3\n4,.4\n5,.4\n6,.4\n7,.4\n"), SCALES)
+    assert plateau.notes == ("4 rows have the same time; their mean counts",)
 
 
 def test_times_behind_the_end_that_have_no_unit_say_so(tmp_path: Path) -> None:

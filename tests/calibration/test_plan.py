@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 import yaml
 
+from porocore.calibration.calibrate import _identity
 from porocore.calibration.loading import read_plan
-from porocore.calibration.plan import CalibrationPlan
-from porocore.errors import ConfigurationError
+from porocore.calibration.plan import CalibrationFolder, CalibrationPlan
+from porocore.errors import ConfigurationError, RunFolderError
 from porocore.study.config.loading import load_config
 
 SIDE = {"displacement": [0, None, 0]}
@@ -344,6 +345,21 @@ def test_faults_are_told_with_file_line_and_key(case: str, tmp_path: Path) -> No
     last = (key or "calibration").rpartition(".")[2]
     lines = path.read_text(encoding="utf-8").splitlines()
     assert "missing" in words or last in lines[int(line) - 1]
+
+
+def test_other_data_are_named_by_curve_and_file(tmp_path: Path) -> None:
+    path, out = write(tmp_path, SECTION), tmp_path / "out"
+
+    def claim() -> CalibrationFolder:
+        return CalibrationFolder(out, _identity(read_plan(path), False), resume=True)
+
+    claim()
+    claim()
+    text = "holds another calibration, with other data of 'settlement' (creep.csv); choose"
+    for old, new in (("[um]", "[nm]"), ("60,", "61,"), ("20\n", "21\n")):
+        (tmp_path / "creep.csv").write_text(CREEP.replace(old, new), encoding="utf-8")
+        with pytest.raises(RunFolderError, match=re.escape(text)):
+            claim()
 
 
 def test_a_study_without_a_section_is_refused(tmp_path: Path) -> None:

@@ -243,13 +243,9 @@ class WorkFolder:
         """Return words for what differs in a record that was read."""
         known = found.get("identity") if isinstance(found, dict) else None
         mine = self._expected["identity"]
-        if (
-            not isinstance(known, dict)
-            or {**found, "identity": mine} != self._expected
-            or set(known) != set(mine)
-        ):
+        if not isinstance(known, dict) or {**found, "identity": mine} != self._expected:
             return "whose record is of another version, or damaged"
-        return f"with other {joined(name for name in mine if known[name] != mine[name])}"
+        return f"with other {joined(name for name in {**mine, **known} if known.get(name) != mine.get(name))}"
 
     def __enter__(self) -> Self:
         """Take the lock; the system releases it when the process ends, however it ends."""

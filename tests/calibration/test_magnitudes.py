@@ -1,0 +1,110 @@
+"""Notes on measured curves whose size the study excludes: by linear poroelasticity, and at the start values."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from porocore.calibration.loading import read_plan
+from porocore.calibration.magnitudes import linear_notes, start_notes
+from porocore.calibration.plan import CalibrationPlan
+from porocore.calibration.problem import CurveModel, CurvePrediction
+from porocore.errors import SolveError
+from porocore.states import Array
+
+SIDE = {"displacement": [0, None, 0]}
+#: A column of 0.1 mm × 0.1 mm under 25 kPa carries 0.25 mN, whatever its cell is.
+STUDY: dict[str, Any] = {
+    "cell": {
+        "geometry": {"kind": "orthogonal-channels", "radius": 0.25},
+        "material": {"poisson_ratio": 0.3},
+        "viscosity": "1 mPa s",
+        "mesh": {"size": 0.5, "fluid_size": 0.5, "element": "linear"},
+    },
+    "scales": {"modulus": "0.5 MPa", "length": "1 mm", "pore": "2 um", "viscosity": "1 mPa s"},
+    "sampling": {
+        "inputs": {"H22": {"range": [-0.1, 0.02], "step": 0.02}, "p": {"range": [-0.02, 0.05], "step": 0.02}}
+    },
+    "surrogate": {"backend": "polynomial"},
+    "closure": "potential",
+    "macro": {
+        "body": {"kind": "box", "size": [0.1, 1.0, 0.1], "elements": [1, 4, 1]},
+        "boundary": {
+            **dict.fromkeys(("x-", "x+", "z-", "z+"), SIDE),
+            "y-": {"displacement": [0, 0, 0]},
+            "y+": {"traction": [0, "25 kPa", 0], "pressure": 0},
+        },
+        "loads": [-1],
+        "time": {"end": "1 h", "step": "600 s", "ramp_increments": 2, "ramp_step": "1 s"},
+    },
+}
+MODULUS = {"lower": "100 kPa", "upper": "2 MPa"}
+FORCE = {"quantity": "force", "surface": "y-", "file": "force.csv", "deviation_share": 0.02}
+
+
+def plan(folder: Path, unit: str, values: tuple[float, ...], **unknowns: Any) -> CalibrationPlan:
+    rows = "".join(f"{60 * (k + 1)},{value}\n" for k, value in enumerate(values))
+    (folder / "force.csv").write_text(f"time [s],force [{unit}]\n{rows}", encoding="utf-8")
+    section = {"unknowns": unknowns or {"modulus": MODULUS}, "observations": {"press": FORCE}}
+    return read_plan({**STUDY, "calibration": section})
+
+
+CARRIED = (0.2, 0.24, 0.25)
+
+
+@pytest.mark.parametrize("unit", ["mN", "kN", "uN"])
+def test_a_force_is_compared_with_that_of_the_linear_body(
+    unit: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    notes = [*linear_notes(plan(tmp_path, unit, CARRIED))]
+    if unit == "mN":
+        assert not notes
+        return
+    # Between the bounds the modulus changes by 1/5 to 4.
+    told = {
+        "kN": "those of the study 2.5e-07 kN by linear poroelasticity, and at most 1.25e-06 kN",
+        "uN": "those of the study 250 µN by linear poroelasticity, and at least 50 µN",
+    }
+    (note,) = notes
+    shown = unit.replace("u", "µ")
+    assert note.startswith(f"press: the values reach 0.25 {shown} in size, but {told[unit]}")
+    assert "check the unit of the values ('unit:' or the heading)" in note
+
+
+def test_bounds_and_loads_that_are_unknown_excuse_any_size(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    wide = {"modulus": {"lower": "100 kPa", "upper": "100 GPa"}}
+    load = {"boundary.y+.traction.y": {"lower": "20 kPa", "upper": "30 kPa"}}
+    for unknowns in (wide, load):
+        assert not [*linear_notes(plan(tmp_path, "N", CARRIED, **unknowns))]
+
+
+class Constant(CurveModel):
+    """A curve that is the same at all values; None: it cannot be computed."""
+
+    def __init__(self, of: CalibrationPlan, value: float | None) -> None:
+        self.unknowns, self.value = tuple(each.unknown for each in of.unknowns), value
+
+    def curves(self, values: Array) -> CurvePrediction:
+        if self.value is None:
+            raise SolveError("no solution")
+        return CurvePrediction(np.full(3, self.value), np.zeros((3, len(values))))
+
+
+def test_before_the_fit_it_is_compared_with_the_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    measured = plan(tmp_path, "N", (200.0, 240.0, 250.0))
+    assert not [*start_notes(measured, Constant(measured, None))]
+    assert not [*start_notes(measured, Constant(measured, 10.0))]
+    (note,) = start_notes(measured, Constant(measured, 1.0))
+    assert note.startswith(
+        "press: the values reach 250 N in size, but those of the study 1 N at the start values, and at most 5 N"
+    )
