@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Sequence
-from concurrent.futures import FIRST_COMPLETED, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, wait
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import partial
@@ -196,10 +196,14 @@ class RunSeries(ABC, Generic[T]):
             idle = [stack.enter_context(CallProcesses(1)) for _ in range(workers)]
             while waiting or running:
                 while waiting and idle and len(running) < max(1, waiting[0].side_by_side):
-                    case, process = waiting.popleft(), idle.pop()
+                    case, process = waiting[0], idle.pop()
                     what = f"while it solved {case.words}"
-                    call = process.submit(what, _solve, type(self).function, self.setup, case.arguments)
-                    running[case.key] = case, process, call
+                    try:
+                        call = process.submit(what, _solve, type(self).function, self.setup, case.arguments)
+                    except BrokenExecutor:  # it ended while it had nothing to do
+                        idle.append(stack.enter_context(CallProcesses(1)))
+                        continue
+                    running[waiting.popleft().key] = case, process, call
                 wait([call.future for _, _, call in running.values()], PATIENCE, FIRST_COMPLETED)
                 for case, process, call in list(running.values()):
                     if not call.future.done():

@@ -86,6 +86,20 @@ def test_a_process_that_ends_costs_its_case_alone_which_is_tried_twice(tmp_path)
         Squares(tmp_path, takes=()).run(cases([19, 29]), silent(), 2)
 
 
+def test_a_process_that_ends_while_it_has_nothing_to_do_is_replaced(tmp_path):
+    class Killing(Squares):
+        def save(self, case, result):
+            super().save(case, result)
+            if case.key == "3":
+                (process,) = (process for process, _, number in self.lines("ends") if number == 3)
+                os.kill(process, signal.SIGKILL)
+                time.sleep(0.3)
+
+    series = Killing(tmp_path)
+    assert series.run(cases([2, 3, 5], [1.0]), silent(), 2) == [4, 9, 25]
+    assert len(series.lines("begins")) == 3
+
+
 #: Ends by a signal after the first case was recorded, or goes on.
 SCRIPT = """
 import io, sys
