@@ -4,6 +4,7 @@ Every module is parsed, so that imports inside functions and those for type chec
 """
 
 import ast
+import importlib
 import re
 import subprocess
 import sys
@@ -14,6 +15,8 @@ from pathlib import Path
 import pytest
 
 import porocore
+import porocore.interfaces
+import porocore.testing
 
 ROOT = Path(__file__).parents[1]
 CORE = ROOT / "porocore"
@@ -355,18 +358,22 @@ def run_python(code):
     return done.stdout.strip()
 
 
-def test_what_is_typed_as_public_is_what_is_public():
-    tree = ast.parse((CORE / "__init__.py").read_text(encoding="utf-8"))
+@pytest.mark.parametrize("package", [porocore, porocore.interfaces, porocore.testing])
+def test_what_is_typed_as_public_is_what_is_public(package):
+    """The stub is read by type checkers and by the package itself."""
+    stub = tree_of(Path(f"{package.__file__}i"))
     typed = {
-        (node.module, alias.name)
-        for branch in ast.walk(tree)
-        if isinstance(branch, ast.If) and ast.unparse(branch.test) == "TYPE_CHECKING"
-        for node in branch.body
+        alias.asname: (node.module, alias.name)
+        for node in stub.body
         if isinstance(node, ast.ImportFrom)
         for alias in node.names
     }
-    assert typed == {(module, name) for module, names in porocore._HOMES.items() for name in names}
-    assert sorted(name for _, name in typed) == porocore.__all__
+    assert sorted(typed) == package.__all__
+    for name, (module, original) in typed.items():
+        assert getattr(package, name) is getattr(importlib.import_module(module), original), name
+
+
+def test_what_is_not_public_is_no_attribute():
     with pytest.raises(AttributeError, match="no attribute 'frobnicate'"):
         _ = porocore.frobnicate
 

@@ -1,0 +1,17 @@
+from porocore.interfaces.cell import CellField as CellField
+from porocore.interfaces.cell import CellSolution as CellSolution
+from porocore.interfaces.cell import CellSolver as CellSolver
+from porocore.interfaces.command import Command as Command
+from porocore.interfaces.command import FileCheck as FileCheck
+from porocore.interfaces.macro import MacroSolver as MacroSolver
+from porocore.interfaces.records import RestData as RestData
+from porocore.interfaces.sampler import Exploration as Exploration
+from porocore.interfaces.sampler import Explore as Explore
+from porocore.interfaces.sampler import Outlook as Outlook
+from porocore.interfaces.sampler import Request as Request
+from porocore.interfaces.sampler import Sampler as Sampler
+from porocore.interfaces.sampler import StudyFacts as StudyFacts
+from porocore.interfaces.sampler import StudySampler as StudySampler
+from porocore.interfaces.surrogate import Surrogate as Surrogate
+from porocore.interfaces.surrogate import TrainingProgress as TrainingProgress
+from porocore.interfaces.surrogate import TrainingSet as TrainingSet

@@ -1,0 +1,11 @@
+from porocore.plugins.table import KIT_VERSION as KIT_VERSION
+from porocore.testing.cell_laws.base import CellSolverSuite as CellSolverSuite
+from porocore.testing.cell_laws.base import MeshedCellSuite as MeshedCellSuite
+from porocore.testing.cell_laws.exact import CellContactSuite as CellContactSuite
+from porocore.testing.command_laws import CommandSuite as CommandSuite
+from porocore.testing.macro_laws.states import MacroLawSuite as MacroLawSuite
+from porocore.testing.macro_laws.states import MacroSolverSuite as MacroSolverSuite
+from porocore.testing.sampler_laws import SamplerSuite as SamplerSuite
+from porocore.testing.suite import Suite as Suite
+from porocore.testing.surrogate_laws.base import SurrogateSuite as SurrogateSuite
+from porocore.testing.surrogate_laws.potential import PotentialSuite as PotentialSuite
