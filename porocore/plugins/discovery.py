@@ -59,15 +59,7 @@ class Source:
         return f"{self} ({self.file})" if self.file else str(self)
 
 
-@dataclass(frozen=True)
-class Unreadable:
-    """An entry point that cannot be read, or all of a distribution, and why."""
-
-    source: Source
-    reason: str
-
-
-def entry_points() -> Iterator[tuple[Source, metadata.EntryPoint] | Unreadable]:
+def entry_points() -> Iterator[tuple[Source, metadata.EntryPoint] | Broken]:
     """Yield each entry point once with its source, in the order of ``sys.path``."""
     seen: set[object] = set()
     for distribution in metadata.distributions():
@@ -98,11 +90,11 @@ def _headers(distribution: metadata.Distribution) -> Message:
 
 def _of(
     distribution: metadata.Distribution, name: str, said: Message, seen: set[object]
-) -> Iterator[tuple[Source, metadata.EntryPoint] | Unreadable]:
+) -> Iterator[tuple[Source, metadata.EntryPoint] | Broken]:
     where = str(distribution.locate_file(""))
     read = attempt(lambda: distribution.entry_points.select(group=PROJECT))
     if read.error is not None:
-        yield Unreadable(
+        yield Broken(
             Source(name, "", "entry_points.txt", file=where),
             f"its entry_points.txt cannot be read: {reason_of(read.error)} ({where}); reinstall it",
         )
@@ -119,7 +111,7 @@ def _of(
             yield replace(source, file=file_of(module.value) or where), entry_point
         else:
             wanted = f"entry point {entry_point.name}: expected a module, or module:attribute"
-            yield Unreadable(source, f"{wanted}, got {short_repr(entry_point.value)} ({where})")
+            yield Broken(source, f"{wanted}, got {short_repr(entry_point.value)} ({where})")
 
 
 __all__ = ["Broken", "Offered", "Source", "discover"]
@@ -176,8 +168,8 @@ def discover() -> tuple[list[Offered], list[Broken]]:
     offers = list(own_offers())
     broken: list[Broken] = []
     for found in entry_points():
-        if isinstance(found, Unreadable):
-            broken.append(Broken(found.source, found.reason))
+        if isinstance(found, Broken):
+            broken.append(found)
         else:
             _read(*found, offers, broken)
     kinds = list(KINDS)
