@@ -27,8 +27,8 @@ class Backends:
     """
 
     names: dict[Kind, tuple[str, ...]]
-    broken: tuple[PluginRow, ...]
-    missing: tuple[PluginRow, ...]
+    broken: tuple[PluginRow, ...] = ()
+    missing: tuple[PluginRow, ...] = ()
 
     @property
     def absent(self) -> tuple[str, ...]:

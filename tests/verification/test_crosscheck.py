@@ -19,7 +19,7 @@ from porocore.study.config.loading import crosscheck_path, load_config
 from porocore.verification.crosscheck import comparison as compared_states
 from porocore.verification.crosscheck import select_backends
 from porocore.verification.crosscheck.bodies import AVERAGES, DERIVATIVES
-from porocore.verification.crosscheck.comparison import STATES, solve_samples
+from porocore.verification.crosscheck.comparison import STATES, failures_of, solve_samples
 
 pytest.importorskip("skfem")
 
@@ -271,7 +271,7 @@ def test_a_broken_plugin_is_a_failure(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(distribution(tmp_path, "bad", "no_such_module_at_all"))
     fresh = registry.Registry.discover()
     monkeypatch.setattr("porocore.verification.backends.registry", lambda: fresh)
-    (line,) = select_backends(fem=["skfem", "twin"]).broken
+    (line,) = failures_of(select_backends(fem=["skfem", "twin"]))
     assert (line.passed, line.quantity) == (False, "bad")
     assert "porocore-bad 1.0 is broken: ModuleNotFoundError" in line.reason
     assert not select_backends(fem=["skfem", "twin"], surrogates=["cubic"]).broken

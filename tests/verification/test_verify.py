@@ -10,12 +10,12 @@ from porocore.cli import main
 from porocore.errors import ConfigurationError, PluginError
 from porocore.plugins import registry
 from porocore.plugins.table import PluginRow
+from porocore.verification.backends import Backends
 from porocore.verification.ladder import cases as ladder
 from porocore.verification.ladder import document
 from porocore.verification.ladder.case import Check, VerificationCase, observed_order, relative_check
 from porocore.verification.ladder.cases import (
     CaseResult,
-    SolverSelection,
     run_cases,
     select_cases,
     select_solvers,
@@ -70,7 +70,7 @@ def fakes(monkeypatch):
     monkeypatch.setattr(ladder, "CASES", FAKES)
     monkeypatch.setattr(ladder, "registry", Registry)
     monkeypatch.setattr(
-        ladder, "select_solvers", lambda fem: SolverSelection({"cell solver": (), "macro solver": ("fake",)})
+        ladder, "select_solvers", lambda fem: Backends({"cell solver": (), "macro solver": ("fake",)})
     )
 
 
@@ -154,10 +154,11 @@ def test_a_broken_plugin_is_a_failure_unless_backends_are_named(monkeypatch):
 
     monkeypatch.setattr("porocore.verification.backends.registry", Registry)
     found = select_solvers()
-    assert [row.describe() for row in found.broken] == ["porocore-bent 1: broken: ImportError: no"]
+    (row,) = run_cases([], found)
+    assert row.describe() == "porocore-bent 1: broken: ImportError: no"
     assert found.absent == ("thin (missing dependency): pip",)
     name = found.names["cell solver"][0]
-    assert select_solvers([name]) == SolverSelection({"cell solver": (name,), "macro solver": (name,)})
+    assert select_solvers([name]) == Backends({"cell solver": (name,), "macro solver": (name,)})
 
 
 def test_the_command_prints_a_table_and_the_status(fakes, porocore_command, tmp_path):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from porocore.core.console import Console
 from porocore.interfaces.law import MacroLaw
 from porocore.study.config.config import RunConfig
+from porocore.verification.backends import Backends
 from porocore.verification.crosscheck.bodies import (
     BodyRun,
     CellRun,
@@ -22,9 +23,9 @@ from porocore.verification.crosscheck.bodies import (
     train,
 )
 from porocore.verification.crosscheck.comparison import (
-    BackendSelection,
     Comparison,
     SharedSamples,
+    failures_of,
     share_samples,
 )
 
@@ -46,7 +47,7 @@ class CrossCheck:
     """
 
     config: RunConfig
-    selection: BackendSelection
+    selection: Backends
     comparisons: tuple[Comparison, ...]
     cells: tuple[CellRun, ...]
     samples: SharedSamples | None
@@ -69,7 +70,7 @@ class CrossCheck:
         return max(self.comparisons, key=lambda line: line.excess)
 
 
-def crosscheck(config: RunConfig, who: BackendSelection, *, console: Console) -> CrossCheck:
+def crosscheck(config: RunConfig, who: Backends, *, console: Console) -> CrossCheck:
     """Run every backend on the case and compare all pairs.
 
     A backend that fails is a line of the result; the others go on.
@@ -79,26 +80,26 @@ def crosscheck(config: RunConfig, who: BackendSelection, *, console: Console) ->
     PorocoreError
         The case itself cannot be used: its cell cannot be meshed.
     """
-    load_libraries(who.surrogates)
-    found = list(who.broken)
+    load_libraries(who.names["surrogate"])
+    found = failures_of(who)
     make_meshes(config)
     cells = []
-    for name in who.cells:
+    for name in who.names["cell solver"]:
         with console.task(f"cell, {name}", "solves") as task:
             cells.append(run_cell(config, name, task))
     found += compare_cells(cells)
 
-    samples, failures = share_samples(config, who.cells, console)
+    samples, failures = share_samples(config, who.names["cell solver"], console)
     found += failures
     surrogates: list[SurrogateRun] = []
     bodies: list[BodyRun] = []
     if samples is not None:
-        surrogates = [train(config, name, samples, console) for name in who.surrogates]
+        surrogates = [train(config, name, samples, console) for name in who.names["surrogate"]]
         found += compare_surrogates(surrogates, samples, config.sampling.test.seed)
         for name, law in make_laws(config, samples, surrogates).items():
             if not isinstance(law, MacroLaw):
                 found.append(Comparison.failure("body", f"law {name}", "closure", name, law))
                 continue
-            bodies += [run_body(config, backend, name, law, console) for backend in who.bodies]
+            bodies += [run_body(config, backend, name, law, console) for backend in who.names["macro solver"]]
         found += compare_bodies(bodies)
     return CrossCheck(config, who, tuple(found), tuple(cells), samples, tuple(surrogates), tuple(bodies))

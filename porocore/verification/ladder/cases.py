@@ -10,7 +10,7 @@ from porocore.core.echo import echo
 from porocore.errors import ConfigurationError, PluginError
 from porocore.plugins.kinds import Kind
 from porocore.plugins.registry import registry
-from porocore.verification.backends import FEM, advice, find_backends
+from porocore.verification.backends import FEM, Backends, advice, find_backends
 from porocore.verification.crosscheck.comparison import attempt
 from porocore.verification.ladder import cell_cases, consolidation, small_strain, unconfined, xie_leo
 from porocore.verification.ladder import cell_cases as permeability
@@ -71,26 +71,7 @@ class CaseResult:
         )
 
 
-@dataclass(frozen=True)
-class SolverSelection:
-    """Backends that solve the cases.
-
-    Attributes
-    ----------
-    names
-        Names of the solvers of each kind.
-    broken
-        One failure for each plugin that is installed and cannot be used.
-    absent
-        Installed plugins whose requirements are not, with what installs those.
-    """
-
-    names: dict[Kind, tuple[str, ...]]
-    broken: tuple[CaseResult, ...] = ()
-    absent: tuple[str, ...] = ()
-
-
-def select_solvers(fem: Sequence[str] = ()) -> SolverSelection:
+def select_solvers(fem: Sequence[str] = ()) -> Backends:
     """Return the installed finite-element backends, or the named ones.
 
     Raises
@@ -100,16 +81,13 @@ def select_solvers(fem: Sequence[str] = ()) -> SolverSelection:
     """
     found = find_backends({FEM: fem})
     if fem:
-        return SolverSelection(found.names)
+        return Backends(found.names)
     if not any(found.names.values()):
         why = advice((*found.broken, *found.missing))
         raise PluginError(
             f"there is no finite-element backend; install one: {'; '.join(why) or 'see docs/plugins.md'}"
         )
-    broken = (
-        CaseResult("", "", row.distribution, None, f"{row.state}: {row.advice}") for row in found.broken
-    )
-    return SolverSelection(found.names, tuple(dict.fromkeys(broken)), found.absent)
+    return found
 
 
 def select_cases(names: Sequence[str] = ()) -> list[VerificationCase]:
@@ -128,7 +106,7 @@ def select_cases(names: Sequence[str] = ()) -> list[VerificationCase]:
 
 def run_cases(
     cases: Sequence[VerificationCase],
-    backends: SolverSelection,
+    backends: Backends,
     *,
     long: bool = False,
     on_item: Callable[[str, int, int], None] | None = None,
@@ -143,7 +121,12 @@ def run_cases(
         for item in case.items
         for backend in backends.names[case.kind]
     ]
-    rows = list(backends.broken)
+    rows = list(
+        dict.fromkeys(
+            CaseResult("", "", row.distribution, None, f"{row.state}: {row.advice}")
+            for row in backends.broken
+        )
+    )
     for done, (case, item, backend) in enumerate(todo):
         if on_item is not None:
             on_item(f"{case.name}, {item}, {backend}", done, len(todo))
