@@ -18,6 +18,7 @@ from porocore.core.parallel.calls import Call, CallProcesses, ProcessEnded, Tell
 from porocore.errors import DataError, RunFolderError
 
 T = TypeVar("T")
+Setup = tuple[Callable[..., tuple[Any, ...]], tuple[Any, ...]]
 #: Seconds between two looks at processes and interrupts while nothing ends.
 PATIENCE = 0.2
 #: Times that a case is tried whose process ends.
@@ -87,14 +88,16 @@ class RunSeries(ABC, Generic[T]):
         ``tell`` takes a :class:`CaseProgress` or a :class:`FromStore`.
     known
         Results of the record by the keys of their cases.
+    setup
+        Function and arguments of what each process makes once for all of its cases (``made``); None: nothing.
     """
 
     title: ClassVar[str]
     unit: ClassVar[str]
     function: ClassVar[Callable[..., Any]]
 
-    def __init__(self, known: dict[str, T]) -> None:
-        self.known = known
+    def __init__(self, known: dict[str, T], setup: Setup | None = None) -> None:
+        self.known, self.setup = known, setup
 
     @abstractmethod
     def save(self, case: Case, result: T) -> None:
@@ -119,11 +122,6 @@ class RunSeries(ABC, Generic[T]):
     def describe(self, case: Case, result: T) -> str:
         """Return a result in words for the progress."""
         return case.words
-
-    @property
-    def setup(self) -> Setup | None:
-        """Function and arguments of what each process makes once for all of its cases (``made``); None: nothing."""
-        return None
 
     def run(self, cases: Sequence[Case], console: Console, workers: int = 1) -> list[T]:
         """Solve the cases that are not finished, and return the results of all, in their order.
@@ -267,7 +265,6 @@ class _Progress:
         )
 
 
-Setup = tuple[Callable[..., tuple[Any, ...]], tuple[Any, ...]]
 #: What this process has made for its cases; a process of a series works for no other.
 _here: tuple[Any, ...] | None = None
 

@@ -23,7 +23,7 @@ from porocore.sampling.execution.solved_store import SolvedStore
 from porocore.states import Array
 from porocore.study.config.config import FemSettings, RunConfig
 from porocore.study.notes.checks import find_backends
-from porocore.study.series import Case, CaseProgress, FromStore, RunSeries, Setup, claim_record
+from porocore.study.series import Case, CaseProgress, FromStore, RunSeries, claim_record
 from porocore.study.stages.stage_files import prepare_stored
 from porocore.study.store import chosen_store, taken
 
@@ -166,17 +166,14 @@ class StabilitySeries(RunSeries[StabilityLine]):
 
     def __init__(self, config: RunConfig, plan: MapPlan, path: Path, store: ResultStore | None) -> None:
         self._plan, self._path, described = plan, path, plan.describe()
-        self._setup = prepare, (config.fem, config.cell, store)
         self._identity = json_hash([config.stages.cell, described])
         self._provenance = {"config": config.resolved_yaml(), "plan": json.dumps(described)}
         lines = load(path, self._identity) if path.exists() else []
         across = NAMES.index(plan.across)
-        super().__init__({str(plan.values.index(line.start[across])): line for line in lines})
-
-    @property
-    def setup(self) -> Setup:
-        """Preparation of the cell."""
-        return self._setup
+        super().__init__(
+            {str(plan.values.index(line.start[across])): line for line in lines},
+            (prepare, (config.fem, config.cell, store)),
+        )
 
     def cases(self) -> list[Case]:
         """Return the lines as cases."""

@@ -45,14 +45,10 @@ class Squares(RunSeries[float]):
     function = staticmethod(square)
 
     def __init__(self, folder, takes=(SolveError,), known=None):
-        super().__init__({})
         self.folder, self.takes, self.there = Path(folder), takes, known or {}
         self.log = self.folder / "log"
+        super().__init__({}, (made, (self.log,)))
         self.kept = []
-
-    @property
-    def setup(self):
-        return made, (self.log,)
 
     def find(self, case):
         path = self.folder / case.key

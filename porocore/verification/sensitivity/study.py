@@ -33,7 +33,6 @@ from porocore.study.series import (
     CaseProgress,
     FromStore,
     RunSeries,
-    Setup,
     claim_record,
     require_own,
 )
@@ -265,14 +264,8 @@ class SensitivitySeries(RunSeries[HalfLine]):
         # One whose process ended is solved again.
         for name in [name for name, line in study.lines.items() if line.end is Status.lost]:
             del study.lines[name]
-        super().__init__(study.lines)
+        super().__init__(study.lines, (prepare_stored, (store, *arguments)))
         self._study, self._path = study, path
-        self._setup = prepare_stored, (store, *arguments)
-
-    @property
-    def setup(self) -> Setup:
-        """Preparation of the cell."""
-        return self._setup
 
     def cases(self) -> list[Case]:
         """Return the half lines as cases."""
