@@ -23,11 +23,11 @@ import yaml
 from common import table
 
 import porocore
-from porocore.calibration.cells import families
-from porocore.calibration.experiment import ExperimentModel, StudiesModel
-from porocore.calibration.loading import read_plan
-from porocore.calibration.observations import HistoryInterpolation, curve_data
-from porocore.calibration.problem import Misfit
+from porocore.commands.calibration.cells import families
+from porocore.commands.calibration.experiment import ExperimentModel, StudiesModel
+from porocore.commands.calibration.loading import read_plan
+from porocore.commands.calibration.observations import HistoryInterpolation, curve_data
+from porocore.commands.calibration.problem import Misfit
 from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
 from porocore.macro.boundary.symmetry import whole_specimen

@@ -30,14 +30,14 @@ from common import table
 from coverage_studies import STUDIES
 from viscosity_ratio import PowerSeries, ratio_interval
 
-from porocore.calibration.cells import families
-from porocore.calibration.experiment import ExperimentModel, StudiesModel
-from porocore.calibration.fit import fit
-from porocore.calibration.infer import infer
-from porocore.calibration.loading import read_plan
-from porocore.calibration.observations import curve_data
-from porocore.calibration.plan import CalibrationPlan
-from porocore.calibration.problem import CurveModel, CurvePrediction, Misfit
+from porocore.commands.calibration.cells import families
+from porocore.commands.calibration.experiment import ExperimentModel, StudiesModel
+from porocore.commands.calibration.fit import fit
+from porocore.commands.calibration.infer import infer
+from porocore.commands.calibration.loading import read_plan
+from porocore.commands.calibration.observations import curve_data
+from porocore.commands.calibration.plan import CalibrationPlan
+from porocore.commands.calibration.problem import CurveModel, CurvePrediction, Misfit
 from porocore.core.console import Console
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.store import ResultStore

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from porocore.calibration.minimum import Objective, minimise
-from porocore.calibration.problem import CurveModel, CurvePrediction, Fitted, Misfit, Unknown
-from porocore.calibration.profiles import confidence_interval
-from porocore.calibration.suggestions import IdentifiabilityRule
+from porocore.commands.calibration.minimum import Objective, minimise
+from porocore.commands.calibration.problem import CurveModel, CurvePrediction, Fitted, Misfit, Unknown
+from porocore.commands.calibration.profiles import confidence_interval
+from porocore.commands.calibration.suggestions import IdentifiabilityRule
 
 Array = npt.NDArray[np.float64]
 #: Degree of ln K in ln r.

@@ -1,7 +1,7 @@
-from porocore.calibration.calibrate import calibrate as calibrate
-from porocore.calibration.results import Calibration as Calibration
 from porocore.cell.cell import Cell as Cell
 from porocore.cell.materials.hyperelastic import NeoHookean as NeoHookean
+from porocore.commands.calibration.calibrate import calibrate as calibrate
+from porocore.commands.calibration.results import Calibration as Calibration
 from porocore.core.files.atomic import atomic_path as atomic_path
 from porocore.core.files.claim import WorkFolder as WorkFolder
 from porocore.core.inputs import InputSpace as InputSpace

@@ -47,17 +47,9 @@ ROOMS = {
         "study",
         "testing",
     ),
-    "calibration": ("core", "interfaces", "plugins", "cell", "sampling", "macro", "report", "study"),
     "cli": ("core", "interfaces", "plugins", "cell", "sampling", "report", "study", "testing"),
     "commands": (
-        "core",
-        "interfaces",
-        "plugins",
-        "cell",
-        "report",
-        "study",
-        "verification",
-        "calibration",
+        *("core", "interfaces", "plugins", "cell", "sampling", "macro", "report", "study", "verification"),
         "cli",
     ),
 }

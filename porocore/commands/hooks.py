@@ -42,7 +42,7 @@ def porocore_commands() -> list[CommandOffer]:
     return [
         CommandOffer(
             "calibrate",
-            partial(resolve_name, "porocore.commands.calibrate:CalibrateCommand"),
+            partial(resolve_name, "porocore.commands.calibration.command:CalibrateCommand"),
             "Find numbers of a study, such as the radius of its pores, from measured curves.",
             section="calibration",
             file_keys=("unknowns", "experiments"),

@@ -20,11 +20,11 @@ from invoked import invoke
 from report_page import Page
 
 import porocore
-from porocore.calibration.calibrate import _identity, _with_made_up_data
-from porocore.calibration.cells import families
-from porocore.calibration.experiment import ExperimentModel
-from porocore.calibration.problem import Unknown
-from porocore.commands.calibrate import print_unknowns
+from porocore.commands.calibration.calibrate import _identity, _with_made_up_data
+from porocore.commands.calibration.cells import families
+from porocore.commands.calibration.command import print_unknowns
+from porocore.commands.calibration.experiment import ExperimentModel
+from porocore.commands.calibration.problem import Unknown
 from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
 from porocore.errors import RunFolderError, SolveError

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from porocore.calibration.expectations import sign_note, size_note
-from porocore.calibration.observations import MeasuredSeries, ObservedCurve
-from porocore.calibration.settings import Kind
+from porocore.commands.calibration.expectations import sign_note, size_note
+from porocore.commands.calibration.observations import MeasuredSeries, ObservedCurve
+from porocore.commands.calibration.settings import Kind
 from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
 from porocore.errors import ConfigurationError
 from porocore.macro.boundary.symmetry import whole_specimen

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from porocore.calibration.observations import ObservedCurve
-from porocore.calibration.reading import read_curve
-from porocore.calibration.settings import ObservationSettings
-from porocore.calibration.tables import Entry
+from porocore.commands.calibration.observations import ObservedCurve
+from porocore.commands.calibration.reading import read_curve
+from porocore.commands.calibration.settings import ObservationSettings
+from porocore.commands.calibration.tables import Entry
 from porocore.core.units import Scales
 from porocore.errors import ConfigurationError
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from porocore.calibration.fit import (
+from porocore.commands.calibration.fit import (
     ALIKE,
     ROUGH,
     CalibrationFit,
@@ -21,8 +21,15 @@ from porocore.calibration.fit import (
     far_from_start,
     fit,
 )
-from porocore.calibration.problem import CurveData, CurveModel, CurvePrediction, Misfit, NormalPrior, Unknown
-from porocore.calibration.settings import FitSettings
+from porocore.commands.calibration.problem import (
+    CurveData,
+    CurveModel,
+    CurvePrediction,
+    Misfit,
+    NormalPrior,
+    Unknown,
+)
+from porocore.commands.calibration.settings import FitSettings
 from porocore.core.console import Console
 from porocore.errors import DataError, RunFolderError, SolveError
 from porocore.states import Array
@@ -209,7 +216,7 @@ def test_a_search_does_not_creep_along_a_valley(monkeypatch: pytest.MonkeyPatch)
     assert found.converged
     assert 2 * found.best.cost < 0.02
     assert found.searches[0].evaluations < 20
-    monkeypatch.setattr("porocore.calibration.fit.GAIN", 0.0)
+    monkeypatch.setattr("porocore.commands.calibration.fit.GAIN", 0.0)
     _, whole = fitted(Valley(), measured, starts=1, evaluations=500)
     assert whole.searches[0].evaluations > 2 * found.searches[0].evaluations
 

@@ -23,11 +23,16 @@ from curve_experiment import (
     starts,
 )
 
-import porocore.calibration.experiment as forward
-from porocore.calibration.cells import _noise, further_data
-from porocore.calibration.experiment import ExperimentModel, error_of_steps, planned_times, with_fixed_steps
-from porocore.calibration.plan import CalibrationPlan
-from porocore.calibration.problem import CurvePrediction
+import porocore.commands.calibration.experiment as forward
+from porocore.commands.calibration.cells import _noise, further_data
+from porocore.commands.calibration.experiment import (
+    ExperimentModel,
+    error_of_steps,
+    planned_times,
+    with_fixed_steps,
+)
+from porocore.commands.calibration.plan import CalibrationPlan
+from porocore.commands.calibration.problem import CurvePrediction
 from porocore.core.parallel.calls import CallProcesses
 from porocore.core.parallel.memory import exactly_one_blas_thread
 from porocore.errors import ConfigurationError

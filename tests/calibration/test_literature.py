@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from porocore.calibration.loading import read_plan
+from porocore.commands.calibration.loading import read_plan
 
 FOLDER = Path(__file__).parents[2] / "examples" / "calibrations"
 

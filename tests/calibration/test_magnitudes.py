@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from porocore.calibration.loading import read_plan
-from porocore.calibration.magnitudes import linear_notes, start_notes
-from porocore.calibration.plan import CalibrationPlan
-from porocore.calibration.problem import CurveModel, CurvePrediction
+from porocore.commands.calibration.loading import read_plan
+from porocore.commands.calibration.magnitudes import linear_notes, start_notes
+from porocore.commands.calibration.plan import CalibrationPlan
+from porocore.commands.calibration.problem import CurveModel, CurvePrediction
 from porocore.errors import SolveError
 from porocore.states import Array
 

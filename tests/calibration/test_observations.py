@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from porocore.calibration.observations import HistoryInterpolation, ObservedCurve, curve_data
-from porocore.calibration.reading import read_curve
-from porocore.calibration.settings import ObservationSettings
+from porocore.commands.calibration.observations import HistoryInterpolation, ObservedCurve, curve_data
+from porocore.commands.calibration.reading import read_curve
+from porocore.commands.calibration.settings import ObservationSettings
 from porocore.core.units import Scales
 from porocore.errors import ConfigurationError
 

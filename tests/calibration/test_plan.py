@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 import yaml
 
-from porocore.calibration.calibrate import _identity
-from porocore.calibration.loading import read_plan
-from porocore.calibration.plan import CalibrationFolder, CalibrationPlan
+from porocore.commands.calibration.calibrate import _identity
+from porocore.commands.calibration.loading import read_plan
+from porocore.commands.calibration.plan import CalibrationFolder, CalibrationPlan
 from porocore.errors import ConfigurationError, RunFolderError
 from porocore.study.config.loading import load_config
 

@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from porocore.calibration.problem import CurveData, CurveModel, CurvePrediction, Misfit, NormalPrior, Unknown
+from porocore.commands.calibration.problem import (
+    CurveData,
+    CurveModel,
+    CurvePrediction,
+    Misfit,
+    NormalPrior,
+    Unknown,
+)
 
 TIMES = np.linspace(0.1, 2.0, 7)
 

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from porocore.calibration.experiment import ExperimentModel, StudiesModel
-from porocore.calibration.fit import fit
-from porocore.calibration.infer import Inference, infer
-from porocore.calibration.loading import read_plan
-from porocore.calibration.observations import curve_data
-from porocore.calibration.problem import Misfit
-from porocore.calibration.settings import FitSettings
 from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.commands.calibration.experiment import ExperimentModel, StudiesModel
+from porocore.commands.calibration.fit import fit
+from porocore.commands.calibration.infer import Inference, infer
+from porocore.commands.calibration.loading import read_plan
+from porocore.commands.calibration.observations import curve_data
+from porocore.commands.calibration.problem import Misfit
+from porocore.commands.calibration.settings import FitSettings
 from porocore.core.console import Console
 from porocore.macro.laws import ClosedLaw, make_closure
 from porocore.testing.synthetic.porous_family import PorousFamilyLaw

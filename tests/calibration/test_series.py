@@ -7,8 +7,8 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from porocore.calibration.observations import MeasuredSeries, weights_of
-from porocore.calibration.settings import Kind
+from porocore.commands.calibration.observations import MeasuredSeries, weights_of
+from porocore.commands.calibration.settings import Kind
 from porocore.interfaces.sensitivities import HISTORY_SERIES, LoadChange, MacroSensitivities
 
 STEPS, UNKNOWNS = 4, 3

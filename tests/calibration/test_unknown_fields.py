@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from curve_experiment import ACCURACY, MACRO, UNKNOWNS, law, model_of, planned, starts
 
-from porocore.calibration.experiment import ExperimentModel, StudiesModel
-from porocore.calibration.fit import fit
-from porocore.calibration.minimum import LinearPrecision
-from porocore.calibration.problem import CurveData, Misfit
-from porocore.calibration.settings import FitSettings
+from porocore.commands.calibration.experiment import ExperimentModel, StudiesModel
+from porocore.commands.calibration.fit import fit
+from porocore.commands.calibration.minimum import LinearPrecision
+from porocore.commands.calibration.problem import CurveData, Misfit
+from porocore.commands.calibration.settings import FitSettings
 from porocore.core.console import Console
 from porocore.macro.composition.bound_law import BoundLaw
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from matplotlib.image import imsave
 
-import porocore.calibration.cells
-import porocore.calibration.loading
+import porocore.commands.calibration.cells
+import porocore.commands.calibration.loading
 import porocore.study.api.solved
 import porocore.study.config.config
 import porocore.study.config.loading
@@ -34,7 +34,7 @@ HOLDERS = (
     porocore.study.config.loading,
     porocore.study.api.solved,
     porocore.study.sweep.plan,
-    porocore.calibration.loading,
+    porocore.commands.calibration.loading,
 )
 #: Iterations of a training.
 TRAINING = {MlpOptions: "epochs", PotentialOptions: "iterations"}
@@ -154,7 +154,7 @@ def make_coarse(patch: pytest.MonkeyPatch) -> None:
     patch.setattr(ladder, "select_cases", lambda names: select_cases(names or CASES))
     patch.setattr(ladder, "run_cases", lambda *words, long, **named: run_cases(*words, long=False, **named))
     # At a larger load a coarse body soon leaves the few states that its surrogate knows, in ever shorter steps.
-    further = porocore.calibration.cells
+    further = porocore.commands.calibration.cells
     patch.setattr(further, "LOADS", (min(further.LOADS),))
     # What is on them is tested with the reports and the local fields, and takes most of the time of a small study.
     patch.setattr(matplotlib.figure.Figure, "draw", lambda figure, renderer: None)

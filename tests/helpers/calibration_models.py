@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from porocore.calibration.problem import CurveData, CurveModel, CurvePrediction, Misfit, Unknown
+from porocore.commands.calibration.problem import CurveData, CurveModel, CurvePrediction, Misfit, Unknown
 from porocore.errors import SolveError
 from porocore.macro.analytic import Terzaghi
 

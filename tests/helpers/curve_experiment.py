@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from porocore.calibration.experiment import ExperimentModel
-from porocore.calibration.loading import read_plan
-from porocore.calibration.plan import CalibrationPlan
 from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.commands.calibration.experiment import ExperimentModel
+from porocore.commands.calibration.loading import read_plan
+from porocore.commands.calibration.plan import CalibrationPlan
 from porocore.macro.laws import ClosedLaw, make_closure
 from porocore.testing.synthetic.porous_family import PorousFamilyLaw
 

@@ -11,7 +11,7 @@ import yaml
 from command_run import Ended
 from stranger_case import Case
 
-from porocore.calibration.loading import read_plan
+from porocore.commands.calibration.loading import read_plan
 
 #: Values with which the file was made: MPa, nm and min.
 TRUTH = {"modulus": 1.2, "pore": 70.0, "start": -3.0}

@@ -10,7 +10,7 @@ import pytest
 from command_run import Ended
 from stranger_case import FOLDERS, Case
 
-from porocore.calibration.loading import read_plan
+from porocore.commands.calibration.loading import read_plan
 
 
 def _clean(path: Path, thousands: str = "") -> np.ndarray:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from calibration_models import Consolidation, Formula, misfit_of
 
-from porocore.calibration.entries import derived_intervals
-from porocore.calibration.infer import infer
-from porocore.calibration.problem import NormalPrior, Unknown
+from porocore.commands.calibration.entries import derived_intervals
+from porocore.commands.calibration.infer import infer
+from porocore.commands.calibration.problem import NormalPrior, Unknown
 
 T = np.geomspace(0.02, 6, 24)
 NOISE = np.random.default_rng(3).normal(size=24)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from porocore.calibration.minimum import unseen_directions
-from porocore.calibration.problem import Unknown
-from porocore.calibration.suggestions import IdentifiabilityRule, direction_words
+from porocore.commands.calibration.minimum import unseen_directions
+from porocore.commands.calibration.problem import Unknown
+from porocore.commands.calibration.suggestions import IdentifiabilityRule, direction_words
 from porocore.macro.analytic import Terzaghi
 
 RULE = IdentifiabilityRule()

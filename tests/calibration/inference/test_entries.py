@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from calibration_models import Formula, misfit_of
 
-from porocore.calibration.entries import (
+from porocore.commands.calibration.entries import (
     direction_entries,
     precision_entries,
     suggestion_entries,
     unknown_entries,
 )
-from porocore.calibration.infer import infer
-from porocore.calibration.problem import Unknown
-from porocore.calibration.suggestions import experiment
+from porocore.commands.calibration.infer import infer
+from porocore.commands.calibration.problem import Unknown
+from porocore.commands.calibration.suggestions import experiment
 
 T = np.linspace(0.1, 2.0, 15)
 UNKNOWNS = (

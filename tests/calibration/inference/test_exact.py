@@ -7,11 +7,11 @@ import pytest
 from calibration_models import Formula, misfit_of
 from curve_experiment import model_of, planned, starts
 
-from porocore.calibration.combination import seen_product
-from porocore.calibration.figures import correlation_figure, plane_figure, profile_figure
-from porocore.calibration.infer import infer
-from porocore.calibration.minimum import Objective, exact_directions, minimise, unseen_directions
-from porocore.calibration.problem import Unknown
+from porocore.commands.calibration.combination import seen_product
+from porocore.commands.calibration.figures import correlation_figure, plane_figure, profile_figure
+from porocore.commands.calibration.infer import infer
+from porocore.commands.calibration.minimum import Objective, exact_directions, minimise, unseen_directions
+from porocore.commands.calibration.problem import Unknown
 
 T = np.linspace(0.1, 3, 30)
 NOISE = np.random.default_rng(4).normal(size=30)

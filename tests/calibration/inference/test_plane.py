@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from calibration_models import Formula, misfit_of
 
-from porocore.calibration.infer import infer
-from porocore.calibration.problem import Unknown
+from porocore.commands.calibration.infer import infer
+from porocore.commands.calibration.problem import Unknown
 
 T = np.linspace(0.1, 2.0, 15)
 NOISE = np.random.default_rng(0).normal(size=15)

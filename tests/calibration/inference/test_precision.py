@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from porocore.calibration.minimum import LinearPrecision
+from porocore.commands.calibration.minimum import LinearPrecision
 
 
 def test_a_straight_line_has_the_textbooks_covariance():

@@ -5,10 +5,10 @@ import pytest
 from calibration_models import Formula, data_of, misfit_of
 from scipy.optimize import brentq, minimize_scalar
 
-from porocore.calibration.infer import infer
-from porocore.calibration.minimum import Objective, minimise
-from porocore.calibration.problem import Misfit, NormalPrior, Unknown
-from porocore.calibration.profiles import confidence_interval
+from porocore.commands.calibration.infer import infer
+from porocore.commands.calibration.minimum import Objective, minimise
+from porocore.commands.calibration.problem import Misfit, NormalPrior, Unknown
+from porocore.commands.calibration.profiles import confidence_interval
 
 T = np.linspace(0.1, 2.0, 15)
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from porocore.calibration.problem import Unknown
-from porocore.calibration.suggestions import IdentifiabilityRule
+from porocore.commands.calibration.problem import Unknown
+from porocore.commands.calibration.suggestions import IdentifiabilityRule
 
 RULE = IdentifiabilityRule()
 MODULUS = Unknown("modulus", 1.0, 0.1, 10.0, "log")

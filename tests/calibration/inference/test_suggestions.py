@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from calibration_models import Formula, data_of, misfit_of
 
-from porocore.calibration.infer import infer
-from porocore.calibration.problem import Misfit, Unknown
-from porocore.calibration.suggestions import FurtherData, experiment, ranked, repeated_parts
+from porocore.commands.calibration.infer import infer
+from porocore.commands.calibration.problem import Misfit, Unknown
+from porocore.commands.calibration.suggestions import FurtherData, experiment, ranked, repeated_parts
 from porocore.errors import ConfigurationError
 
 T = np.linspace(0.1, 2.0, 16)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from calibration_models import Formula, data_of, misfit_of
 
-from porocore.calibration.infer import infer
-from porocore.calibration.problem import Misfit, NormalPrior, Unknown
-from porocore.calibration.suggestions import SMALL, SystematicError, shift_words
+from porocore.commands.calibration.infer import infer
+from porocore.commands.calibration.problem import Misfit, NormalPrior, Unknown
+from porocore.commands.calibration.suggestions import SMALL, SystematicError, shift_words
 
 T = np.linspace(0.1, 2.0, 40)
 TRUTH, DEVIATION = np.array([2.0, 1.3]), 0.02

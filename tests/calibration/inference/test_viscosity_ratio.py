@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from calibration_models import Formula, misfit_of
 
-from porocore.calibration.problem import Unknown
+from porocore.commands.calibration.problem import Unknown
 
 BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
 COUNT, DEVIATION = 25, 0.05

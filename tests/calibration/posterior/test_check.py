@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from calibration_models import Formula, misfit_of
 
-from porocore.calibration.posterior import (
+from porocore.commands.calibration.posterior import (
     LARGEST_ERROR,
     ResidualInterpolant,
     broader_draws,
     checked,
     ensemble_draws,
 )
-from porocore.calibration.problem import Unknown
+from porocore.commands.calibration.problem import Unknown
 
 T = np.linspace(0.5, 1.0, 4)
 NOISE, LOWER, UPPER = 0.2, -1.4, 3.0

@@ -7,10 +7,10 @@ import pytest
 from calibration_models import Formula, misfit_of
 from scipy.integrate import quad
 
-from porocore.calibration.infer import infer
-from porocore.calibration.posterior import ResidualInterpolant, require_emcee, sample_posterior
-from porocore.calibration.problem import NormalPrior, Unknown
-from porocore.calibration.settings import PosteriorSettings
+from porocore.commands.calibration.infer import infer
+from porocore.commands.calibration.posterior import ResidualInterpolant, require_emcee, sample_posterior
+from porocore.commands.calibration.problem import NormalPrior, Unknown
+from porocore.commands.calibration.settings import PosteriorSettings
 from porocore.errors import ConfigurationError
 
 T = np.linspace(0.1, 2.0, 15)

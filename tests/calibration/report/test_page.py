@@ -9,9 +9,9 @@ from calibration_models import Consolidation, Formula, data_of, misfit_of
 from curve_experiment import planned
 from report_page import ODD, Page
 
-from porocore.calibration.contents import CalibrationContents, CurveAxes
-from porocore.calibration.derived import DerivedCell
-from porocore.calibration.figures import (
+from porocore.commands.calibration.contents import CalibrationContents, CurveAxes
+from porocore.commands.calibration.derived import DerivedCell
+from porocore.commands.calibration.figures import (
     correlation_figure,
     field_figure,
     fit_figure,
@@ -20,13 +20,13 @@ from porocore.calibration.figures import (
     smooth_profile,
     smooth_rim,
 )
-from porocore.calibration.infer import infer
-from porocore.calibration.page import render, write_report
-from porocore.calibration.plan import FittedField
-from porocore.calibration.posterior import sample_posterior
-from porocore.calibration.problem import CurveData, Misfit, NormalPrior, Unknown
-from porocore.calibration.settings import PosteriorSettings
-from porocore.calibration.suggestions import experiment
+from porocore.commands.calibration.infer import infer
+from porocore.commands.calibration.page import render, write_report
+from porocore.commands.calibration.plan import FittedField
+from porocore.commands.calibration.posterior import sample_posterior
+from porocore.commands.calibration.problem import CurveData, Misfit, NormalPrior, Unknown
+from porocore.commands.calibration.settings import PosteriorSettings
+from porocore.commands.calibration.suggestions import experiment
 
 T = np.geomspace(0.02, 6, 24)
 SEEN = (

@@ -9,9 +9,9 @@ from enum import Enum
 import numpy as np
 import numpy.typing as npt
 
-from porocore.calibration.minimum import Minimum, Objective, minimise
-from porocore.calibration.problem import Fitted, Unknown
-from porocore.calibration.suggestions import bound_words, held_words, lost_words, widened_words
+from porocore.commands.calibration.minimum import Minimum, Objective, minimise
+from porocore.commands.calibration.problem import Fitted, Unknown
+from porocore.commands.calibration.suggestions import bound_words, held_words, lost_words, widened_words
 from porocore.errors import SolveError
 from porocore.states import Array, IntArray
 

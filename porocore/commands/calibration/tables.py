@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from porocore.calibration.observations import is_unit
-from porocore.calibration.settings import MOST_POINTS
+from porocore.commands.calibration.observations import is_unit
+from porocore.commands.calibration.settings import MOST_POINTS
 from porocore.core.echo import echo, echo_path, joined, suggestion
 from porocore.core.files.reading import LARGEST_TEXT, require_ordinary
 from porocore.core.units import ADD_SCALES
@@ -648,7 +648,7 @@ class CurveTable:
         names
             Headings of the columns that are wanted, first that of the times.
         encoding
-            As for :func:`~porocore.calibration.tables.decoded_text`.
+            As for :func:`~porocore.commands.calibration.tables.decoded_text`.
         heading_line, last_line
             Lines of the headings and of the last row; None: they are found, and the table ends with the file.
 
@@ -740,7 +740,7 @@ class CurveTable:
         Raises
         ------
         ConfigurationError
-            As :func:`~porocore.calibration.tables.clock_unit`.
+            As :func:`~porocore.commands.calibration.tables.clock_unit`.
         """
         heading, texts = self.headings[column], [row[column] for row in self.rows]
         unit = heading.unit if format_or_unit is None else format_or_unit
@@ -772,7 +772,7 @@ class CurveTable:
         Raises
         ------
         ConfigurationError
-            As :func:`~porocore.calibration.tables.read_columns`.
+            As :func:`~porocore.commands.calibration.tables.read_columns`.
         """
         found = [
             TextColumn(self.names[k], [row[k] for row in self.rows], self.lines, k == clock) for k in columns

@@ -8,9 +8,9 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from itertools import product
 
-from porocore.calibration.plan import Experiment, PlannedUnknown
-from porocore.calibration.problem import NormalPrior, Scale, Unknown
-from porocore.calibration.settings import (
+from porocore.commands.calibration.plan import Experiment, PlannedUnknown
+from porocore.commands.calibration.problem import NormalPrior, Scale, Unknown
+from porocore.commands.calibration.settings import (
     CalibrationSettings,
     ControlSettings,
     ObservationSettings,

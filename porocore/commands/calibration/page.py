@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from porocore.calibration.contents import CalibrationContents
-from porocore.calibration.derived import DerivedCell
-from porocore.calibration.figures import (
+from porocore.commands.calibration.contents import CalibrationContents
+from porocore.commands.calibration.derived import DerivedCell
+from porocore.commands.calibration.figures import (
     correlation_figure,
     field_figure,
     fit_figure,
@@ -16,12 +16,12 @@ from porocore.calibration.figures import (
     posterior_figure,
     profile_figure,
 )
-from porocore.calibration.infer import Inference
-from porocore.calibration.plan import CalibrationPlan
-from porocore.calibration.posterior import Posterior
-from porocore.calibration.problem import Unknown
-from porocore.calibration.profiles import ConfidenceInterval, IntervalEnd
-from porocore.calibration.suggestions import Suggestion
+from porocore.commands.calibration.infer import Inference
+from porocore.commands.calibration.plan import CalibrationPlan
+from porocore.commands.calibration.posterior import Posterior
+from porocore.commands.calibration.problem import Unknown
+from porocore.commands.calibration.profiles import ConfidenceInterval, IntervalEnd
+from porocore.commands.calibration.suggestions import Suggestion
 from porocore.core.echo import joined
 from porocore.core.files.atomic import atomic_path
 from porocore.core.units import pretty
@@ -252,7 +252,7 @@ def render(contents: CalibrationContents, pictures: Pictures | None = None) -> s
         "profiles", profile_figure(inference, truth), "Profile likelihood of each unknown"
     )
     return (
-        environment("porocore.calibration")
+        environment("porocore.commands.calibration")
         .get_template("calibration.html.j2")
         .render(
             contents=contents,

@@ -9,13 +9,13 @@ from typing import Any
 
 import yaml
 
-from porocore.calibration.expectations import require_free, sign_note, size_note
-from porocore.calibration.observations import MeasuredSeries
-from porocore.calibration.plan import CalibrationPlan, Experiment, PlannedUnknown
-from porocore.calibration.posterior import require_emcee
-from porocore.calibration.reading import read_curve
-from porocore.calibration.settings import OF_LOAD, CalibrationSettings, ExperimentSettings
-from porocore.calibration.unknowns import bounds_notes, keyed, planned_unknowns
+from porocore.commands.calibration.expectations import require_free, sign_note, size_note
+from porocore.commands.calibration.observations import MeasuredSeries
+from porocore.commands.calibration.plan import CalibrationPlan, Experiment, PlannedUnknown
+from porocore.commands.calibration.posterior import require_emcee
+from porocore.commands.calibration.reading import read_curve
+from porocore.commands.calibration.settings import OF_LOAD, CalibrationSettings, ExperimentSettings
+from porocore.commands.calibration.unknowns import bounds_notes, keyed, planned_unknowns
 from porocore.core.files.reading import read_text
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted
 from porocore.core.models.strict import StrictModel

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from porocore.calibration.infer import Inference
-from porocore.calibration.profiles import ROOT_95, ConfidenceInterval, IntervalEnd
+from porocore.commands.calibration.infer import Inference
+from porocore.commands.calibration.profiles import ROOT_95, ConfidenceInterval, IntervalEnd
 from porocore.states import Array
 
 #: Step of the differences that give slopes, as a share of the range of the search.

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from porocore.calibration.combination import SeenProduct, seen_product
-from porocore.calibration.minimum import (
+from porocore.commands.calibration.combination import SeenProduct, seen_product
+from porocore.commands.calibration.minimum import (
     LinearPrecision,
     Minimum,
     Objective,
@@ -17,15 +17,15 @@ from porocore.calibration.minimum import (
     significant,
     unseen_directions,
 )
-from porocore.calibration.problem import Fitted, Misfit, Unknown
-from porocore.calibration.profiles import (
+from porocore.commands.calibration.problem import Fitted, Misfit, Unknown
+from porocore.commands.calibration.profiles import (
     ConfidenceInterval,
     LowerPoint,
     ParameterPlane,
     confidence_interval,
     parameter_plane,
 )
-from porocore.calibration.suggestions import (
+from porocore.commands.calibration.suggestions import (
     FurtherData,
     IdentifiabilityRule,
     Suggestion,

@@ -6,11 +6,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from porocore.calibration.observations import ObservedCurve
-from porocore.calibration.plan import CalibrationPlan, Experiment
-from porocore.calibration.problem import CurveModel
-from porocore.calibration.settings import OF_LOAD
 from porocore.cell.meshing.mesh import Domain
+from porocore.commands.calibration.observations import ObservedCurve
+from porocore.commands.calibration.plan import CalibrationPlan, Experiment
+from porocore.commands.calibration.problem import CurveModel
+from porocore.commands.calibration.settings import OF_LOAD
 from porocore.core.units import pretty
 from porocore.errors import PluginError, SolveError
 from porocore.interfaces.law import MacroLaw

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from scipy.special import logsumexp
 
-from porocore.calibration.problem import Fitted, Misfit, Unknown
-from porocore.calibration.settings import PosteriorSettings
+from porocore.commands.calibration.problem import Fitted, Misfit, Unknown
+from porocore.commands.calibration.settings import PosteriorSettings
 from porocore.errors import ConfigurationError, SolveError
 from porocore.states import Array
 

@@ -6,12 +6,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from porocore.calibration.contents import CalibrationContents, labelled, unknown_label, values_at
-from porocore.calibration.infer import Inference
-from porocore.calibration.plan import FittedField
-from porocore.calibration.posterior import Posterior
-from porocore.calibration.problem import Unknown
-from porocore.calibration.profiles import ROOT_95, ConfidenceInterval, ParameterPlane
+from porocore.commands.calibration.contents import CalibrationContents, labelled, unknown_label, values_at
+from porocore.commands.calibration.infer import Inference
+from porocore.commands.calibration.plan import FittedField
+from porocore.commands.calibration.posterior import Posterior
+from porocore.commands.calibration.problem import Unknown
+from porocore.commands.calibration.profiles import ROOT_95, ConfidenceInterval, ParameterPlane
 from porocore.core.units import pretty
 from porocore.report.figures.style import (
     BLACK,

@@ -17,10 +17,10 @@ from typing import Any, get_args
 
 import numpy as np
 
-from porocore.calibration.observations import HistoryInterpolation, weights_of
-from porocore.calibration.plan import Experiment, PlannedUnknown
-from porocore.calibration.problem import CurveModel, CurvePrediction, Unknown
-from porocore.calibration.settings import AXES, StudyNumber
+from porocore.commands.calibration.observations import HistoryInterpolation, weights_of
+from porocore.commands.calibration.plan import Experiment, PlannedUnknown
+from porocore.commands.calibration.problem import CurveModel, CurvePrediction, Unknown
+from porocore.commands.calibration.settings import AXES, StudyNumber
 from porocore.core.models.bounds import MOST_TIMES
 from porocore.core.models.strict import with_number
 from porocore.core.parallel.calls import CallProcesses, Tell, results_of
@@ -562,7 +562,7 @@ class StudiesModel(CurveModel):
         self._processes = processes
 
     def curves(self, values: Array) -> CurvePrediction:
-        """Return the curves; see :class:`~porocore.calibration.problem.CurveModel`."""
+        """Return the curves; see :class:`~porocore.commands.calibration.problem.CurveModel`."""
         found: list[CurvePrediction] = self._each(curves_elsewhere, values)
         return CurvePrediction(
             np.concatenate([each.values for each in found]),

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from porocore.calibration.observations import ObservedCurve
-from porocore.calibration.problem import Unknown
-from porocore.calibration.settings import AXES, FitSettings, PosteriorSettings, StudyNumber
-from porocore.calibration.suggestions import IdentifiabilityRule
+from porocore.commands.calibration.observations import ObservedCurve
+from porocore.commands.calibration.problem import Unknown
+from porocore.commands.calibration.settings import AXES, FitSettings, PosteriorSettings, StudyNumber
+from porocore.commands.calibration.suggestions import IdentifiabilityRule
 from porocore.core.files.claim import WorkFolder
 from porocore.core.units import QUANTITIES, pretty, unit_in_si
 from porocore.study.config.config import RunConfig

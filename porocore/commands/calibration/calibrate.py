@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from porocore.calibration.cells import cells_at_rest, families, further_data
-from porocore.calibration.derived import derived_cells
-from porocore.calibration.fit import (
+from porocore.commands.calibration.cells import cells_at_rest, families, further_data
+from porocore.commands.calibration.derived import derived_cells
+from porocore.commands.calibration.fit import (
     CalibrationFit,
     FitQuality,
     FitRounds,
@@ -23,16 +23,16 @@ from porocore.calibration.fit import (
     place_of,
     studies_identity,
 )
-from porocore.calibration.infer import Inference, infer
-from porocore.calibration.loading import read_plan
-from porocore.calibration.magnitudes import start_notes
-from porocore.calibration.observations import ObservedCurve, curve_data
-from porocore.calibration.plan import CalibrationFolder, CalibrationPlan, Experiment
-from porocore.calibration.posterior import Posterior, sample_posterior
-from porocore.calibration.problem import CurveModel, Misfit
-from porocore.calibration.results import Calibration, write_results
-from porocore.calibration.settings import PosteriorSettings
-from porocore.calibration.suggestions import shift_words
+from porocore.commands.calibration.infer import Inference, infer
+from porocore.commands.calibration.loading import read_plan
+from porocore.commands.calibration.magnitudes import start_notes
+from porocore.commands.calibration.observations import ObservedCurve, curve_data
+from porocore.commands.calibration.plan import CalibrationFolder, CalibrationPlan, Experiment
+from porocore.commands.calibration.posterior import Posterior, sample_posterior
+from porocore.commands.calibration.problem import CurveModel, Misfit
+from porocore.commands.calibration.results import Calibration, write_results
+from porocore.commands.calibration.settings import PosteriorSettings
+from porocore.commands.calibration.suggestions import shift_words
 from porocore.core.console import Console
 from porocore.core.echo import joined
 from porocore.core.files.plain_data import json_hash

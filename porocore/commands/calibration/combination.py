@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from porocore.calibration.minimum import Minimum, Objective, UnseenDirection, significant
-from porocore.calibration.problem import Unknown
-from porocore.calibration.profiles import ROOT_95, End, ProfileWalk
-from porocore.calibration.suggestions import SystematicError, product_words, seen_powers
+from porocore.commands.calibration.minimum import Minimum, Objective, UnseenDirection, significant
+from porocore.commands.calibration.problem import Unknown
+from porocore.commands.calibration.profiles import ROOT_95, End, ProfileWalk
+from porocore.commands.calibration.suggestions import SystematicError, product_words, seen_powers
 from porocore.core.units import pretty
 from porocore.states import Array
 

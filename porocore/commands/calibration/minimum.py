@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from porocore.calibration.problem import Fitted, Misfit
+from porocore.commands.calibration.problem import Fitted, Misfit
 from porocore.errors import SolveError
 from porocore.states import Array, IntArray
 

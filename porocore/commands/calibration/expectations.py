@@ -7,8 +7,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from porocore.calibration.observations import MeasuredSeries, ObservedCurve
-from porocore.calibration.settings import AXES, Kind
+from porocore.commands.calibration.observations import MeasuredSeries, ObservedCurve
+from porocore.commands.calibration.settings import AXES, Kind
 from porocore.core.formulas import TimeFunction, Value
 from porocore.core.units import pretty, spoken
 from porocore.errors import ConfigurationError

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from porocore.calibration.cells import CellAtRest
-from porocore.calibration.entries import derived_intervals
-from porocore.calibration.infer import Inference
-from porocore.calibration.profiles import IntervalEnd
+from porocore.commands.calibration.cells import CellAtRest
+from porocore.commands.calibration.entries import derived_intervals
+from porocore.commands.calibration.infer import Inference
+from porocore.commands.calibration.profiles import IntervalEnd
 from porocore.core.units import ResultUnits, pretty
 from porocore.macro.laws.linear import SAME, EffectiveProperties
 from porocore.states import Array

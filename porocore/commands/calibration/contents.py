@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from porocore.calibration.derived import DerivedCell
-from porocore.calibration.infer import Inference
-from porocore.calibration.plan import CalibrationPlan, FittedField
-from porocore.calibration.posterior import Posterior
-from porocore.calibration.problem import CurveData, Unknown
+from porocore.commands.calibration.derived import DerivedCell
+from porocore.commands.calibration.infer import Inference
+from porocore.commands.calibration.plan import CalibrationPlan, FittedField
+from porocore.commands.calibration.posterior import Posterior
+from porocore.commands.calibration.problem import CurveData, Unknown
 from porocore.core.units import pretty
 from porocore.report.figures.style import named
 from porocore.states import Array, IntArray

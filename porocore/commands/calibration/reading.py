@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from porocore.calibration.observations import (
+from porocore.commands.calibration.observations import (
     DataFile,
     MeasuredSeries,
     ObservedCurve,
@@ -18,8 +18,8 @@ from porocore.calibration.observations import (
     is_unit,
     size_of,
 )
-from porocore.calibration.settings import ObservationSettings, SyntheticTimes
-from porocore.calibration.tables import CurveTable, Numbers
+from porocore.commands.calibration.settings import ObservationSettings, SyntheticTimes
+from porocore.commands.calibration.tables import CurveTable, Numbers
 from porocore.core.echo import echo, joined
 from porocore.core.units import ResultUnits, Scales
 from porocore.errors import ConfigurationError

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from porocore.calibration.cells import FamilyCells
-from porocore.calibration.experiment import ExperimentModel, StudiesModel, error_of_steps
-from porocore.calibration.observations import ObservedCurve
-from porocore.calibration.plan import CalibrationFolder, CalibrationPlan
-from porocore.calibration.problem import CurveData, CurveModel, CurvePrediction, Fitted, Misfit
-from porocore.calibration.settings import FitSettings
+from porocore.commands.calibration.cells import FamilyCells
+from porocore.commands.calibration.experiment import ExperimentModel, StudiesModel, error_of_steps
+from porocore.commands.calibration.observations import ObservedCurve
+from porocore.commands.calibration.plan import CalibrationFolder, CalibrationPlan
+from porocore.commands.calibration.problem import CurveData, CurveModel, CurvePrediction, Fitted, Misfit
+from porocore.commands.calibration.settings import FitSettings
 from porocore.core.console import Console, Task
 from porocore.core.files.plain_data import json_hash, write_json
 from porocore.core.files.reading import complete, read_json, read_text
@@ -153,7 +153,7 @@ class RecordedModel(CurveModel):
         self.unknowns = model.unknowns
 
     def curves(self, values: Array) -> CurvePrediction:
-        """Return the curves; see :class:`~porocore.calibration.problem.CurveModel`."""
+        """Return the curves; see :class:`~porocore.commands.calibration.problem.CurveModel`."""
         known = self.record.find(values)
         if known is not None:
             return known
@@ -492,7 +492,7 @@ class LazyModel(CurveModel):
         return self._made
 
     def curves(self, values: Array) -> CurvePrediction:
-        """Return the curves; see :class:`~porocore.calibration.problem.CurveModel`."""
+        """Return the curves; see :class:`~porocore.commands.calibration.problem.CurveModel`."""
         return self.made.curves(values)
 
 

@@ -13,9 +13,9 @@ from porocore.cli.options import JsonOption, NoStoreOption, ResumeOption, StoreO
 from porocore.interfaces.command import Command, FileCheck
 
 if TYPE_CHECKING:
-    from porocore.calibration.posterior import Posterior
-    from porocore.calibration.results import Calibration
-    from porocore.calibration.settings import CalibrationSettings
+    from porocore.commands.calibration.posterior import Posterior
+    from porocore.commands.calibration.results import Calibration
+    from porocore.commands.calibration.settings import CalibrationSettings
     from porocore.core.files.yaml_document import YamlDocument
 
 
@@ -55,7 +55,7 @@ def calibrate(
     derivatives. Then their 95 % intervals and the non-identifiable combinations are computed. Writes calibration.json,
     report.html, curves.csv and samples.csv. --resume continues to the same result.
     """
-    from porocore.calibration.calibrate import calibrate as run
+    from porocore.commands.calibration.calibrate import calibrate as run
 
     kept = chosen_store(store, no_store)
     folder = Path("runs") / f"{config.stem}-calibration" if out is None else out
@@ -76,14 +76,14 @@ class CalibrateCommand(Command):
 
     def section(self) -> type[CalibrationSettings]:
         """Return the model of the section."""
-        from porocore.calibration.settings import CalibrationSettings
+        from porocore.commands.calibration.settings import CalibrationSettings
 
         return CalibrationSettings
 
     def check(self, document: YamlDocument, config: Any, settings: Any) -> FileCheck:
         """Read the data, of which some may be made up later."""
-        from porocore.calibration.loading import read_plan
-        from porocore.calibration.magnitudes import linear_notes
+        from porocore.commands.calibration.loading import read_plan
+        from porocore.commands.calibration.magnitudes import linear_notes
         from porocore.study.notes.checks import check_backends
 
         plan = read_plan(document, planned=True)

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from porocore.calibration.experiment import ExperimentModel, RelativeScales
-from porocore.calibration.observations import MeasuredSeries
-from porocore.calibration.plan import CalibrationPlan, Experiment, PlannedUnknown
-from porocore.calibration.problem import CurvePrediction
-from porocore.calibration.settings import AXES, StudyNumber
-from porocore.calibration.suggestions import FurtherData
+from porocore.commands.calibration.experiment import ExperimentModel, RelativeScales
+from porocore.commands.calibration.observations import MeasuredSeries
+from porocore.commands.calibration.plan import CalibrationPlan, Experiment, PlannedUnknown
+from porocore.commands.calibration.problem import CurvePrediction
+from porocore.commands.calibration.settings import AXES, StudyNumber
+from porocore.commands.calibration.suggestions import FurtherData
 from porocore.core.console import Console
 from porocore.core.files.plain_data import json_hash, write_json
 from porocore.core.files.reading import complete, read_json

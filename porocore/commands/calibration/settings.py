@@ -13,8 +13,8 @@ from annotated_types import Ge, Gt
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 from pydantic.fields import FieldInfo
 
-from porocore.calibration.problem import Scale
 from porocore.cell.family.family import possible_parameters
+from porocore.commands.calibration.problem import Scale
 from porocore.core.echo import echo, suggestion
 from porocore.core.files.yaml_document import Location
 from porocore.core.formulas import TimeFunction

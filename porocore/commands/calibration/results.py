@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from porocore.calibration.derived import METHOD, DerivedCell
-from porocore.calibration.entries import (
+from porocore.commands.calibration.derived import METHOD, DerivedCell
+from porocore.commands.calibration.entries import (
     direction_entries,
     precision_entries,
     product_entries,
@@ -18,11 +18,11 @@ from porocore.calibration.entries import (
     systematic_entry,
     unknown_entries,
 )
-from porocore.calibration.fit import EvaluationRecord, FitQuality
-from porocore.calibration.infer import Inference
-from porocore.calibration.plan import CalibrationFolder, CalibrationPlan
-from porocore.calibration.posterior import Posterior
-from porocore.calibration.problem import Misfit
+from porocore.commands.calibration.fit import EvaluationRecord, FitQuality
+from porocore.commands.calibration.infer import Inference
+from porocore.commands.calibration.plan import CalibrationFolder, CalibrationPlan
+from porocore.commands.calibration.posterior import Posterior
+from porocore.commands.calibration.problem import Misfit
 from porocore.core.console import duration
 from porocore.core.files.plain_data import json_ready, write_csv, write_json
 from porocore.states import Array
@@ -190,8 +190,8 @@ def _error_text(inference: Inference) -> str:
 def _write_report(
     folder: CalibrationFolder, done: Calibration, misfit: Misfit, evaluations: int, truth: Array | None
 ) -> None:
-    from porocore.calibration.contents import CalibrationContents, CurveAxes
-    from porocore.calibration.page import write_report  # matplotlib is slow to import
+    from porocore.commands.calibration.contents import CalibrationContents, CurveAxes
+    from porocore.commands.calibration.page import write_report  # matplotlib is slow to import
 
     quality = done.quality
     facts = (

@@ -8,14 +8,14 @@ from fractions import Fraction
 
 import numpy as np
 
-from porocore.calibration.minimum import (
+from porocore.commands.calibration.minimum import (
     ROUND_OFF,
     LinearPrecision,
     UnseenDirection,
     significant,
     unseen_count,
 )
-from porocore.calibration.problem import CurveModel, Fitted, Misfit, Unknown
+from porocore.commands.calibration.problem import CurveModel, Fitted, Misfit, Unknown
 from porocore.states import Array
 
 #: Share of the largest singular value below which two of them count as equal.

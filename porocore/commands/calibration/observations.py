@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from porocore.calibration.problem import CurveData
-from porocore.calibration.settings import Kind, ObservationSettings
+from porocore.commands.calibration.problem import CurveData
+from porocore.commands.calibration.settings import Kind, ObservationSettings
 from porocore.core.echo import comma_advice, echo, suggestion
 from porocore.core.units import (
     ADD_SCALES,
