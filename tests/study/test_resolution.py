@@ -1,9 +1,11 @@
 """What ``porocore check`` says of the thinnest wall and the narrowest pore of an image."""
 
+import re
 from itertools import islice
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from porocore.cell.cell import Cell
 from porocore.cell.geometry.kinds import OrthogonalChannels, Voxels
@@ -87,3 +89,37 @@ def test_of_a_mirrored_image_the_voxels_are_half_as_large(layers):
 
 def test_a_cell_that_is_no_image_has_none():
     assert list(resolution(Cell(geometry=OrthogonalChannels()))) == []
+
+
+@pytest.fixture
+def sponge(tmp_path):
+    """Pores of 31 % of a random image, with necks of a voxel between them."""
+    waves = gaussian_filter(np.random.default_rng(3).standard_normal((40, 40, 40)), 4, mode="wrap")
+    np.save(tmp_path / "sponge.npy", (waves > np.quantile(waves, 0.693)).astype(np.uint8))
+    return Voxels(kind="voxels", path=str(tmp_path / "sponge.npy"), pore=1, repeat="mirror")
+
+
+def advised(geometry, size):
+    """Every note on a cell with elements of a size, and the sizes in them by key."""
+    cell = Cell(geometry=geometry, mesh=MeshSettings(size=size, fluid_size=size))
+    notes = [note for note in resolution(cell) if note.startswith("note: ")]
+    found = re.findall(r"cell\.mesh\.(\w+): ([\d.]*\d)", " ".join(notes))
+    return notes, {key: [float(size) for other, size in found if other == key] for key, _ in found}
+
+
+def test_of_several_sizes_the_one_that_serves_all_is_told(sponge):
+    """Three sizes of one key stood in three notes."""
+    notes, sizes = advised(sponge, 0.1)
+    assert "of these sizes the smallest serves all that is said above" in notes[-1]
+    for key, found in sizes.items():
+        assert len({*found}) == 1 or f"cell.mesh.{key}: {min(found):g}" in notes[-1]
+
+
+def test_sizes_that_the_mesher_refuses_are_not_advised(sponge):
+    """fluid_size: 0.012 was advised, and refused with 6,944,444 tetrahedra."""
+    notes, sizes = advised(sponge, 0.1)
+    for key, found in sizes.items():
+        Cell(geometry=sponge, mesh=MeshSettings(**{key: min(found)}))
+    assert any(
+        "are more than are meshed (3,000,000): take a smaller part of the image" in note for note in notes
+    )

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from porocore.cell.cell import Cell
+from porocore.cell.geometry.pore_geometry import MOST as MOST_ELEMENTS
 from porocore.cell.level_sets.cutting import lattice_edges
 from porocore.cell.level_sets.image import labelled
 from porocore.cell.level_sets.voxels import Voxels, necks, runs, through_axes, way_out
@@ -84,6 +85,8 @@ def _closer(cell: Cell, phase: Phase, key: str, porosity: float, limit: float, t
         factor = math.sqrt(limit / abs(porosity - image))
         size = at_most(max(SMALLEST, lattice_edges(geometry, size)[0] * min(factor, STEP)))
         spent += geometry.elements(size) / (1 if geometry.unfolding == "whole" else 8)
+        if not can_be_meshed(geometry, size):
+            return too_fine(size)
         if not tried or spent > TRIED or size <= SMALLEST:
             return (
                 f"try cell.mesh.{key}: {size:g}; it was not meshed for this note, and the porosity does not approach "
@@ -202,17 +205,21 @@ class _Compared:
     ) -> str:
         """Return what to write so that necks of these widths are resolved, and that ``is_open`` holds once smoothed."""
         width = min(widths, default=self.size)
-        finer = f"cell.mesh.{self.key}: {at_most(width / FEWEST):g}"
+        size, few = at_most(width / FEWEST), can_be_meshed(self.geometry, at_most(width / FEWEST))
+        finer = f"cell.mesh.{self.key}: {size:g}" if few else too_fine(size)
         less = [value for value in LESS if value < self.geometry.smoothing]
         if is_open(*self._smoothed(self.geometry.smoothing)):
-            few = width < SMOOTHED * float(voxel_edges(self.geometry).min())
+            narrow = width < SMOOTHED * float(voxel_edges(self.geometry).min())
             keeps = (
-                f"; cell.geometry.smoothing: {less[0]:g} keeps more of narrow necks" if few and less else ""
+                f"; cell.geometry.smoothing: {less[0]:g} keeps more of narrow necks"
+                if narrow and less
+                else ""
             )
-            return f"give {finer}{keeps}"
+            return f"{'give ' if few else ''}{finer}{keeps}"
         for smoothing in less:
             if is_open(*self._smoothed(smoothing)):
-                return f"smoothing closes necks; give cell.geometry.smoothing: {smoothing:g} and {finer}"
+                wider = f"smoothing closes necks; give cell.geometry.smoothing: {smoothing:g}"
+                return f"{wider}{' and' if few else ';'} {finer}"
         return "their necks are of a voxel or two and lost in any mesh; take an image of smaller voxels"
 
     def _smoothed(self, smoothing: float) -> tuple[IntArray, list[str]]:
@@ -260,6 +267,19 @@ def grains(cell: Cell) -> Iterator[str]:
             more = ", …" if len(found) > NAMED else ""
             one = "1 of these grains" if len(found) == 1 else f"{len(found)} of these grains"
             yield f"{one} ({counts}{more} voxels) {'is' if len(found) == 1 else 'are'} {what} the mesh"
+
+
+def can_be_meshed(geometry: Voxels, size: float) -> bool:
+    """Return whether a mesh of elements of a size is not refused."""
+    return geometry.elements(size) <= MOST_ELEMENTS
+
+
+def too_fine(size: float) -> str:
+    """Return what to do where elements of a size would be needed, and are too many."""
+    return (
+        f"elements of {size:g} would be needed, and are more than are meshed ({MOST_ELEMENTS:,}): take a smaller part "
+        "of the image (cell.geometry.crop), in which they are a larger share, or accept the difference"
+    )
 
 
 def at_most(size: float) -> float:

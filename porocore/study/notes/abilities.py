@@ -4,17 +4,26 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 
 import numpy as np
 
 from porocore.cell.cell import Cell
 from porocore.cell.family.mesh import undeformed_count
-from porocore.cell.level_sets.agreement import FEWEST, at_most, count_text, disagreements, voxel_edges
+from porocore.cell.level_sets.agreement import (
+    FEWEST,
+    at_most,
+    can_be_meshed,
+    count_text,
+    disagreements,
+    too_fine,
+    voxel_edges,
+)
 from porocore.cell.level_sets.cutting import lattice_edges
 from porocore.cell.level_sets.voxels import Voxels, least_thickness
-from porocore.core.echo import echo
+from porocore.core.echo import echo, joined
 from porocore.core.files.yaml_document import dotted
 from porocore.core.formulas import Expression, TimeFunction, first_fault
 from porocore.core.inputs import InputSpace
@@ -493,12 +502,23 @@ def resolution(cell: Cell, length: float | None = None) -> Iterator[str]:
             f"{count_text(elements)} of mesh.{key}"
         )
         if elements < FEWEST and voxels >= SEEN:
-            notes.append(
-                f"note: {count_text(elements)} across the {name} resolve it poorly; cell.mesh.{key}: "
-                f"{at_most(thickness / FEWEST):g} has {FEWEST:g} there"
-            )
+            needed = at_most(thickness / FEWEST)
+            advice = f"cell.mesh.{key}: {needed:g} has {FEWEST:g} there"
+            advice = advice if can_be_meshed(geometry, needed) else too_fine(needed)
+            notes.append(f"note: {count_text(elements)} across the {name} resolve it poorly; {advice}")
+    notes += [f"note: {note}" for note in disagreements(cell, tried=True)]
     yield from notes
-    yield from (f"note: {note}" for note in disagreements(cell, tried=True))
+    yield from _together(notes)
+
+
+def _together(notes: Iterable[str]) -> Iterator[str]:
+    """Yield the sizes that serve all notes, where they advise several of one key."""
+    advised: dict[str, set[float]] = {}
+    for key, size in re.findall(r"cell\.mesh\.(\w+): ([\d.]*\d)", " ".join(notes)):
+        advised.setdefault(key, set()).add(float(size))
+    several = [f"cell.mesh.{key}: {min(sizes):g}" for key, sizes in advised.items() if len(sizes) > 1]
+    if several:
+        yield f"note: of these sizes the smallest serves all that is said above: {joined(several)}"
 
 
 def _voxels(geometry: Voxels, length: float) -> str:
