@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -30,6 +30,7 @@ from porocore.core.files.plain_data import json_ready
 from porocore.core.files.reading import obstacle
 
 if TYPE_CHECKING:
+    from porocore.core.units import ResultUnits
     from porocore.study.config.config import RunConfig
 
 #: Anything smaller is printed as 0 for reading; the cell solver's tolerance is of this size.
@@ -127,6 +128,8 @@ def state(
             return
         for name, said in which.items():
             typer.echo(f"{name}: {said}")
+        if any(row) and units.given:
+            typer.echo(f"state: {_state_text(found, units, [*(at or []), f'p={p}'])}")
         if properties is None:
             typer.echo(as_text(result, BELONGS if any(row) else {}))
             if not units.given:
@@ -139,6 +142,24 @@ def state(
         if slopes:
             typer.echo(as_text(json_ready(slopes)))
         typer.echo("the responses at rest and all derivatives: --json; another state: --at H22=-0.1,p=0.05")
+
+
+def _state_text(state: Mapping[str, float], units: ResultUnits, given: Iterable[str]) -> str:
+    """Return a state with the unit of p, and what a p counts as that is given without one."""
+    named = [f"{name} = {value:g}" for name, value in state.items() if name != "p"]
+    if "p" not in state:
+        return ", ".join(named)
+    text = ", ".join([*named, f"p = {units.text(state['p'], 'stress', 4)}"])
+    bare = [
+        plain
+        for part in ",".join(given).split(",")
+        if (plain := re.fullmatch(r"\s*p\s*=\s*([-+.\deE]+)\s*", part))
+    ]
+    if not bare:
+        return text
+    one = units.text(1.0, "stress", 4)
+    written = f"p={bare[0][1]} {one.split()[-1]}"
+    return f"{text}; a p without a unit is a multiple of {one}: write '{written}' if that is meant"
 
 
 def _which(file: RunConfig, cell: str | None, parameters: list[str] | None) -> dict[str, str]:

@@ -79,6 +79,12 @@ ROWS = [
         "cell.geometry.invert: unknown key; the value of the pores is 'pore:'; of a grey image with 'threshold:', "
         "'bright_pores: true'",
     ),
+    Row(
+        "a state with a blank between its values",
+        ("cell", "study.yaml", "--at", "H22=-0.1", "p=0.05"),
+        ("got 'p=0.05', too; a comma stands between values by name, and no blank",),
+        faulty("", {}).files,
+    ),
     viscosity("1e-3 N s/mm2", "N s/mm^2"),
     viscosity("1e-3 N*s/m2", "N*s/m^2"),
     faulty(

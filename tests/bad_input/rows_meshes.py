@@ -329,6 +329,28 @@ ROWS = [
         files={"m.msh": NAMED},
     ),
     faulty(
+        "cell: groups of other names, by their meaning",
+        {"cell.geometry": {"kind": "mesh-file", "path": "m.msh"}},
+        "has the tag 'solid' under solid and 'fluid' under fluid; its tags are",
+        "3 ('Matrix') with 87.5 % of the volume, at 6 of the 6 faces",
+        ": write 'solid: [Matrix]' and 'fluid: [Void]' under cell.geometry",
+        files={"m.msh": NAMED.replace('"matrix"', '"Matrix"').replace('"void"', '"Void"')},
+    ),
+    faulty(
+        "cell: groups without names",
+        {"cell.geometry": {"kind": "mesh-file", "path": "m.msh"}},
+        "3 with 87.5 % of the volume, at 6 of the 6 faces, 4 with 12.5 % of the volume, at 3 of the 6 faces: write "
+        "'solid: [3]' and 'fluid: [4]' under cell.geometry, or the other way round: no name tells which is which; "
+        "the share of the fluid is the porosity",
+        files={"m.msh": WHOLE},
+    ),
+    faulty(
+        "cell: a mesh of the solid alone",
+        {"cell.geometry": {"kind": "mesh-file", "path": "m.msh", "solid": [3], "fluid": [4]}},
+        "there is one volume only, and a cell needs two: mesh the pores, too",
+        files={"m.msh": WHOLE.replace(" 2 4 4 ", " 2 3 3 ")},
+    ),
+    faulty(
         "cell: names that are numbers of other groups",
         {"cell.geometry": {"kind": "mesh-file", "path": "m.msh", "solid": [3], "fluid": [4]}},
         "cell.geometry.solid: in m.msh '3' is both the name of one group (number 4, 6 elements) and the number of "

@@ -208,7 +208,7 @@ def test_tags_are_quoted_or_not_and_may_overlap_beyond_the_phases(tmp_path):
         (
             ("solid",),
             (9,),
-            r"has the tag 9 under fluid; its tags are 1 \('solid'\), 2 \('pores'\), 7 \('cell'\)",
+            r"has the tag 9 under fluid; its tags are 1 \('solid'\) with .*, .* 7 \('cell'\) with 100 %",
         ),
     ):
         with pytest.raises(ConfigurationError, match=message):
@@ -250,3 +250,14 @@ def test_meshes_that_are_refused(tmp_path):
         _ = MeshFile(kind="mesh-file", path=str(path)).porosity
     with pytest.raises(ValueError, match="stand under solid and under fluid"):
         MeshFile(kind="mesh-file", path=str(path), solid=(1,), fluid=(1,))
+
+
+def test_groups_that_are_named_like_the_other_phase_are_noted(tmp_path):
+    """``solid: [Void]`` was taken without a word."""
+    (tmp_path / "cell.msh").touch()
+    path = str(tmp_path / "cell.msh")
+    geometry = MeshFile(kind="mesh-file", path=path, solid=("Void",), fluid=("Matrix",))
+    first, second = geometry.warnings
+    assert first.startswith("the group 'Void' is given as solid and is named like the fluid; exchange")
+    assert second.startswith("the group 'Matrix' is given as fluid and is named like the solid")
+    assert MeshFile(kind="mesh-file", path=path, solid=("Matrix", 3), fluid=("Void",)).warnings == ()

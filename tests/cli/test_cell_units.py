@@ -53,10 +53,20 @@ def test_a_state_is_given_and_answered_in_units(asked):
     assert asked[1][1] == pytest.approx(7.5 * 133.322387415 / 2000, rel=1e-14)
 
 
+def test_the_state_is_repeated_in_units(asked):
+    """p=5 was 5 times the modulus of 500 kPa, and the answer that of another pressure than was meant."""
+    first = invoke("cell", BRAIN, "--at", "H22=-0.1,p=5").stdout.splitlines()[0]
+    assert first == (
+        "state: H22 = -0.1, p = 10000 Pa; a p without a unit is a multiple of 2000 Pa: write 'p=5 Pa' "
+        "if that is meant"
+    )
+    assert invoke("cell", BRAIN, "--at", "p=5 Pa").stdout.splitlines()[0] == "state: p = 5 Pa"
+
+
 def test_a_deformed_state_says_what_is_of_the_undeformed_cell(asked):
     """At H22 = −0.1 the porosity at rest was printed beside a smaller fluid volume, and nothing said of which cell."""
     lines = invoke("cell", BRAIN, "--at", "H22=-0.1").stdout.splitlines()
-    assert lines[0] == "porosity (of the undeformed cell): 0.4"
+    assert lines[:2] == ["state: H22 = -0.1", "porosity (of the undeformed cell): 0.4"]
     assert invoke("cell", BRAIN).stdout.splitlines()[0] == "porosity: 0.4"
     told = as_text({"fluid_volume": 0.533}, BELONGS)
     assert told == (

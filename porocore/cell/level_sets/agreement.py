@@ -10,6 +10,7 @@ import numpy as np
 
 from porocore.cell.cell import Cell
 from porocore.cell.geometry.pore_geometry import MOST as MOST_ELEMENTS
+from porocore.cell.geometry.pore_geometry import PoreGeometry
 from porocore.cell.level_sets.cutting import lattice_edges
 from porocore.cell.level_sets.image import labelled
 from porocore.cell.level_sets.voxels import Voxels, necks, runs, through_axes, way_out
@@ -269,7 +270,7 @@ def grains(cell: Cell) -> Iterator[str]:
             yield f"{one} ({counts}{more} voxels) {'is' if len(found) == 1 else 'are'} {what} the mesh"
 
 
-def can_be_meshed(geometry: Voxels, size: float) -> bool:
+def can_be_meshed(geometry: PoreGeometry, size: float) -> bool:
     """Return whether a mesh of elements of a size is not refused."""
     return geometry.elements(size) <= MOST_ELEMENTS
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Literal
@@ -107,6 +108,18 @@ class MeshFile(FromFile, PoreGeometry):
         return _region_maps(self).get(as_rotation(Q))
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """Groups that are named like the other phase."""
+        phases: tuple[Phase, ...] = ("solid", "fluid")
+        return tuple(
+            f"the group {echo(tag)} is given as {phase} and is named like the {other}; exchange cell.geometry.solid "
+            "and cell.geometry.fluid if it is the other way round"
+            for phase in phases
+            for tag in getattr(self, phase)
+            if (other := _phase_named(str(tag))) not in (phase, None)
+        )
+
+    @property
     def description(self) -> str:
         return f"mesh {Path(self.path).name}"
 
@@ -186,7 +199,7 @@ def _parts(geometry: MeshFile, path: Path, mesh: ForeignMesh, kind: str) -> dict
             f"got {geometry.tags or f'none, and none of {KNOWN_DATA} holds whole numbers'}; it has "
             f"{', '.join(sorted(mesh.data)) or 'no data of elements; give physical groups of volumes (gmsh)'}"
         )
-    _require_tags(geometry, path, mesh)
+    _require_tags(geometry, path, mesh, kind)
     found: dict[Phase, dict[str, IntArray]] = {"solid": {}, "fluid": {}}
     owner = np.full(len(mesh.elements[3][kind]), -1)
     given: list[str] = []
@@ -220,7 +233,7 @@ def _as_given(tag: Tag, name: str) -> str:
     return echo(tag) if str(tag) == name else f"{echo(tag)} ({echo(name)})"
 
 
-def _require_tags(geometry: MeshFile, path: Path, mesh: ForeignMesh) -> None:
+def _require_tags(geometry: MeshFile, path: Path, mesh: ForeignMesh, kind: str) -> None:
     """Refuse tags that stand for two groups, and those that no tetrahedron has, all of which are told."""
     phases: tuple[Phase, ...] = ("solid", "fluid")
     for phase in phases:
@@ -232,22 +245,78 @@ def _require_tags(geometry: MeshFile, path: Path, mesh: ForeignMesh) -> None:
     }
     told = []
     for phase, tags in wrong.items():
-        near = [" ".join([echo(tag), *_near(str(tag), mesh)]) for tag in tags]
+        near = [" ".join([echo(tag), *_near(str(tag), phase, mesh)]) for tag in tags]
         told += [f"{joined(near)} under {phase}"] if near else []
     if told:
-        first = next(phase for phase in phases if wrong[phase])
-        taken = {mesh.name(3, tag) for phase in phases for tag in getattr(geometry, phase)}
-        free = next((name for name in mesh.groups[3] if name not in taken), "NAME")
+        missing = [phase for phase in phases if wrong[phase]]
         raise ConfigurationError(
-            f"cell.geometry.{first}: no tetrahedron of {path} has the tag {' and '.join(told)}; its tags are "
-            f"{_listed(mesh, mesh.groups[3])}: write '{first}: [{free}]' under cell.geometry"
+            f"cell.geometry.{missing[0]}: no tetrahedron of {path} has the tag {' and '.join(told)}; its tags are "
+            f"{_with_shares(mesh, kind)}: {_tags_to_write(geometry, mesh, missing)}"
         )
 
 
-def _near(tag: str, mesh: ForeignMesh) -> tuple[str, ...]:
-    """Return the question whether a similar name of a group is meant."""
-    asked = did_you_mean(tag, mesh.groups[3])
+def _tags_to_write(geometry: MeshFile, mesh: ForeignMesh, missing: Sequence[Phase]) -> str:
+    """Return what to write for the phases whose tags no tetrahedron has."""
+    phases: tuple[Phase, ...] = ("solid", "fluid")
+    taken = {mesh.name(3, tag) for phase in phases for tag in getattr(geometry, phase)}
+    free = [name for name in mesh.groups[3] if name not in taken]
+    if len(mesh.groups[3]) < 2:
+        return (
+            "there is one volume only, and a cell needs two: mesh the pores, too, or the solid, with the same nodes on "
+            "the wall between them, and give each a group of its own"
+        )
+    found: dict[Phase, str] = {}
+    for phase in missing:
+        left = [name for name in free if name not in found.values()]
+        # A group that is named like the other phase comes last.
+        ranks = {
+            name: (phase, None).index(named) if named in (phase, None) else 2
+            for name, named in zip(left, map(_phase_named, left), strict=True)
+        }
+        left.sort(key=ranks.__getitem__)
+        found[phase] = left[0] if left else "NAME"
+    write = " and ".join(f"'{phase}: [{name}]'" for phase, name in found.items())
+    unsure = len(free) > 1 and not any(_phase_named(name) == phase for phase, name in found.items())
+    others = "the other way round" if len(free) == 2 else "others of them"
+    other = (
+        f", or {others}: no name tells which is which; the share of the fluid is the porosity"
+        if unsure
+        else ""
+    )
+    return f"write {write} under cell.geometry{other}"
+
+
+#: Words in the names of groups.
+_NAMED: dict[Phase, str] = {
+    "solid": r"solid|matrix|skeleton|bone|frame|tissue|scaffold|grain|trabecul|polymer|feststoff|ger(ü|ue)st",
+    "fluid": r"fluid|void|pore|water|liquid|air|brine|blood|channel|hohlraum|wasser",
+}
+
+
+def _phase_named(name: str) -> Phase | None:
+    """Return the phase that a name of a group tells; None where it tells none."""
+    return next((phase for phase, words in _NAMED.items() if re.search(words, name.casefold())), None)
+
+
+def _near(tag: str, phase: Phase, mesh: ForeignMesh) -> tuple[str, ...]:
+    """Return the question whether a similar name of a group is meant, which is not named like the other phase."""
+    asked = did_you_mean(tag, (name for name in mesh.groups[3] if _phase_named(name) in (phase, None)))
     return (f"({asked})",) if asked else ()
+
+
+def _with_shares(mesh: ForeignMesh, kind: str) -> str:
+    """Return the groups with their shares of all volume, and how many faces of the box they reach."""
+    cells = mesh.elements[3][kind][:, :4]
+    each = np.abs(volumes(mesh.points, cells))
+    low, high = mesh.points[cells].min(axis=(0, 1)), mesh.points[cells].max(axis=(0, 1))
+    near = SAME * float((high - low).max())
+    said = []
+    for name, members in list(mesh.groups[3].items())[:12]:
+        points = mesh.points[cells[members[kind]]].reshape(-1, 3)
+        reached = int((points.min(axis=0) - low <= near).sum() + (high - points.max(axis=0) <= near).sum())
+        share = 100 * each[members[kind]].sum() / max(each.sum(), np.finfo(float).tiny)
+        said.append(f"{_listed(mesh, [name])} with {share:.3g} % of the volume, at {reached} of the 6 faces")
+    return ", ".join(said)
 
 
 def _listed(mesh: ForeignMesh, names: Iterable[str]) -> str:
