@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NoReturn
 
 import typer
 
-from porocore.core.echo import comma_advice, cut, echo
+from porocore.core.echo import comma_advice, cut, did_you_mean, echo
 from porocore.core.parallel import launched
 from porocore.errors import ConfigurationError, UnexpectedError
 
@@ -104,12 +104,25 @@ def read_config(
     from porocore.study.run_folder import CONFIG, RECORD
 
     path = benchmark_path() if path is None else path
+    require_no_result(path)
     if (path / RECORD).is_file():
         raise ConfigurationError(
             f"{path}: expected a configuration file, got a run folder; its configuration is {path / CONFIG}, and "
             f"to go on with it: {command('run', path / CONFIG, '--out', path, '--resume')}"
         )
     return path, with_closure(load_config(path, cell_only).with_backends(fem, surrogate, macro), closure)
+
+
+def require_no_result(path: Path) -> None:
+    """Refuse a result of a run, such as its metrics, in the place of a configuration."""
+    from porocore.study.run_folder import CONFIG, RECORD
+
+    of_a_run = path.is_file() and (path.parent / RECORD).is_file()
+    if of_a_run and path.suffix not in (".yaml", ".yml"):
+        raise ConfigurationError(
+            f"{path}: expected a configuration file, got a file of the run folder {path.parent}, whose configuration "
+            f"is {path.parent / CONFIG}"
+        )
 
 
 def failed(text: str) -> NoReturn:
@@ -121,9 +134,23 @@ def failed(text: str) -> NoReturn:
 
 def claim(path: Path, settings: RunConfig, out: Path | None, resume: bool) -> RunFolder:
     """Return the run folder of the configuration at ``path``, ``out`` or one by its name, made or opened."""
-    from porocore.study.run_folder import RunFolder
+    from porocore.study.run_folder import RECORD, RunFolder
 
-    return RunFolder.claim(Path("runs") / path.stem if out is None else out, settings, resume=resume)
+    place = Path("runs") / path.stem if out is None else out
+    note_nothing_to_resume(place, RECORD, "run", resume=resume)
+    return RunFolder.claim(place, settings, resume=resume)
+
+
+def note_nothing_to_resume(place: Path, record: str, work: str, *, resume: bool) -> None:
+    """Say on standard error that ``--resume`` finds no folder, and folders with a similar name that hold such work."""
+    if not resume or place.exists():
+        return
+    from porocore.core.console import Console
+
+    beside = place.parent.iterdir() if place.parent.is_dir() else ()
+    names = [each.name for each in beside if (each / record).is_file()]
+    question = did_you_mean(place.name, names)
+    Console().note(f"nothing to resume in {place}; a new {work} begins{f'; {question}' if question else ''}")
 
 
 def chosen_store(store: Path | None, no_store: bool) -> ResultStore | None:

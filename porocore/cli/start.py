@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from porocore.cli.common import command, interruptible, located, read_config
+from porocore.cli.common import command, interruptible, located, read_config, require_no_result
 from porocore.cli.options import ClosureOption, ConfigArgument, FemOption, MacroOption, SurrogateOption
 from porocore.errors import ConfigurationError
 
@@ -97,6 +97,8 @@ def check(
     from porocore.study.notes.outline import outline
     from porocore.study.store import user_store
 
+    if config is not None:
+        require_no_result(config)
     document = YamlDocument.read(config) if config is not None and config.is_file() else None
     if document is not None and (owner := command_of_file(document)) is not None:
         with interruptible():

@@ -29,7 +29,7 @@ from porocore.cli.options import (
     SurrogateOption,
 )
 from porocore.core.console import Console
-from porocore.errors import ConfigurationError, PluginError
+from porocore.errors import ConfigurationError, PluginError, RunFolderError
 
 if TYPE_CHECKING:
     from porocore.interfaces.macro import MacroSolver
@@ -257,12 +257,28 @@ def report(run: RunArgument) -> None:
     config = folder.config.with_closure(folder.shown_closure)
     require_surrogates(folder, config)
     for path in folder.solutions(config.closure):
+        _require_no_series(folder, path)
         folder.require(path, "solve")
     with interruptible(command("report", run)), folder:
         from porocore.study.stages import pipeline
 
         pipeline.report(folder, folder.config, console=Console())
     typer.echo(folder.report)
+
+
+def _require_no_series(folder: RunFolder, solution: Path) -> None:
+    """Refuse a folder of a sweep or of tuned cells whose run itself was not solved."""
+    for name, points in (
+        ("sweep", f", with the solutions of its values below {folder.path / 'sweep'}"),
+        ("tune", ""),
+    ):
+        table = folder.path / f"{name}.csv"
+        if table.is_file() and not solution.exists():
+            raise RunFolderError(
+                f"{folder.path} holds the results of 'porocore {name}': open {table} and "
+                f"{table.with_suffix('.png').name}{points}; a report is of the run itself, which 'porocore solve "
+                f"{folder.path}' solves first"
+            )
 
 
 def _open(path: Path) -> RunFolder:

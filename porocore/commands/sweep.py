@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
@@ -136,6 +137,7 @@ def _values(name: str, text: str, quantity: str, scales: Scales | None) -> list[
 
     low, *others = text.split(":")
     if not others:
+        _require_commas(name, text)
         return [_value(name, part, quantity, scales) for part in text.split(",")]
     try:
         high, count = others
@@ -151,6 +153,20 @@ def _values(name: str, text: str, quantity: str, scales: Scales | None) -> list[
         raise ConfigurationError(f"{name}: expected LOW:HIGH:COUNT with LOW below HIGH, got {echo(text)}")
     low_end, high_end = ends
     return [low_end + (high_end - low_end) * k / (number - 1) for k in range(number)]
+
+
+#: Signs that stand between two numbers in the place of a colon or a comma.
+_BETWEEN = re.compile(r"(?<=\d)\s*(?:[-–;/]|\.\.|\bto\b)\s*(?=[\d.])")
+
+
+def _require_commas(name: str, text: str) -> None:
+    """Refuse a range or a list with other signs between its numbers."""
+    parts = _BETWEEN.split(text.strip())
+    if len(parts) > 1 and "," not in text:
+        raise ConfigurationError(
+            f"{name}: expected LOW:HIGH:COUNT or values with commas between them, such as {parts[0]}:{parts[-1]}:5 or "
+            f"{','.join(parts)}, got {echo(text)}"
+        )
 
 
 def _value(name: str, text: str, quantity: str, scales: Scales | None) -> float:

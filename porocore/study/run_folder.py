@@ -417,8 +417,10 @@ class RunFolder(RunFiles):
                 each for each in found if each.startswith("scales.")
             ]  # which changes all other numbers
             changed += [each for each in found if not each.startswith(NOT_PART_OF_A_RUN)]
+            options = _begun_with(same, self.config, changed)
+            advice = f"repeat {options} if it was begun so, or " if options else ""
             raise RunFolderError(
-                f"{self.path} holds another run; this one has {some_of(changed)}; choose another --out"
+                f"{self.path} holds another run; this one has {some_of(changed)}; {advice}choose another --out"
             )
         self.written = held.config
 
@@ -441,6 +443,21 @@ class RunFolder(RunFiles):
         write_json(self.path / RECORD, record, indent=2)
 
 
+#: Folders without a run by a file in them: what they are of, what to open, and how to write it again.
+OTHER_RESULTS = {
+    "calibrate.json": (
+        "a calibration",
+        "report.html",
+        ", which 'porocore calibrate CONFIG --out {} --resume' writes again",
+    ),
+    "rev.json": ("a study of representative volumes", "rev.png", ""),
+    "sensitivity.csv": ("a sensitivity study", "sensitivity.csv", ""),
+    "stability.h5": ("a stability map", "stability.png", ""),
+    "crosscheck.json": ("a cross-check", "crosscheck.html", ""),
+    "reproduction.json": ("a reproduction", "index.html", ""),
+}
+
+
 def _no_run(path: Path) -> str:
     """Return what is at a path that is no run folder, and what to give or to do instead."""
     if found := obstacle(path):
@@ -452,11 +469,27 @@ def _no_run(path: Path) -> str:
     there = path.exists()
     said = f"{path} is not a run folder ({f'it has no {RECORD}' if there else 'there is no such folder'})"
     inside = sorted(path.iterdir()) if there else []
+    for record, (kind, shown, again) in OTHER_RESULTS.items():
+        if (path / record).is_file():
+            opened = f"open {path / shown}" if (path / shown).is_file() else "it is not finished"
+            return f"{path} is the folder of {kind}, not of a run; {opened}{again.format(path)}"
     if runs := [str(each) for each in inside if (each / RECORD).is_file()]:
         return f"{said}, but holds some; give one of them: {some_of(runs)}"
     if inside:
         return f"{said}, but holds other files; give the folder that 'porocore run' or 'porocore sample' made"
     return f"{said}; start one: porocore run CONFIG --out {path}, or porocore sample CONFIG --out {path}"
+
+
+def _begun_with(held: RunConfig, given: RunConfig, changed: list[str]) -> str:
+    """Return the options by which the backends would be those of a held run; empty where more than these differs."""
+    if not all(each.startswith(("surrogate.", "fem.", "macro.backend ")) for each in changed):
+        return ""
+    options = {
+        "--fem": (held.fem.backend, given.fem.backend),
+        "--macro": (held.macro.backend, given.macro.backend),
+        "--surrogate": (held.surrogate.backend, given.surrogate.backend),
+    }
+    return " ".join(f"{option} {mine}" for option, (mine, other) in options.items() if mine and mine != other)
 
 
 FINISHED_FORMAT, FINISHED_VERSION = "porocore-finished", 1

@@ -87,6 +87,17 @@ NO_RUN: dict[str, tuple[str, dict[str, Content], str]] = {
     "a file": ("mine.yaml", {}, "mine.yaml: expected a run folder, got a file"),
     "a file of a run": ("run/config.yaml", {"run": from_run()}, "got a file of one; give the folder: run"),
     "a folder of runs": ("runs", {"runs/a": from_run()}, "but holds some; give one of them: runs/a"),
+    "a calibration": (
+        "cal",
+        {"cal/calibrate.json": "{}", "cal/report.html": "", "cal/cells": from_run()},
+        "cal is the folder of a calibration, not of a run; open cal/report.html, which 'porocore calibrate CONFIG "
+        "--out cal --resume' writes again",
+    ),
+    "a study of volumes": (
+        "rev",
+        {"rev/rev.json": "{}", "rev/rev.png": ""},
+        "is the folder of a study of representative volumes, not of a run; open rev/rev.png",
+    ),
     "a folder of other files": ("other", {"other/note.txt": "mine"}, "but holds other files"),
     "a dangling link": ("gone", {}, "gone: a symbolic link to nowhere, which does not exist"),
     "a line break": ("a\nb", {}, "a\\nb is not a run folder (there is no such folder)"),
@@ -117,11 +128,12 @@ def damaged_record(command: str, kind: str) -> Row:
     return Row(f"{command}: {kind}", (*command.split(), "run"), (expected,), files)
 
 
-def incomplete_run(command: str, missing: str, expected: str) -> Row:
-    def remove(path):
-        path.unlink()
+def removed(path):
+    path.unlink()
 
-    files = {"run": from_run(), f"run/{missing}": remove}
+
+def incomplete_run(command: str, missing: str, expected: str) -> Row:
+    files = {"run": from_run(), f"run/{missing}": removed}
     return Row(f"{command}: {missing} is missing", (command, "run"), (expected,), files)
 
 
@@ -204,6 +216,49 @@ ROWS = [
     incomplete_run("train", "samples.h5", "make it first: porocore sample run"),
     incomplete_run("solve", "surrogate.h5", "make it first: porocore train run"),
     incomplete_run("report", "solutions/mean-gradient_load-0.04.h5", "make it first: porocore solve run"),
+    *(
+        Row(
+            f"report: a run folder of a {name}",
+            ("report", "run"),
+            (f"run holds the results of 'porocore {name}': open run/{name}.csv and {name}.png",),
+            {"run": from_run(), "run/solutions/mean-gradient_load-0.04.h5": removed, f"run/{name}.csv": ""},
+        )
+        for name in ("sweep", "tune")
+    ),
+    *(
+        Row(
+            f"check: {name} of a run",
+            ("check", f"run/{name}"),
+            (
+                f"run/{name}: expected a configuration file, got a file of the run folder run, whose configuration is",
+            ),
+            {"run": from_run()},
+        )
+        for name in ("samples.h5", "run.json")
+    ),
+    Row(
+        "check: a large HDF5 file",
+        ("check", "a.h5"),
+        ("a.h5: expected a configuration, which is YAML text, got an HDF5 file by its first bytes",),
+        {"a.h5": b"\x89HDF\r\n\x1a\n" + bytes(1_100_000)},
+    ),
+    *(
+        Row(
+            f"sweep: {text}",
+            ("sweep", CONFIG, "--over", f"radius={text}", "--out", "out"),
+            (
+                "expected LOW:HIGH:COUNT or values with commas between them, such as 0.2:0.25:5 or 0.2,0.25, got",
+            ),
+            {CONFIG: study()},
+        )
+        for text in ("0.2-0.25", "0.2;0.25")
+    ),
+    Row(
+        "run: resumed without its surrogate",
+        ("run", CONFIG, "--surrogate", "torch", "--out", "run", "--resume"),
+        ("repeat --surrogate polynomial if it was begun so, or choose another --out",),
+        {"run": from_run(), CONFIG: from_run("config.yaml")},
+    ),
     Row(
         "run: without the surrogate",
         ("run", CONFIG, "--laws", "linear", "--out", "out"),

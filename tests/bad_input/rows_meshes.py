@@ -203,6 +203,12 @@ FAULTS: dict[str, tuple[str, Content, str, str]] = {
     "a hexahedron turned inside out": (
         ".msh", altered(turned_hexahedron), "turned inside out or flat", "expected tetrahedra",
     ),
+    "volumes that were not meshed": (
+        ".msh",
+        '$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n1\n3 1 "solid"\n$EndPhysicalNames\n$Nodes\n0\n'
+        "$EndNodes\n$Elements\n0\n$EndElements\n",
+        "mesh its volumes 'solid' too, by 'gmsh -3', or, where it is damaged", "by 'gmsh -3', or, where it is damaged",
+    ),
     "missing": (".msh", lambda path: None, "no such file", "no such file"),
     "a folder": (".msh", folder, "expected a file, got a folder", "expected a file, got a folder"),
     "a named pipe": (".msh", fifo, "got a named pipe", "got a named pipe"),

@@ -142,6 +142,17 @@ def test_a_step_without_its_predecessor_names_the_command(porocore_command, pipe
     assert pipeline.calls == []
 
 
+def test_resume_without_a_folder_says_so(porocore_command, pipeline, tmp_path):
+    out, other = tmp_path / "column", tmp_path / "colunm"
+    status, _, err = porocore_command("sample", benchmark_path(), "--out", out, "--resume")
+    assert status == 0
+    assert f"nothing to resume in {out}; a new run begins\n" in err
+    _, _, err = porocore_command("sample", benchmark_path(), "--out", other, "--resume")
+    assert f"nothing to resume in {other}; a new run begins; did you mean 'column'?\n" in err
+    _, _, err = porocore_command("sample", benchmark_path(), "--out", out, "--resume")
+    assert "nothing to resume" not in err
+
+
 def test_sampling_goes_on_in_a_run_folder_or_with_resume(porocore_command, pipeline, tmp_path):
     out = tmp_path / "run"
     assert porocore_command("sample", benchmark_path(), "--out", out)[0] == 0

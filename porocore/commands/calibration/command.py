@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from porocore.cli.common import chosen_store, page, plain_table
+from porocore.cli.common import chosen_store, note_nothing_to_resume, page, plain_table
 from porocore.cli.options import JsonOption, NoStoreOption, ResumeOption, StoreOption
 from porocore.interfaces.command import Command, FileCheck
 
@@ -56,9 +56,11 @@ def calibrate(
     report.html, curves.csv and samples.csv. --resume continues to the same result.
     """
     from porocore.commands.calibration.calibrate import calibrate as run
+    from porocore.commands.calibration.plan import RECORD
 
     kept = chosen_store(store, no_store)
     folder = Path("runs") / f"{config.stem}-calibration" if out is None else out
+    note_nothing_to_resume(folder, RECORD, "calibration", resume=resume)
     done = run(config, folder, synthetic=synthetic, resume=resume, store=kept or False)
     if json_:
         typer.echo((done.path / "calibration.json").read_text(encoding="utf-8"), nl=False)
@@ -90,7 +92,10 @@ class CalibrateCommand(Command):
         if config is None:
             for experiment in plan.experiments:
                 check_backends(experiment.config)
-        plan = replace(plan, notes=(*plan.notes, *linear_notes(plan)))
+        # Those on the units of the study itself stand in its outline.
+        told = () if config is None else config.unit_notes
+        notes = [note for note in plan.notes if not note.endswith(told)]
+        plan = replace(plan, notes=(*notes, *linear_notes(plan)))
         return FileCheck(plan.outline if config is None else plan.section, {"synthetic": plan.is_planned})
 
 

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from porocore.core.echo import echo, joined
 from porocore.core.files.gmsh_model import Arrays, file_arrays, model_arrays
 from porocore.core.files.slices import foreign, renamed, told_by
 from porocore.errors import ConfigurationError
@@ -452,8 +453,11 @@ def _of_model(
     """
     tags, parts = arrays["tags"], _Parts(path)
     if not len(tags):
+        volumes = joined(echo(name) for (dim, _), name in names.items() if dim == 3)
         raise ConfigurationError(
-            f"{path}: no nodes are in this file; it is damaged or cut short: save it anew"
+            f"{path}: no nodes are in this file; "
+            + (f"mesh its volumes {volumes} too, by 'gmsh -3', or, where " if volumes else "")
+            + f"it is damaged or cut short{',' if volumes else ':'} save it anew"
         )
     kinds, views = json.loads(str(arrays["kinds"])), json.loads(str(arrays["views"]))
     blocks: dict[tuple[int, str], list[tuple[int, int]]] = {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -303,7 +304,10 @@ def _text(path: Path) -> str:
     except UnicodeDecodeError as error:
         raise ConfigurationError(_other_kind(path) or f"{path}{_other_encoding(error)}") from None
     except OSError as error:
-        raise ConfigurationError(f"{echo_path(path)}: cannot be read: {error.strerror or error}") from None
+        other = _other_kind(path) if error.errno == errno.EFBIG else ""
+        raise ConfigurationError(
+            other or f"{echo_path(path)}: cannot be read: {error.strerror or error}"
+        ) from None
 
 
 def _other_kind(path: Path) -> str:
