@@ -422,6 +422,8 @@ def _begun(unit: str, quantity: str) -> str:
     ):  # Min. would be a million inches, and µM is a concentration.
         return f"; did you mean '{word}'?"
     for known in COMMON:
+        if known == "mmHg" and quantity != "pressure":  # nobody measures stresses in mm of mercury
+            continue
         if 0 < len(known) - len(unit) <= CUT and known.startswith(unit) and _measured(known)[1] == dimensions:
             return f"; did you mean '{known}'?"
     weight = _MASS.sub(r"\1f", unit)
@@ -722,8 +724,11 @@ def resolved(
             except UnitError as error:
                 faults.append((place.path, f"{dotted(place.path)}: {error}"))
     for (at, dimension), place in plain.items():
-        if (at, dimension) in given:
-            faults.append((at, f"{dotted(at)}: {_without_unit(place, given[at, dimension], dimension)}"))
+        # The ends of a range are one with its step.
+        section = at[:-1] if at[-1] == "range" else at
+        beside = given.get((at, dimension)) or given.get((section, dimension))
+        if beside is not None:
+            faults.append((at, f"{dotted(at)}: {_without_unit(place, beside, dimension)}"))
     return _replaced(data, found, ()), faults
 
 

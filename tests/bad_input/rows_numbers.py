@@ -172,6 +172,15 @@ MISPLACED = [
     ("macro.body_force", "gravity", "a list of 3 entries (along x, y and z), got 'gravity'"),
 ]
 ROWS = [
+    faulty(
+        "a range without the unit of its step",
+        {
+            "scales": {"modulus": "0.5 MPa", "length": "1 mm", "pore": "2 um", "viscosity": "1 Pa s"},
+            "sampling.inputs.p": {"range": [-1, 25], "step": "1 kPa"},
+        },
+        "sampling.inputs.p.range: expected a unit with each number of the list, got -1 without one beside '1 kPa'; "
+        "write [-1 kPa, 25 kPa]",
+    ),
     *(faulty(f"misplaced: {key} = {value}", {key: value}, part) for key, value, part in MISPLACED),
     *(faulty(f"comma: {key} = {value}", {key: value}, part) for key, value, part in (*COMMAS, *OTHERS)),
     *(

@@ -213,7 +213,7 @@ def test_one_value_in_two_units_is_one_number(one, other):
         ("1 kpa", "stress", ["the unit 'kpa' is not known; did you mean 'kPa'?"]),
         ("1,5 kPa", "stress", ["decimals stand after a point: write 1.5 kPa"]),
         ("3 mm Hg", "pressure", ["did you mean 'mmHg'?"]),
-        ("3 mm", "stress", ["which is a length", "did you mean 'mmHg'?"]),
+        ("3 mm", "pressure", ["which is a length", "did you mean 'mmHg'?"]),
         ("3 g", "force", ["which is a mass", "did you mean 'gf'", "9.80665 N for 1 kg"]),
         ("3 kg/cm**2", "stress", ["did you mean 'kgf/cm**2'"]),
         ("3 kp", "force", ["did you mean 'kgf'?"]),
@@ -234,6 +234,12 @@ def test_what_is_no_value_of_its_quantity_is_refused(text, quantity, parts):
     with pytest.raises(UnitError) as error:
         in_si(text, quantity)
     assert all(part in str(error.value) for part in parts), str(error.value)
+
+
+def test_a_length_is_no_slip_for_a_stress_in_mercury():
+    with pytest.raises(UnitError) as error:
+        in_si("3 mm", "stress")
+    assert str(error.value) == "expected a stress, such as 2 kPa, got '3 mm', which is a length"
 
 
 def test_plain_numbers_have_no_unit():
