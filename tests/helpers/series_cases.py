@@ -8,6 +8,7 @@ import signal
 import time
 from pathlib import Path
 
+from porocore.core.files.atomic import atomic_path
 from porocore.errors import SolveError
 from porocore.study.series import Case, CaseProgress, FromStore, RunSeries
 
@@ -56,7 +57,8 @@ class Squares(RunSeries[float]):
 
     def save(self, case, result):
         self.kept.append(case.key)
-        (self.folder / case.key).write_text(str(result))
+        with atomic_path(self.folder / case.key) as part:
+            part.write_text(str(result))
 
     def stored(self, case):
         return self.there.get(case.key)
