@@ -772,6 +772,8 @@ def unit_notes(model: type[BaseModel], data: Any, scales: Scales | None) -> Iter
         ):
             continue
         part = () if dimension.quantity == "time" else place.path[:-1][:2]
+        if part in (("macro", "fields"), ("macro", "regions")) and dimension.quantity == "displacement":
+            part = ("macro", "body")  # its coordinates
         group = part, QUANTITIES[dimension.quantity].unit, dimension.si
         if isinstance(value, str):
             if has_unit(value):

@@ -13,7 +13,10 @@ from porocore.study.config.config import MacroSettings
 from porocore.study.notes.abilities import late_functions
 from porocore.study.notes.magnitudes import (
     formulas,
+    free_cuts,
+    level_tables,
     part_as_it_is,
+    pulls,
     require_right_side_out,
     run_times,
     separation,
@@ -271,3 +274,48 @@ def test_a_plate_on_a_part_without_symmetry_is_noted():
         assert list(part_as_it_is(MacroSetup.model_validate({"body": body, "boundary": others}))) == []
     given = body | {"symmetry": ["x-", "z-"]}
     assert list(part_as_it_is(MacroSetup.model_validate({"body": given, "boundary": faces}))) == []
+
+
+def test_forgotten_planes_of_a_part_are_noted():
+    """A quarter of a cylinder without its planes of symmetry was computed as it was, free at both cuts."""
+    whole = macro(-0.1).model_dump()
+    cut = {name: face for name, face in whole["boundary"].items() if name not in ("x-", "z-")}
+    (told,) = free_cuts(MacroSetup.model_validate(whole | {"boundary": cut}))
+    assert told.startswith("the plane sides ")
+    assert {"x-", "z-"} <= {*told.split()}
+    assert "they need 'normal: 0' under macro.boundary" in told
+    assert list(free_cuts(macro(-0.1))) == []
+    box = {"body": {"kind": "box", "size": (2, 2, 5), "elements": (1, 1, 4)}, "boundary": ALONG_Z}
+    assert list(free_cuts(MacroSetup.model_validate(box))) == []
+
+
+def test_a_table_far_beyond_the_body_is_noted():
+    """Coordinates in µm without their unit were in mm, and the field was level."""
+
+    def noted(end):
+        field = {"kind": "table", "along": "y", "table": [[0, 0.2], [end, 0.3]]}
+        return list(level_tables(macro(-0.1, fields={"radius": field}), ResultUnits(SCALES)))
+
+    (told,) = noted(4000)
+    assert told.startswith("macro.fields.radius: the table goes from ")
+    assert "a coordinate without a unit is a multiple of 0.001 m" in told
+    assert noted(3) == []
+
+
+@pytest.mark.parametrize(
+    ("face", "said"),
+    [
+        ({"displacement": [None, 0.4, None]}, "u_2 on y+ times the load 1 points out of the body and pulls"),
+        ({"normal": 0.4}, "the normal displacement of y+ times the load 1 points out of the body and pulls"),
+        ({"plate": 2}, "the force of the plate on y+ times the load 1 points out of the body and pulls"),
+        ({"traction": [0, 2, 0]}, "t_2 on y+ times the load 1 points out of the body and pulls"),
+        ({"pressure": 0.2}, "all that loads the body is 'pressure:' on y+: that of the fluid in the pores"),
+        ({"displacement": [None, -0.4, None], "pressure": 0.2}, ""),
+        ({"traction": [0, -2, 0], "pressure": 0}, ""),
+    ],
+)
+def test_what_pulls_is_told(face, said):
+    setup = macro(-0.1).model_dump()
+    setup["boundary"] |= {"y+": face, "side": {}}
+    told = list(pulls(SimpleNamespace(macro=MacroSettings.model_validate(setup | {"loads": [1]}))))
+    assert [note[: len(said)] for note in told] == ([said] if said else [])

@@ -56,7 +56,7 @@ def test_check_tells_what_a_run_would_do():
         (("[0, 1, 0]", "[0, 0, 0]"), "warning: nothing loads the body"),
         (
             ("[-0.2, -0.01]", "[0.2]"),
-            "note: t_2 on y+ times the load 0.2 points out of the body: a positive normal tr",
+            "note: t_2 on y+ times the load 0.2 points out of the body and pulls",
         ),
         (
             (

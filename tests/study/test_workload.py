@@ -44,7 +44,7 @@ def test_processes_share_the_memory_that_the_mesh_needs(tmp_path, monkeypatch):
     monkeypatch.setattr(limits, "memory_here", lambda: 6e9)
     with pytest.raises(
         ConfigurationError,
-        match=r"sampling.workers: 8 workers and the run itself need .*; take at most [2-5]$",
+        match=r"sampling.workers: 8 workers and the run itself need .* cell.mesh.size = .*, or take at most [2-5]$",
     ):
         limits.require_memory(study(tmp_path, 0.07, executor="processes", workers=8))
 

@@ -253,8 +253,9 @@ def require_memory(config: RunConfig) -> None:
     if workers > 1 and (workers + 1) * process > there:
         raise ConfigurationError(
             f"sampling.workers: {workers} workers and the run itself need some {(workers + 1) * process / 1e9:.3g} GB "
-            f"of memory, {process / 1e9:.2g} GB each, but this machine has {there / 1e9:.3g} GB; take at most "
-            f"{max(1, int(there / process) - 1)}"
+            f"of memory, {process / 1e9:.3g} GB each for the {nodes:,.0f} nodes of cell.mesh.size = {mesh.size:g}, "
+            f"but this machine has {there / 1e9:.3g} GB; give larger elements, or take at "
+            f"most {max(1, int(there / process) - 1)}"
         )
 
 

@@ -232,10 +232,20 @@ def _unlikely(config: RunConfig, reached: Sequence[Reach]) -> Iterator[str]:
             "these out by a factor of ten, or by a unit?"
         )
         yield (
-            f"  the loads and times under macro; {solid}; {pores}; cell.viscosity = "
+            f"  the loads and times under macro{_weight(config)}; {solid}; {pores}; cell.viscosity = "
             f"{units.text(config.cell.viscosity, 'viscosity')}"
         )
         return
+
+
+def _weight(config: RunConfig) -> str:
+    """Return the body force of a study with its unit; empty where there is none."""
+    units, force = config.result_units, config.macro.body_force
+    numbers = [value for value in force if isinstance(value, int | float)]
+    if not any(numbers):
+        return ""
+    largest = max(numbers, key=abs)
+    return f", among them macro.body_force = {units.text(largest, 'body-force')} (a weight is density times 9.81 m/s^2)"
 
 
 def _crushed(found: Sequence[Found]) -> Iterator[str]:

@@ -22,7 +22,8 @@ from porocore.core.units import Dimension, InScales, ResultUnits, length_text
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import BodyMesh, Facets
 from porocore.macro.boundary.symmetry import Symmetry
-from porocore.macro.composition.fields import COORDINATES
+from porocore.macro.composition.fields import COORDINATES, TableField
+from porocore.macro.composition.regions import sections
 from porocore.macro.problem import Boundary, MacroSetup, body_mesh
 from porocore.states import Array
 from porocore.study.config.config import MacroSettings, RunConfig
@@ -78,6 +79,8 @@ def _field(place: Place) -> Place:
 
 #: A surface is across an axis if its nodes differ by less than this share of the body along it.
 FLAT = 1e-6
+#: Share of the change in a table below which the body has none of it.
+LEVEL = 0.01
 #: Times at which prescribed values are looked at, beside those of their kinks.
 TIMES = 200
 
@@ -286,22 +289,98 @@ def unloaded(config: RunConfig) -> Iterator[str]:
 
 
 def pulls(config: RunConfig) -> Iterator[str]:
-    """Yield a note on the plane surfaces whose traction pulls the body under a load, and on how it would press."""
+    """Yield a note on the plane surfaces that are pulled under a load, and on how they would be pressed."""
     macro, times = config.macro, prescribed_times(config.macro)
     mesh = body_mesh(macro)
     for name, face in macro.boundary.items():
         facets = Facets(mesh, mesh.surface(name, name))
-        if not any(value != 0 for value in face.traction) or not len(facets.nodes):
+        if not len(facets.nodes):
             continue
         normal = facets.normals.sum(axis=(0, 1))
         axis = int(np.abs(normal).argmax())
-        outward = float(np.sign(normal[axis])) * _course(macro, face.traction[axis], times)
-        pulling = [load for load in macro.loads if (load * outward).max() > 0 >= (load * outward).min()]
-        if pulling:
-            told = ", ".join(f"{load:g}" for load in pulling)
+        sign = float(np.sign(normal[axis]))
+        for value, outwards, what in (
+            (face.traction[axis], sign, f"t_{axis + 1} on {name}"),
+            (face.displacement[axis], sign, f"u_{axis + 1} on {name}"),
+            (face.normal, 1.0, f"the normal displacement of {name}"),
+            (face.plate, 1.0, f"the force of the plate on {name}"),
+        ):
+            outward = outwards * _course(macro, value or 0.0, times)
+            pulling = [load for load in macro.loads if (load * outward).max() > 0 >= (load * outward).min()]
+            if pulling:
+                told = ", ".join(f"{load:g}" for load in pulling)
+                yield (
+                    f"{what} times the load {told} points out of the body and pulls; give the other sign where the "
+                    "surface is to be pressed"
+                )
+    yield from _only_pressure(macro, times)
+
+
+def _only_pressure(macro: MacroSettings, times: Array) -> Iterator[str]:
+    """Yield a note where the pressure of the pore fluid on surfaces is all that loads the body."""
+    acting = {
+        name: [value for value in _values(face) if _course(macro, value, times).any()]
+        for name, face in macro.boundary.items()
+    }
+    acting = {name: values for name, values in acting.items() if values}
+    alone = acting and all(values == [macro.boundary[name].pressure] for name, values in acting.items())
+    if alone and not any(_course(macro, value, times).any() for value in macro.body_force):
+        yield (
+            f"all that loads the body is 'pressure:' on {', '.join(acting)}: that of the fluid in the pores, "
+            "which flows in and widens the body; a piston presses by a traction, such as [0, -20 kPa, 0] on y+"
+        )
+
+
+def free_cuts(macro: MacroSetup) -> Iterator[str]:
+    """Yield a note on plane sides without any condition that look like cuts through a whole body."""
+    mesh, size = body_mesh(macro), np.ptp(body_mesh(macro).points, axis=0)
+    low = mesh.points.min(axis=0)
+    flat, free = set[tuple[int, bool]](), dict[str, tuple[int, bool]]()
+    planes = Symmetry.of(macro).normals
+    for name, facets in mesh.surfaces.items():
+        if not len(facets):
+            continue
+        points = mesh.points[np.unique(facets)]
+        for j in np.flatnonzero(np.ptp(points, axis=0) < FLAT * size):
+            side = int(j), bool(points[:, j].mean() > low[j] + size[j] / 2)
+            flat.add(side)
+            face = macro.boundary.get(name)
+            if name not in planes and (face is None or _is_free(face)):
+                free[name] = side
+    cuts = [name for name, (axis, upper) in free.items() if (axis, not upper) not in flat]
+    if len(cuts) > 1:
+        yield (
+            f"the plane sides {' and '.join(cuts)} are free, and the sides across from them are not plane: "
+            "if they cut a whole body, they need 'normal: 0' under macro.boundary"
+        )
+
+
+def _is_free(face: Boundary) -> bool:
+    """Return whether nothing is prescribed on a surface, not even 0; tractions are 0 where none is given."""
+    prescribed = (*face.displacement, face.normal, face.follower, face.plate, face.pressure, face.flux)
+    return not any(value is not None for value in prescribed) and not any(face.traction)
+
+
+def level_tables(macro: MacroSetup, units: ResultUnits) -> Iterator[str]:
+    """Yield a note on each table of a field of which the body has next to nothing."""
+    points = body_mesh(macro).points
+    for prefix, fields in sections(macro):
+        for name, field in fields.items():
+            if not isinstance(field, TableField):
+                continue
+            at, values = np.array(field.table).T
+            axis = "xyz".index(field.along)
+            low, high = points[:, axis].min(), points[:, axis].max()
+            reached = np.interp(np.append(at[(at > low) & (at < high)], [low, high]), at, values)
+            if np.ptp(reached) >= LEVEL * np.ptp(values) or not np.ptp(values):
+                continue
+            unit = units.text(1.0, "displacement", 4)
+            asked = f"; a coordinate without a unit is a multiple of {unit}" if units.given else ""
             yield (
-                f"t_{axis + 1} on {name} times the load {told} points out of the body: a positive normal traction "
-                "pulls; give the other sign where the surface is to be pressed"
+                f"{prefix}.{name}: the table goes from {units.text(float(at[0]), 'displacement', 4)} to "
+                f"{units.text(float(at[-1]), 'displacement', 4)}, and the body from "
+                f"{units.text(float(low), 'displacement', 4)} to {units.text(float(high), 'displacement', 4)} along "
+                f"{field.along}, where next to nothing of it changes{asked}"
             )
 
 

@@ -39,7 +39,9 @@ from porocore.study.notes.guess import RunTimes, decisions
 from porocore.study.notes.magnitudes import (
     WARNING,
     formulas,
+    free_cuts,
     left_out,
+    level_tables,
     long_step,
     part_as_it_is,
     separation,
@@ -95,7 +97,9 @@ def outline(config: RunConfig) -> Iterator[str]:
     yield from (f"note: {warning}" for warning in config.unit_notes)
     yield from (f"note: {warning}" for warning in late_functions(config.macro, config.result_units))
     yield from (f"note: {warning}" for warning in long_step(config.macro, config.result_units))
-    yield from (f"note: {text}" for text in (*sideways(config.macro), *part_as_it_is(config.macro)))
+    parts = (*part_as_it_is(config.macro), *free_cuts(config.macro))
+    tables = level_tables(config.macro, config.result_units)
+    yield from (f"note: {text}" for text in (*sideways(config.macro), *parts, *tables))
     yield from (f"{WARNING}{text}" for text in unloaded(config))
     # K is not known yet, but along which axes it is positive in any of the cells.
     percolates = [any(axis not in quality.blocked for quality in measured.values()) for axis in "xyz"]
