@@ -7,7 +7,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
+from typer.testing import CliRunner
 
+from porocore.cli.entry import app
 from porocore.commands.calibration.loading import read_plan
 from porocore.commands.calibration.magnitudes import linear_notes, start_notes
 from porocore.commands.calibration.plan import CalibrationPlan
@@ -108,3 +111,14 @@ def test_before_the_fit_it_is_compared_with_the_start(
     assert note.startswith(
         "press: the values reach 250 N in size, but those of the study 1 N at the start values, and at most 5 N"
     )
+
+
+def test_a_check_tells_units_that_are_left_out_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    plan(tmp_path, "mN", CARRIED)
+    study = {**STUDY, "macro": {**STUDY["macro"], "time": {**STUDY["macro"]["time"], "step": 1000}}}
+    section = {"unknowns": {"modulus": MODULUS}, "observations": {"press": FORCE}}
+    (tmp_path / "a.yaml").write_text(yaml.safe_dump({**study, "calibration": section}), encoding="utf-8")
+    done = CliRunner().invoke(app, ["check", "a.yaml"])
+    assert done.exit_code == 0, done.output
+    assert done.output.count("macro.time.step: 1000 has no unit beside") == 1
