@@ -16,10 +16,10 @@ import h5py  # noqa: F401 - before dolfinx, which brings an HDF5 library of its 
 import numpy as np
 from common import table
 
+from porocore.commands.verify.small_strain import mean_gradient, potential
 from porocore.core.parallel.memory import one_thread_in_children
 from porocore.macro.linear_systems import work_figures
 from porocore.macro.problem import MacroProblem
-from porocore.verification.ladder.small_strain import mean_gradient, potential
 
 #: Edge of an element of the unit cube, and the unknowns that it leads to.
 SIZES = {0.128: 14_000, 0.0635: 91_000, 0.045: 256_000, 0.0362: 490_000, 0.0285: 1_000_000}

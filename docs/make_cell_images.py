@@ -15,8 +15,8 @@ import numpy as np
 
 from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import MeshSettings
+from porocore.commands.fields.pictures import render_phases, write_phases
 from porocore.errors import PorocoreError
-from porocore.verification.local_fields.pictures import render_phases, write_phases
 
 IMAGES = Path(__file__).parent / "images"
 FINE = MeshSettings(size=0.07, fluid_size=0.07)

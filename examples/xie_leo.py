@@ -1,15 +1,15 @@
 """A law of one's own in the macro solver: large-strain consolidation of clay (Xie & Leo 2004).
 
 Run it with ``python examples/xie_leo.py [BACKEND]``. A macroscopic law derives ``porocore.MacroLaw`` and returns
-stress, storage, flux and their exact derivatives. ``ClayLaw`` in ``porocore/verification/ladder/xie_leo.py`` is one.
+stress, storage, flux and their exact derivatives. ``ClayLaw`` in ``porocore/commands/verify/xie_leo.py`` is one.
 ``porocore verify --case xie-leo`` compares it with the published numbers.
 """
 
 import sys
 
+from porocore.commands.verify.xie_leo import ClayLaw, column, mean_pressure
 from porocore.macro.analytic import XieLeo
 from porocore.plugins.registry import get
-from porocore.verification.ladder.xie_leo import ClayLaw, column, mean_pressure
 
 YEAR = 365.25 * 86400.0
 

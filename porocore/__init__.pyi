@@ -2,6 +2,13 @@ from porocore.cell.cell import Cell as Cell
 from porocore.cell.materials.hyperelastic import NeoHookean as NeoHookean
 from porocore.commands.calibration.calibrate import calibrate as calibrate
 from porocore.commands.calibration.results import Calibration as Calibration
+from porocore.commands.fields.solve import write_local_fields as write_local_fields
+from porocore.commands.representative.study import (
+    study_representative_volume as study_representative_volume,
+)
+from porocore.commands.reproduce.recompute import reproduce as reproduce
+from porocore.commands.sensitivity.study import study_sensitivity as study_sensitivity
+from porocore.commands.stability.study import map_stability as map_stability
 from porocore.core.files.atomic import atomic_path as atomic_path
 from porocore.core.files.claim import WorkFolder as WorkFolder
 from porocore.core.inputs import InputSpace as InputSpace
@@ -76,12 +83,5 @@ from porocore.study.api.study import Study as Study
 from porocore.study.config.config import RunConfig as RunConfig
 from porocore.study.config.loading import load_config as load_config
 from porocore.study.sweep.results import ParameterSweep as ParameterSweep
-from porocore.verification.local_fields.solve import write_local_fields as write_local_fields
-from porocore.verification.representative.study import (
-    study_representative_volume as study_representative_volume,
-)
-from porocore.verification.reproduce import reproduce as reproduce
-from porocore.verification.sensitivity.study import study_sensitivity as study_sensitivity
-from porocore.verification.stability import map_stability as map_stability
 
 __version__: str

@@ -36,21 +36,9 @@ ROOMS = {
     "report": ("core", "interfaces", "cell", "macro"),
     "study": ("core", "interfaces", "plugins", "cell", "sampling", "surrogates", "macro", "report"),
     "testing": ("core", "interfaces", "plugins", "cell", "surrogates", "macro", "study"),
-    "verification": (
-        "core",
-        "interfaces",
-        "plugins",
-        "cell",
-        "sampling",
-        "macro",
-        "report",
-        "study",
-        "testing",
-    ),
     "cli": ("core", "interfaces", "plugins", "cell", "sampling", "report", "study", "testing"),
     "commands": (
-        *("core", "interfaces", "plugins", "cell", "sampling", "macro", "report", "study", "verification"),
-        "cli",
+        *("core", "interfaces", "plugins", "cell", "sampling", "macro", "report", "study", "testing", "cli"),
     ),
 }
 #: Characters of the first line of a module's docstring.
@@ -233,8 +221,8 @@ def test_no_module_of_the_core_imports_itself_in_a_circle():
 BEFORE_THE_BORDER = (
     "plugins.border",
     "testing",
-    "verification.ladder",
-    "verification.reproduce.calls",
+    "commands.verify",
+    "commands.reproduce.calls",
     "study.tuning",
     "surrogates",
     "interfaces",

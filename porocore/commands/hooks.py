@@ -24,15 +24,15 @@ OF_A_CELL = {
     "fields": "Solve one state, by default H22=-0.1, and write its local fields.",
     "show": "Mesh the cell and show it; nothing is solved.",
 }
-#: Modules in :mod:`porocore.commands` with another name than the command.
-MODULES = {"reproduce": "verify", "rev": "representative", "show": "fields"}
+#: Modules in :mod:`porocore.commands` that are not ``command`` in the room of the command's name.
+MODULES = {"sweep": "sweep", "tune": "tune", "rev": "representative.command", "show": "fields.command"}
 
 
 def _load(name: str) -> type[Any]:
     """Return the command that runs the function of a name."""
     from porocore.interfaces.command import Command
 
-    run = resolve_name(f"porocore.commands.{MODULES.get(name, name)}:{name}")
+    run = resolve_name(f"porocore.commands.{MODULES.get(name, f'{name}.command')}:{name}")
     return type(f"{name.capitalize()}Command", (Command,), {"run": staticmethod(run)})
 
 

@@ -390,7 +390,7 @@ KINDS = {
     "porocore-stability": ("a stability map", "'porocore stability --resume' reads it in its folder"),
     "porocore-sensitivity": (
         "a sensitivity study",
-        "'porocore sensitivity' and porocore.verification.sensitivity.results.load read it",
+        "'porocore sensitivity' and porocore.commands.sensitivity.results.load read it",
     ),
 }
 Kind = Literal["float", "int", "number"]

@@ -15,10 +15,10 @@ from porocore.cell.meshing.connectivity import pieces, why_disconnected
 from porocore.cell.meshing.mesh import MeshSettings, block, tiled
 from porocore.cell.meshing.mesh_quality import measure_mesh_quality, quality_lines, unmatched
 from porocore.cell.meshing.tetrahedra import volume
+from porocore.commands.fields.points import PointFields
 from porocore.errors import ConfigurationError
 from porocore.states import MacroState
 from porocore.testing.cell_laws.base import noise
-from porocore.verification.local_fields.points import PointFields
 
 GENERAL = MacroState.single(np.array([[0.02, 0.03, 0.0], [-0.01, -0.04, 0.02], [0.01, 0.0, 0.01]]), 0.05)
 RESPONSES = ("mean_grad", "potential", "stress", "fluid_volume")

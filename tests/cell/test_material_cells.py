@@ -13,6 +13,7 @@ from porocore.cell.geometry.kinds import NoPores, OrthogonalChannels
 from porocore.cell.materials.hyperelastic import AnyMaterial, Composite, MooneyRivlin, NeoHookean
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cell.stability.line import _check_symmetric
+from porocore.commands.fields.points import PointFields
 from porocore.core.inputs import InputSpace
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import TrainingSet
@@ -20,7 +21,6 @@ from porocore.macro.laws import ClosedLaw, LinearCellLaw, MeanGradientClosure, P
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.testing.cell_laws import identities
-from porocore.verification.local_fields.points import PointFields
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 from porocore_fem_skfem.solid import SkfemSolid
 

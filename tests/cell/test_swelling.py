@@ -7,6 +7,7 @@ import pytest
 
 from porocore import MacroState, Status
 from porocore.cell.cell import Cell
+from porocore.commands.fields.points import PointFields
 from porocore.core.files.store import ResultStore
 from porocore.errors import ConfigurationError
 from porocore.macro.laws import MeanGradientClosure, make_closure
@@ -14,7 +15,6 @@ from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.macro.reference import CellReference
 from porocore.study.config.loading import benchmark_path, load_config
 from porocore.study.stages.reference import solve_cell
-from porocore.verification.local_fields.points import PointFields
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 
 COARSE = {"size": 0.5, "fluid_size": 0.5, "element": "linear"}

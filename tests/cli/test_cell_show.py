@@ -114,7 +114,7 @@ def test_a_picture_is_drawn(show, tmp_path):
 def test_without_pyvista_the_files_are_written_and_the_message_tells_what_to_install(
     show, tmp_path, monkeypatch
 ):
-    from porocore.verification.local_fields import pictures
+    from porocore.commands.fields import pictures
 
     monkeypatch.setattr(pictures, "find_spec", lambda name: None)
     code, _, err = show({"kind": "no-pores"})

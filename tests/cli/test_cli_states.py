@@ -31,7 +31,7 @@ def asked(monkeypatch, capsys):
         return SimpleNamespace(response=response, vtu="fields.vtu", pictures={})
 
     monkeypatch.setattr(stages, "pipeline", SimpleNamespace(solve_cell=state), raising=False)
-    monkeypatch.setattr("porocore.verification.local_fields.solve.write_local_fields", fields)
+    monkeypatch.setattr("porocore.commands.fields.solve.write_local_fields", fields)
 
     def run(command, *words):
         seen.clear()

@@ -5,14 +5,14 @@ import csv
 import numpy as np
 import pytest
 
-from porocore.commands.sensitivity import parse_loads, print_ends
+from porocore.commands.sensitivity.command import parse_loads, print_ends
+from porocore.commands.sensitivity.figures import FIGURES
+from porocore.commands.sensitivity.plan import HalfLine, StudyPlan, Sweep
+from porocore.commands.sensitivity.results import Sensitivity, line_name, write_table
+from porocore.commands.sensitivity.study import LoadedState
 from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
 from porocore.errors import ConfigurationError
 from porocore.states import CellExtrema, CellResponse, CellTangent, Status
-from porocore.verification.sensitivity.figures import FIGURES
-from porocore.verification.sensitivity.plan import HalfLine, StudyPlan, Sweep
-from porocore.verification.sensitivity.results import Sensitivity, line_name, write_table
-from porocore.verification.sensitivity.study import LoadedState
 
 UNITS = ResultUnits(Scales(modulus=2e3, length=1e-2, pore=5e-6), OutputUnits(stress="kPa"))
 PLAN = StudyPlan({"uniaxial": Sweep(0.0, 0.2, 0.1), "pressure": Sweep(-0.4, 0.0, 0.2)})

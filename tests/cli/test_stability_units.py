@@ -9,7 +9,7 @@ import pytest
 from porocore.cell.stability.line import EVENTS, LineSettings, StabilityLine
 from porocore.cell.stability.map import MapPlan, write_tables
 from porocore.cell.stability.modes import WAVES
-from porocore.commands.stability import parse_plan, print_onsets, print_states
+from porocore.commands.stability.command import parse_plan, print_onsets, print_states
 from porocore.core.inputs import NAMES
 from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
 from porocore.errors import ConfigurationError

@@ -8,9 +8,9 @@ from functools import cache
 import numpy as np
 import pytest
 
+from porocore.commands.crosscheck.bodies import history_difference, node_orders
 from porocore.interfaces.solution import Profile
 from porocore.testing.synthetic.response import confined_column, linear_law, mean_gradient_law
-from porocore.verification.crosscheck.bodies import history_difference, node_orders
 
 TOLERANCE = 1e-8
 PLAN = {"end": 4.0, "step": 0.5, "ramp_increments": 4, "ramp_step": 0.05, "profiles": (0.2, 1.0)}

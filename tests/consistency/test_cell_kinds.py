@@ -15,10 +15,10 @@ from porocore.cell.geometry.spheres import Throat
 from porocore.cell.level_sets.cutting import LevelSetGeometry
 from porocore.cell.level_sets.tpms import Nodal
 from porocore.cell.meshing.mesh import CellMesh, MeshSettings
+from porocore.commands.crosscheck.bodies import relative
+from porocore.commands.crosscheck.comparison import CELL
 from porocore.states import MacroState, Status
 from porocore.testing.cell_laws import identities
-from porocore.verification.crosscheck.bodies import relative
-from porocore.verification.crosscheck.comparison import CELL
 
 LINEAR = MeshSettings(size=0.2, fluid_size=0.25, element="linear")
 CURVED = MeshSettings(size=0.2, fluid_size=0.2)

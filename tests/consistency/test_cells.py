@@ -10,9 +10,9 @@ import pytest
 from porocore.cell.cell import Cell
 from porocore.cell.contact.settings import ContactSettings
 from porocore.cell.meshing.mesh import MeshSettings
+from porocore.commands.crosscheck.bodies import AVERAGES, DERIVATIVES, compare_responses, relative
+from porocore.commands.crosscheck.comparison import CELL, STATES
 from porocore.states import MacroState, Status
-from porocore.verification.crosscheck.bodies import AVERAGES, DERIVATIVES, compare_responses, relative
-from porocore.verification.crosscheck.comparison import CELL, STATES
 
 ELEMENTS = ("linear", "quadratic-straight", "quadratic-curved")
 #: Diagonal and sheared; what is sheared is solved on the whole cell in any case.

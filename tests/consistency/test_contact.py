@@ -9,8 +9,8 @@ import pytest
 
 from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import MeshSettings
+from porocore.commands.crosscheck.bodies import AVERAGES, DERIVATIVES, compare_responses
 from porocore.states import MacroState, Status
-from porocore.verification.crosscheck.bodies import AVERAGES, DERIVATIVES, compare_responses
 
 #: In contact on the coarse mesh.
 STATES = {

@@ -11,9 +11,9 @@ from porocore.cell.cell import Cell
 from porocore.cell.geometry.kinds import OrthogonalChannels
 from porocore.cell.materials.hyperelastic import AnyMaterial
 from porocore.cell.meshing.mesh import MeshSettings
+from porocore.commands.crosscheck.bodies import compare_responses
 from porocore.errors import ConfigurationError
 from porocore.states import MacroState, Status
-from porocore.verification.crosscheck.bodies import compare_responses
 
 make = TypeAdapter(AnyMaterial).validate_python
 #: Wide channels, so that elements may be large.

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.commands.crosscheck.comparison import SPREAD
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.laws import CLOSURES, ClosedLaw
@@ -15,7 +16,6 @@ from porocore.states import MacroState
 from porocore.testing.expect import RESPONSES, with_derivatives
 from porocore.testing.synthetic.cell import INPUTS, synthetic_training_set
 from porocore.testing.synthetic.response import CONDUCTIVITY, SOLID_FRACTION
-from porocore.verification.crosscheck.comparison import SPREAD
 
 DATA, UNSEEN, BETWEEN = (synthetic_training_set(n, seed) for n, seed in ((150, 1), (40, 2), (400, 3)))
 

@@ -8,13 +8,13 @@ import pytest
 from hdf5_samples import KINDS as SAMPLES
 
 from porocore.cell.stability import map as stability
+from porocore.commands.sensitivity import results as sensitivity
 from porocore.core.hdf5 import KINDS
 from porocore.errors import DataError
 from porocore.macro.integration import checkpoint
 from porocore.sampling.datasets import dataset
 from porocore.surrogates.file import file as surrogate
 from porocore.surrogates.network import training
-from porocore.verification.sensitivity import results as sensitivity
 
 
 def test_every_format_is_known() -> None:

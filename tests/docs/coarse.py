@@ -14,20 +14,20 @@ from matplotlib.image import imsave
 
 import porocore.commands.calibration.cells
 import porocore.commands.calibration.loading
+import porocore.commands.crosscheck
 import porocore.study.api.solved
 import porocore.study.config.config
 import porocore.study.config.loading
 import porocore.study.sweep.plan
-import porocore.verification.crosscheck
 from porocore.cell.stability.line import LineSettings
 from porocore.cell.stability.map import MapPlan
+from porocore.commands.fields import pictures
+from porocore.commands.fields import pictures as geometry
+from porocore.commands.representative.plan import SubvolumePlan
+from porocore.commands.sensitivity.plan import StudyPlan, Sweep
+from porocore.commands.verify import cases as ladder
 from porocore.core.files.yaml_document import YamlDocument
 from porocore.surrogates.network.options import MlpOptions, PotentialOptions
-from porocore.verification.ladder import cases as ladder
-from porocore.verification.local_fields import pictures
-from porocore.verification.local_fields import pictures as geometry
-from porocore.verification.representative.plan import SubvolumePlan
-from porocore.verification.sensitivity.plan import StudyPlan, Sweep
 
 #: Modules that hold the function by which every configuration is made.
 HOLDERS = (
@@ -144,9 +144,9 @@ def make_coarse(patch: pytest.MonkeyPatch) -> None:
         line=lambda plan: LineSettings(1, 0.1, plan.line.eigenvalues),
     )
     _shrink(patch, SubvolumePlan, sizes=lambda plan: (6, 8), count=lambda plan: 1, element=lambda plan: 2.0)
-    find = porocore.verification.crosscheck.select_backends
+    find = porocore.commands.crosscheck.select_backends
     patch.setattr(
-        porocore.verification.crosscheck,
+        porocore.commands.crosscheck,
         "select_backends",
         lambda fem, names: find(fem, names or SURROGATES),
     )

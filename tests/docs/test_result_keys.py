@@ -41,7 +41,7 @@ WRITERS = {
         "_wall",
     ),
     "study/tuning.py": ("write_tables",),
-    "verification/sensitivity/results.py": ("write_table",),
+    "commands/sensitivity/results.py": ("write_table",),
     "cell/stability/map.py": ("write_tables",),
     "sampling/datasets/check.py": ("table",),
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.commands.verify.xie_leo import ClayLaw
 from porocore.interfaces.law import CellLaw, LawWrapper, MacroLaw
 from porocore.macro.analytic import XieLeo
 from porocore.macro.composition.bound_law import BoundLaw
@@ -11,7 +12,6 @@ from porocore.testing import MacroLawSuite
 from porocore.testing.synthetic import potential_cell
 from porocore.testing.synthetic.cell import parametric_law
 from porocore.testing.synthetic.response import CONDUCTIVITY, SOLID_FRACTION, linear_law, mean_gradient_law
-from porocore.verification.ladder.xie_leo import ClayLaw
 
 
 class TestLinear(MacroLawSuite):

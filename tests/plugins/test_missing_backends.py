@@ -2,15 +2,15 @@
 
 import pytest
 
+from porocore.commands import backends
+from porocore.commands.crosscheck import comparison as backend_selection
+from porocore.commands.verify import cases as ladder
 from porocore.errors import PluginError
 from porocore.plugins.kinds import OF_A_STUDY
 from porocore.plugins.registry import Registry
 from porocore.study.config.loading import benchmark_path, load_config
 from porocore.study.notes import checks as preflight
 from porocore.testing.installed import check as plugin_check
-from porocore.verification import backends
-from porocore.verification.crosscheck import comparison as backend_selection
-from porocore.verification.ladder import cases as ladder
 
 SKFEM = "'skfem' is not installed; install it: pip install porocore-fem-skfem"
 FEM = "skfem (not installed): pip install porocore-fem-skfem; dolfinx (not installed): pip install porocore-fem-dolfinx"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from porocore.verification.ladder.cases import CASES, run_cases, select_cases, select_solvers, solve_item
+from porocore.commands.verify.cases import CASES, run_cases, select_cases, select_solvers, solve_item
 
 #: Items that cost a second or so; the others are for the slow tests.
 QUICK = {

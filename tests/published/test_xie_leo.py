@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from porocore.commands.verify.xie_leo import PUBLISHED, ClayLaw
 from porocore.macro.analytic import XieLeo
 from porocore.states import MacroState
-from porocore.verification.ladder.xie_leo import PUBLISHED, ClayLaw
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "xie_leo.py"
 LAYER = XieLeo()

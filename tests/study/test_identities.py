@@ -10,6 +10,8 @@ import pytest
 
 from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import CellMesh
+from porocore.commands.sensitivity.plan import StudyPlan
+from porocore.commands.sensitivity.study import study_identity
 from porocore.core.files.plain_data import json_hash, stable_hash
 from porocore.interfaces.law import fingerprint
 from porocore.macro.integration.checkpoint import CheckpointFile
@@ -18,8 +20,6 @@ from porocore.study.config.loading import benchmark_path, load_config
 from porocore.surrogates.file.file import _checksum
 from porocore.surrogates.mean_gradient import ScaledData
 from porocore.testing.synthetic.response import confined_column, linear_law
-from porocore.verification.sensitivity.plan import StudyPlan
-from porocore.verification.sensitivity.study import study_identity
 
 NUMBERS = np.arange(6.0).reshape(2, 3)
 DATA = ScaledData(NUMBERS, (1, 4), NUMBERS[0], NUMBERS.T, NUMBERS[:1], NUMBERS)

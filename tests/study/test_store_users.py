@@ -15,11 +15,11 @@ import porocore
 from porocore.cell.equilibrium.solver import EquilibriumCellSolver
 from porocore.cell.stability.line import LineSettings
 from porocore.cell.stability.map import MapPlan
+from porocore.commands.sensitivity.plan import StudyPlan, Sweep
 from porocore.core.files.store import ResultStore
 from porocore.sampling.execution.solved_store import STATES, SolvedStore
 from porocore.study.stages.reference import solve_cell, undeformed
 from porocore.study.store import told
-from porocore.verification.sensitivity.plan import StudyPlan, Sweep
 
 pytest.importorskip("porocore_fem_skfem")
 

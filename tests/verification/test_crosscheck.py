@@ -12,14 +12,13 @@ import yaml
 from browser import too_wide
 from crosscheck_runs import distribution, run, write_case
 
+from porocore.commands.crosscheck import comparison as compared_states
+from porocore.commands.crosscheck.bodies import AVERAGES, DERIVATIVES
+from porocore.commands.crosscheck.comparison import STATES, failures_of, select_backends, solve_samples
 from porocore.plugins import registry
 from porocore.plugins.discovery import Offered, Source
 from porocore.plugins.hookspecs import Offer
 from porocore.study.config.loading import crosscheck_path, load_config
-from porocore.verification.crosscheck import comparison as compared_states
-from porocore.verification.crosscheck import select_backends
-from porocore.verification.crosscheck.bodies import AVERAGES, DERIVATIVES
-from porocore.verification.crosscheck.comparison import STATES, failures_of, solve_samples
 
 pytest.importorskip("skfem")
 
@@ -270,7 +269,7 @@ def test_when_the_first_backend_cannot_sample_the_next_one_does(crosscheck, case
 def test_a_broken_plugin_is_a_failure(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(distribution(tmp_path, "bad", "no_such_module_at_all"))
     fresh = registry.Registry.discover()
-    monkeypatch.setattr("porocore.verification.backends.registry", lambda: fresh)
+    monkeypatch.setattr("porocore.commands.backends.registry", lambda: fresh)
     (line,) = failures_of(select_backends(fem=["skfem", "twin"]))
     assert (line.passed, line.quantity) == (False, "bad")
     assert "porocore-bad 1.0 is broken: ModuleNotFoundError" in line.reason
@@ -305,7 +304,7 @@ def test_what_to_install_when_there_is_nothing_to_compare(crosscheck, monkeypatc
             ("cell solver", "other", ("no_such_module",)),
         )
     ]
-    monkeypatch.setattr("porocore.verification.backends.registry", lambda: registry.Registry(offers, []))
+    monkeypatch.setattr("porocore.commands.backends.registry", lambda: registry.Registry(offers, []))
     message = refused(crosscheck())
     assert "only skfem and torch" in message
     assert "other (missing dependency): apt-get install it" in message

@@ -8,9 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.states import MacroState, Status
-from porocore.testing.synthetic.cell import respond
-from porocore.verification.crosscheck.bodies import (
+from porocore.commands.crosscheck.bodies import (
     HISTORIES,
     BodyRun,
     CellRun,
@@ -22,7 +20,9 @@ from porocore.verification.crosscheck.bodies import (
     relative,
     scales,
 )
-from porocore.verification.crosscheck.comparison import BODY, CELL, Comparison
+from porocore.commands.crosscheck.comparison import BODY, CELL, Comparison
+from porocore.states import MacroState, Status
+from porocore.testing.synthetic.cell import respond
 
 STATE = MacroState.single(np.diag([0.0, -0.1, 0.0]), 0.05)
 

@@ -15,21 +15,21 @@ from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import MeshSettings, unfold_displacement
 from porocore.cell.meshing.tetrahedra import shape_functions, tetrahedron_rule
 from porocore.cli.entry import main
-from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
-from porocore.errors import ConfigurationError, PorocoreError
-from porocore.interfaces.cell import CellField, CellSolution
-from porocore.interfaces.records import failed_response
-from porocore.states import Status
-from porocore.study.config.config import FemSettings
-from porocore.verification.local_fields import pictures
-from porocore.verification.local_fields.points import NodalFields, PointFields, recover_at_nodes
-from porocore.verification.local_fields.solve import (
+from porocore.commands.fields import pictures
+from porocore.commands.fields.points import NodalFields, PointFields, recover_at_nodes
+from porocore.commands.fields.solve import (
     PAPER_STATES,
     solve_and_write,
     solve_fields,
     state_text,
     write_fields,
 )
+from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
+from porocore.errors import ConfigurationError, PorocoreError
+from porocore.interfaces.cell import CellField, CellSolution
+from porocore.interfaces.records import failed_response
+from porocore.states import Status
+from porocore.study.config.config import FemSettings
 
 pytest.importorskip("porocore_fem_skfem")
 
@@ -288,9 +288,7 @@ def test_the_command_refuses_what_is_no_state(monkeypatch, capsys, tmp_path, at,
 
 def test_a_backend_without_fields_is_refused(monkeypatch):
     solver = SimpleNamespace(solve=lambda *_, **__: CellSolution(failed_response(Status.lost)))
-    monkeypatch.setattr(
-        "porocore.verification.local_fields.solve.prepare_stored", lambda *_: (solver, None, None)
-    )
+    monkeypatch.setattr("porocore.commands.fields.solve.prepare_stored", lambda *_: (solver, None, None))
     with pytest.raises(
         ConfigurationError, match="backend 'mine' gives no fields of its cell; choose one that does"
     ):

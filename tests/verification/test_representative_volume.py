@@ -8,12 +8,9 @@ from invoked import invoke
 from scipy.ndimage import gaussian_filter
 
 import porocore
-from porocore.core.parallel.calls import ProcessEnded
-from porocore.errors import ConfigurationError, DataError, PorocoreError, RunFolderError
-from porocore.study.config.loading import load_config
-from porocore.verification.representative import outlook
-from porocore.verification.representative.plan import SubvolumePlan
-from porocore.verification.representative.results import (
+from porocore.commands.representative import outlook
+from porocore.commands.representative.plan import SubvolumePlan
+from porocore.commands.representative.results import (
     FILE,
     JUDGED,
     QUANTITIES,
@@ -21,9 +18,12 @@ from porocore.verification.representative.results import (
     judge,
     typical,
 )
-from porocore.verification.representative.scan import FAILED, LOOSE, LOST, SHAPES, SOLVED, Scan, Subvolume
-from porocore.verification.representative.study import SubvolumeSeries
-from porocore.verification.representative.tables import verdict
+from porocore.commands.representative.scan import FAILED, LOOSE, LOST, SHAPES, SOLVED, Scan, Subvolume
+from porocore.commands.representative.study import SubvolumeSeries
+from porocore.commands.representative.tables import verdict
+from porocore.core.parallel.calls import ProcessEnded
+from porocore.errors import ConfigurationError, DataError, PorocoreError, RunFolderError
+from porocore.study.config.loading import load_config
 
 #: Voxels of a period.
 PERIOD = 8

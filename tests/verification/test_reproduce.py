@@ -9,14 +9,14 @@ from browser import too_wide
 from typer.testing import CliRunner
 
 from porocore.cli.entry import app
+from porocore.commands.reproduce.catalogue import FIGURES, SKETCHES, select_figures
+from porocore.commands.reproduce.claims import CheckedClaim, Finding, compare_number, judge_statement
+from porocore.commands.reproduce.make import CLAIMS, RECORD, claim_results, draw, write_pages
+from porocore.commands.reproduce.page import html, markdown
+from porocore.commands.reproduce.study import Results
 from porocore.core.console import Console
 from porocore.errors import ConfigurationError, DataError, RunFolderError
 from porocore.study.config.loading import as_stated_path, benchmark_path, load_config
-from porocore.verification.reproduce.catalogue import FIGURES, SKETCHES, select_figures
-from porocore.verification.reproduce.claims import CheckedClaim, Finding, compare_number, judge_statement
-from porocore.verification.reproduce.make import CLAIMS, RECORD, claim_results, draw, write_pages
-from porocore.verification.reproduce.page import html, markdown
-from porocore.verification.reproduce.study import Results
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "reproduction.md"
 

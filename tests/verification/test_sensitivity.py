@@ -6,12 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.errors import ConfigurationError, DataError
-from porocore.macro.laws.closure import PulledBack
-from porocore.report.figures.style import BLUE
-from porocore.states import CellExtrema, CellResponse, CellTangent, MacroState, Status
-from porocore.verification.sensitivity.figures import FIGURES, known_figures, write_figures
-from porocore.verification.sensitivity.plan import (
+from porocore.commands.sensitivity.figures import FIGURES, known_figures, write_figures
+from porocore.commands.sensitivity.plan import (
     LOADS,
     HalfLine,
     StudyPlan,
@@ -19,7 +15,11 @@ from porocore.verification.sensitivity.plan import (
     quantities,
     states_of,
 )
-from porocore.verification.sensitivity.results import Sensitivity, line_name, load, save, write_table
+from porocore.commands.sensitivity.results import Sensitivity, line_name, load, save, write_table
+from porocore.errors import ConfigurationError, DataError
+from porocore.macro.laws.closure import PulledBack
+from porocore.report.figures.style import BLUE
+from porocore.states import CellExtrema, CellResponse, CellTangent, MacroState, Status
 
 PLAN = StudyPlan(
     {

@@ -10,15 +10,15 @@ import pytest
 from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cli.entry import main
+from porocore.commands.sensitivity import figures
+from porocore.commands.sensitivity import study as module
+from porocore.commands.sensitivity.plan import StudyPlan, Sweep
+from porocore.commands.sensitivity.study import run_study
 from porocore.core.console import Console
 from porocore.core.parallel.calls import ProcessEnded
 from porocore.errors import DataError
 from porocore.states import Status
 from porocore.study.config.config import FemSettings
-from porocore.verification.sensitivity import figures
-from porocore.verification.sensitivity import study as module
-from porocore.verification.sensitivity.plan import StudyPlan, Sweep
-from porocore.verification.sensitivity.study import run_study
 
 pytest.importorskip("porocore_fem_skfem")
 

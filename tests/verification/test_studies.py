@@ -6,9 +6,9 @@ import pytest
 import porocore
 from porocore.cell.stability.line import LineSettings
 from porocore.cell.stability.map import MapPlan
+from porocore.commands.sensitivity.plan import StudyPlan, Sweep
 from porocore.errors import ConfigurationError, RunFolderError
 from porocore.states import Status
-from porocore.verification.sensitivity.plan import StudyPlan, Sweep
 
 
 @pytest.fixture(scope="module")

@@ -7,19 +7,19 @@ import numpy as np
 import pytest
 
 from porocore.cli import main
-from porocore.errors import ConfigurationError, PluginError
-from porocore.plugins import registry
-from porocore.plugins.table import PluginRow
-from porocore.verification.backends import Backends
-from porocore.verification.ladder import cases as ladder
-from porocore.verification.ladder import document
-from porocore.verification.ladder.case import Check, VerificationCase, observed_order, relative_check
-from porocore.verification.ladder.cases import (
+from porocore.commands.backends import Backends
+from porocore.commands.verify import cases as ladder
+from porocore.commands.verify import document
+from porocore.commands.verify.case import Check, VerificationCase, observed_order, relative_check
+from porocore.commands.verify.cases import (
     CaseResult,
     run_cases,
     select_cases,
     select_solvers,
 )
+from porocore.errors import ConfigurationError, PluginError
+from porocore.plugins import registry
+from porocore.plugins.table import PluginRow
 
 
 @pytest.fixture
@@ -152,7 +152,7 @@ def test_a_broken_plugin_is_a_failure_unless_backends_are_named(monkeypatch):
         def table(self):
             return [*rows, fault, missing]
 
-    monkeypatch.setattr("porocore.verification.backends.registry", Registry)
+    monkeypatch.setattr("porocore.commands.backends.registry", Registry)
     found = select_solvers()
     (row,) = run_cases([], found)
     assert row.describe() == "porocore-bent 1: broken: ImportError: no"
@@ -195,7 +195,7 @@ def test_bad_use_is_a_message_and_status_2(porocore_command, words, message):
 
 def test_numbers_of_the_papers_are_in_the_order_that_they_must_have():
     """More solid, less flow: a mistyped entry would stand out against its neighbours."""
-    from porocore.verification.ladder.cell_cases import CYLINDERS, SPHERES
+    from porocore.commands.verify.cell_cases import CYLINDERS, SPHERES
 
     for table in (SPHERES, CYLINDERS):
         c, drag = np.array(list(table)), np.array(list(table.values()))

@@ -1,0 +1,1 @@
+"""Every installed backend on one case, each held against the others."""

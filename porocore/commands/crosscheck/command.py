@@ -1,0 +1,83 @@
+"""``porocore crosscheck``: every installed backend on one case, compared with the others."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from porocore.cli.common import failed, interruptible, page, plain_table, read_config
+from porocore.cli.options import SeveralFemOption
+from porocore.core.console import Console
+
+if TYPE_CHECKING:
+    from porocore.commands.crosscheck.check import CrossCheck
+
+
+def crosscheck(
+    config: Annotated[
+        Path | None,
+        typer.Argument(metavar="CONFIG", help="Configuration (YAML).", show_default="a small packaged case"),
+    ] = None,
+    out: Annotated[
+        Path, typer.Option("--out", metavar="DIR", help="Folder of crosscheck.json and crosscheck.html.")
+    ] = Path("runs/crosscheck"),
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the content of crosscheck.json instead of the table.")
+    ] = False,
+    fem: SeveralFemOption = None,
+    surrogate: Annotated[
+        list[str] | None,
+        typer.Option("--surrogate", metavar="NAME", help="Only this surrogate. Repeatable."),
+    ] = None,
+) -> None:
+    """Run every pair of finite-element backend and surrogate on one case and compare the results.
+
+    Compares averages, derivatives and conductivity of the cell, predictions of the surrogates, and histories of the
+    body under its first load. Exit status 1 when a difference exceeds its tolerance or a backend fails.
+    """
+    from porocore.study.config.loading import crosscheck_path
+
+    _, settings = read_config(crosscheck_path() if config is None else config, None)
+    with interruptible():
+        from porocore.commands.crosscheck.check import crosscheck as check
+        from porocore.commands.crosscheck.comparison import select_backends
+        from porocore.commands.crosscheck.files import write
+        from porocore.core.files.atomic import new_folder
+
+        who = select_backends(fem or (), surrogate or ())
+        new_folder(out)
+        console = Console()
+        for text in who.absent:
+            console.note(f"takes no part: {text}")
+        result = check(settings, who, console=console)
+        document, page = write(out, result)
+    if as_json:
+        typer.echo(document.read_text(encoding="utf-8"), nl=False)
+    else:
+        _print(result)
+        typer.echo(page)
+    if not result.passed:
+        count = f"{len(result.failed)} of {len(result.comparisons)} comparisons"
+        failed(f"{count}; the worst: {result.worst.describe()}")
+
+
+def _print(result: CrossCheck) -> None:
+    from rich.text import Text
+
+    from porocore.commands.crosscheck.page import PARTS
+
+    table = plain_table(("", "quantity", "at", "who", "difference", "tolerance", ""), range(4, 7))
+    part = None
+    for line in result.comparisons:
+        title = PARTS[line.part][0] if line.part != part else ""
+        part = line.part
+        numbers = ("–", "–") if line.reason else (f"{line.difference:.1e}", f"{line.tolerance:.0e}")
+        verdict = "[green]pass[/green]" if line.passed else "[red]FAIL[/red]"
+        verdict = "[dim]skipped[/dim]" if line.skipped else verdict
+        table.add_row(title, Text(line.quantity), Text(line.case), Text(line.pair), *numbers, verdict)
+    page().print(table)
+    for line in result.comparisons:
+        if line.reason and (line.skipped or not line.passed):
+            typer.echo(line.describe())

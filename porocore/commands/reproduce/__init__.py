@@ -1,0 +1,1 @@
+"""A publication recomputed: its figures, numbers and statements beside ours."""

@@ -1,0 +1,121 @@
+"""The reproduction as a whole: claims its folder, draws the figures, writes the pages."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from dataclasses import asdict
+from pathlib import Path
+
+from porocore.commands.reproduce import claims_cell, claims_cost, claims_history, claims_profiles
+from porocore.commands.reproduce.catalogue import PaperFigure, Stage
+from porocore.commands.reproduce.claims import check_claims
+from porocore.commands.reproduce.page import html, markdown
+from porocore.commands.reproduce.study import Results
+from porocore.commands.sensitivity.figures import write_figures
+from porocore.core.echo import reason
+from porocore.core.files.atomic import atomic_path
+from porocore.core.files.claim import claim_folder
+from porocore.core.files.plain_data import write_json
+from porocore.core.files.reading import read_json
+from porocore.errors import DataError, RunFolderError
+from porocore.report.figures.style import write_pictures
+from porocore.study.run_folder import stage_times, timed
+
+RECORD = "reproduction.json"
+#: What computes each stage.
+STAGES: dict[Stage, Callable[[Results], object]] = {
+    "fields": lambda results: results.fields,
+    "sensitivity": lambda results: results.sensitivity,
+    "column": lambda results: (results.column, results.reference),
+}
+CLAIMS = {
+    "cell": claims_cell.CLAIMS,
+    "cost": claims_cost.CLAIMS,
+    "column": (*claims_history.CLAIMS, *claims_profiles.CLAIMS),
+}
+
+
+def claim_results(results: Results, *, resume: bool) -> None:
+    """Bind the folder to these configurations.
+
+    Raises
+    ------
+    RunFolderError
+        It holds another reproduction, this one without ``resume``, or something else.
+    DataError
+        Its record is damaged.
+    """
+    record = results.folder / RECORD
+    identity = {"column": results.config.identity, "as stated": results.as_stated_config.identity}
+
+    def check() -> None:
+        try:
+            held = read_json(record)["identity"]
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise DataError(
+                f"{record}: not the record of a reproduction ({reason(error)}); choose another --out"
+            ) from error
+        if held != identity:
+            raise RunFolderError(
+                f"{results.folder} holds a reproduction with other backends or of another version; choose another --out"
+            )
+
+    claim_folder(
+        results.folder,
+        RECORD,
+        "reproduction",
+        resume=resume,
+        # Each of its runs has a lock of its own.
+        lock=nullcontext(),
+        begin=lambda: write_json(record, {"identity": identity}, indent=1),
+        check=check,
+    )
+
+
+def draw(results: Results, figures: Sequence[PaperFigure]) -> list[Path]:
+    """Write ``figures/figure-NNp.png`` for each; computes what they need."""
+    for stage in dict.fromkeys(figure.stage for figure in figures):
+        STAGES[stage](results)
+    folder = results.folder / "figures"
+    paths = []
+    with timed(results.timings, "figures"), results.console.task("figures", "figures") as task:
+        for i, figure in enumerate(figures):
+            task.update(i, len(figures), detail=f"figure {figure.name}")
+            if figure.stage != "fields" or results.pictures:
+                paths.append(folder / figure.file)
+                _write(results, figure, paths[-1])
+        task.update(len(figures), len(figures))
+    return paths
+
+
+def _write(results: Results, figure: PaperFigure, path: Path) -> None:
+    source = results.folder / figure.stage / f"{figure.label}.png"
+    if figure.stage == "sensitivity":
+        write_figures(source.parent, results.sensitivity, [figure.label])
+    if figure.draw is not None:
+        write_pictures(figure.draw(results), path)
+        return
+    with atomic_path(path) as part:
+        shutil.copyfile(source, part)
+
+
+def write_pages(results: Results, figures: Sequence[PaperFigure], command: str) -> Path:
+    """Check every claim and write ``reproduction.json``, ``reproduction.md`` and ``index.html``; returns the last."""
+    for needed in STAGES.values():
+        needed(results)
+    _ = results.as_stated, results.calls
+    with timed(results.timings, "claims"):
+        found = {key: check_claims(claims, results) for key, claims in CLAIMS.items()}
+    timings = {stage: each.seconds for stage, each in stage_times(results.timings).items()}
+    record, page = results.folder / RECORD, results.folder / "index.html"
+    rows = {key: [asdict(row) for row in part] for key, part in found.items()}
+    write_json(record, read_json(record) | {"claims": rows}, indent=1, ensure_ascii=False)
+    for path, text in (
+        (results.folder / "reproduction.md", markdown(found, command, timings)),
+        (page, html(found, figures, timings)),
+    ):
+        with atomic_path(path) as part:
+            part.write_text(text, encoding="utf-8")
+    return page

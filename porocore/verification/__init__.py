@@ -1,1 +1,0 @@
-"""Evidence: known answers, backends against each other, publications recomputed, studies of one cell."""
