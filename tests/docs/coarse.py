@@ -14,7 +14,7 @@ from matplotlib.image import imsave
 
 import porocore.commands.calibration.cells
 import porocore.commands.calibration.loading
-import porocore.commands.crosscheck
+import porocore.commands.crosscheck.comparison
 import porocore.study.api.solved
 import porocore.study.config.config
 import porocore.study.config.loading
@@ -144,9 +144,9 @@ def make_coarse(patch: pytest.MonkeyPatch) -> None:
         line=lambda plan: LineSettings(1, 0.1, plan.line.eigenvalues),
     )
     _shrink(patch, SubvolumePlan, sizes=lambda plan: (6, 8), count=lambda plan: 1, element=lambda plan: 2.0)
-    find = porocore.commands.crosscheck.select_backends
+    find = porocore.commands.crosscheck.comparison.select_backends
     patch.setattr(
-        porocore.commands.crosscheck,
+        porocore.commands.crosscheck.comparison,
         "select_backends",
         lambda fem, names: find(fem, names or SURROGATES),
     )
