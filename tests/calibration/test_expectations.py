@@ -88,10 +88,15 @@ def test_the_sign_is_that_of_the_solution(name: str) -> None:
 def test_the_note_says_what_to_do() -> None:
     problem = problem_of({"y-": HELD, "y+": {"normal": -0.01}})
     assert note(SERIES[0], [-1, -2, 0.01], problem, 1.0) == (
-        "the values are below 0, but the study presses y+, so that the force on y+, positive in compression, is above "
-        "0; give 'factor: -1' if the file counts the other way"
+        "the values reach -2, below 0, but the study presses y+, so that the force on y+, positive in compression, is "
+        "above 0; give 'factor: -1' if the file counts the other way"
     )
-    assert note(SERIES[0], [-1, -2, 0.2], problem, 1.0) is None
+    assert note(SERIES[0], [-1, -2, 0.5], problem, 1.0) is None
+    # A zero that is off, and rows before the load, leave the sign of the large values.
+    shifted = [49.4, 48.0, 49.1, -300, -913.4, -700, -500, -400, 20]
+    assert "the values reach -913.4, below 0," in str(note(SERIES[0], shifted, problem, 1.0))
+    assert note(SERIES[0], [-value for value in shifted], problem, 1.0) is None
+    assert note(SERIES[0], [-10, 6, 7, -8, 5], problem, 1.0) is None
     assert "the study pulls y+, so that the force 2 on y- is below 0" in str(
         note(SERIES[3], [1, 2], problem, -1.0)
     )

@@ -21,8 +21,10 @@ from porocore.macro.problem import Boundary, MacroSetup, body_mesh
 ON_A_NODE = 1e-9
 #: Axis and sign of the outward normal of the plane faces of bodies that are no files.
 FACES = {f"{axis}{sign}": (k, -1 if sign == "-" else 1) for k, axis in enumerate("xyz") for sign in "-+"}
-#: Values of the expected sign below this share of the largest size are noise about zero.
+#: Values of the other sign below this share of the largest size are noise about a zero.
 NOISE = 0.05
+#: Values above the first share of the largest size decide the sign; the second of them have that of the largest.
+DECISIVE, MOST = 0.1, 0.8
 #: Of the movements along y, the other one and its direction in words.
 OPPOSITE: dict[Kind, tuple[Kind, str]] = {
     "settlement": ("heave", "the movement along +y"),
@@ -35,7 +37,7 @@ _OTHERS: frozenset[Part] = frozenset(("body_force", "initial", "regions"))
 
 
 def sign_note(curve: ObservedCurve, macro: MacroSetup, load: float) -> str | None:
-    """Return the note that all values have the sign that the load excludes; None: they do not, or it may be so."""
+    """Return the note that the large values have a sign that the load excludes; None: they do not, or it may be so."""
     pushed = _pushed(macro, load)
     if pushed is None or curve.measured is None:
         return None
@@ -52,13 +54,16 @@ def sign_note(curve: ObservedCurve, macro: MacroSetup, load: float) -> str | Non
             "measured"
         )
     values = (expected or 0) * curve.measured
-    if values.min() >= 0 or values.max() > -NOISE * values.min():
+    sizes = np.abs(values)
+    first = int(sizes.argmax())
+    if values[first] >= 0 or np.mean(values[sizes > DECISIVE * sizes[first]] < 0) < MOST:
         return None
     found, there = ("below", "above") if expected == 1 else ("above", "below")
+    reached = f"{curve.measured[first]:.4g} {pretty(curve.unit)}".rstrip()
     held = ", positive in compression," if curve.series.kind == "force" and not curve.series.component else ""
     return (
-        f"the values are {found} 0, but {acts}{held} is {there} 0; give 'factor: -1' if the file counts the "
-        "other way"
+        f"the values reach {reached}, {found} 0, but {acts}{held} is {there} 0; give 'factor: -1' if the file counts "
+        "the other way"
     )
 
 
