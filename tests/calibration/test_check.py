@@ -16,14 +16,15 @@ from porocore.study.run_folder import RunFolder
 
 CREEP = "time;settlement\n0;0\n1;1.000.000,5\n1;3.000.000,5\n2;4.000.000\n"
 OBSERVATIONS = {
-    "creep": {"quantity": "settlement", "file": "creep.csv", "factor": 1e-6, "deviation": 0.1},
+    "creep": {"quantity": "settlement", "file": "creep.csv", "factor": 1e-6, "deviation": 1e5},
     "planned": {"quantity": "drained", "times": {"first": 1, "last": 90, "count": 8}, "deviation": 0.1},
 }
 UNKNOWNS = {"modulus": {"lower": 0.5, "upper": 2}}
+OUTLINE = "creep: 3 values from 0 to 2; they are 0 to 4; deviation 0.0707 to 0.1, 1.77 to 2.5 % of the largest value"
 SAID = (
     "unknown modulus from 0.5 to 2\n",
-    "creep: 3 values from 0 to 2; they are 0 to 4\n",
-    "planned: 8 times from 1 to 90; no values yet\n",
+    f"{OUTLINE}\n",
+    "planned: 8 times from 1 to 90; no values yet; deviation 0.1\n",
     "creep: 2 rows have the same time; their mean counts\n",
 )
 
@@ -59,7 +60,7 @@ def test_check_from_python_reads_the_data_of_a_calibration(tmp_path: Path) -> No
     path, data = tmp_path / "study.yaml", tmp_path / "creep.csv"
     path.write_text(yaml.safe_dump(study), encoding="utf-8")
     data.write_text(CREEP, encoding="utf-8")
-    assert "  creep: 3 values from 0 to 2; they are 0 to 4" in Study(path, progress=False).check()
+    assert f"  {OUTLINE}" in Study(path, progress=False).check()
     data.write_text(CREEP.replace("4.000.000", "x"), encoding="utf-8")
     with pytest.raises(
         ConfigurationError, match=r"creep\.csv:5: settlement: expected a finite number, got 'x'"
@@ -83,7 +84,7 @@ def test_check_notes_values_whose_sign_the_load_excludes(
     monkeypatch.chdir(tmp_path)
     done = CliRunner().invoke(app, ["check", "study.yaml"])
     assert done.exit_code == 0, done.output
-    words = "note: creep: the values are below 0, but the study presses y+, so that the settlement is above 0"
+    words = "note: creep: the values reach -3e-06, below 0, but the study presses y+, so that the settlement is above 0"
     assert (words in done.output) == noted, done.output
 
 
@@ -103,7 +104,7 @@ def test_a_run_folder_finds_the_data_of_its_calibration(
     monkeypatch.chdir(data.parent)
     done = CliRunner().invoke(app, ["check", str(folder.path / "config.yaml")])
     assert done.exit_code == 0, done.output
-    assert "creep: 3 values from 0 to 2; they are 0 to 4\n" in done.output
+    assert f"{OUTLINE}\n" in done.output
     assert RunFolder.open(folder.path).config.identity == load_config(data).identity
 
 

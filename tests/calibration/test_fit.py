@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -176,6 +177,18 @@ def test_data_that_nothing_explains_are_told_in_one_sentence() -> None:
     assert "no values of the unknowns explain the data" in quality.complaint
     assert "units, signs and zero of its columns ('offset:' is subtracted)" in quality.complaint
     assert "the curve 'force' is off by" in quality.complaint
+
+
+def test_deviations_that_are_too_large_are_told_with_their_factor() -> None:
+    noisy = data(0.05)
+    wide = CurveData(noisy.values, 20 * noisy.deviations, noisy.curve, TIMES, ("force",))
+    misfit, found = fitted(Relaxation(), wide)
+    quality = FitQuality.of_fit(misfit, found.best)
+    assert quality.explains
+    assert quality.reduced == pytest.approx(1 / 400, rel=0.5)
+    assert "the standard deviations are too large: the reduced chi-square is 0.00" in quality.complaint
+    assert f"by its root, {quality.reduced**0.5:.2g}" in quality.complaint
+    assert not replace(quality, freedom=9, chi_square=9 * quality.reduced).complaint
 
 
 def test_a_bound_is_widened_only_after_a_look_at_the_units() -> None:

@@ -50,6 +50,23 @@ def test_deviations_by_number_column_and_weight(tmp_path: Path) -> None:
     np.testing.assert_allclose(by_row.measured, [-4, -8, -12, -16])
 
 
+def test_a_deviation_without_a_unit_is_one_of_the_column_before_the_factor(tmp_path: Path) -> None:
+    strain = "time [s],strain [%],sd\n" + "".join(f"{k},{-1.85 - 0.6 * k},0.004\n" for k in range(1, 5))
+    settlement = "time [s],settlement [mm]\n" + "".join(f"{k},{0.03 * k}\n" for k in range(1, 5))
+    plain = read(tmp_path, settlement, values="settlement", deviation=0.0002)
+    taken = {"values": "strain", "unit": "mm", "factor": -0.05, "offset": -1.85}
+    for given in ({"deviation": 0.004}, {"deviation": "0.2 um"}, {"deviation_column": "sd"}):
+        curve = read(tmp_path, strain, **taken, **given)
+        assert curve.measured is not None
+        assert plain.measured is not None
+        np.testing.assert_allclose(curve.measured, plain.measured)
+        np.testing.assert_allclose(curve.deviations, plain.deviations)
+        assert curve.outline == plain.outline
+    assert plain.outline.endswith(
+        "they are 0.03 to 0.12 mm; deviation 0.0002 mm, 0.167 % of the largest value"
+    )
+
+
 def test_only_the_part_between_since_and_until_counts(tmp_path: Path) -> None:
     np.testing.assert_allclose(read(tmp_path, since=1).displayed_times, [1, 2, 4])
     np.testing.assert_allclose(read(tmp_path, since="45 s", until="1 h").displayed_times, [1, 2, 4])

@@ -169,6 +169,8 @@ class RecordedModel(CurveModel):
 
 #: Data are not explained where the reduced chi-square is above this, and so large a one comes by chance less often.
 LARGE, CHANCE = 2.0, 1e-6
+#: Standard deviations are too large where the reduced chi-square is below this, with so many degrees of freedom.
+SMALL, ENOUGH = 0.1, 10
 #: So near to a bound, as a share of the distance of both, an unknown lies at it.
 CLOSE = 1e-6
 
@@ -221,7 +223,14 @@ class FitQuality:
 
     @property
     def complaint(self) -> str:
-        """One sentence where the data are not explained; empty where they are."""
+        """One sentence where the data are not explained, or too well; empty where neither is so."""
+        if self.reduced < SMALL and self.freedom >= ENOUGH:
+            return (
+                f"the standard deviations are too large: the reduced chi-square is {self.reduced:.3g}, expected about "
+                "1, so that all intervals are too wide. Multiply 'deviation:', 'deviation_share:' or the deviations in "
+                f"the file by its root, {np.sqrt(self.reduced):.2g}, which makes them the scatter that was found, and "
+                "check their units"
+            )
         if self.explains:
             return ""
         name, off = max(self.deviations_off.items(), key=lambda each: each[1])

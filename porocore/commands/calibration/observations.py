@@ -318,12 +318,24 @@ class ObservedCurve:
 
     @property
     def outline(self) -> str:
-        """Number of values, first and last time, least and largest value, with units."""
+        """Number of values, first and last time, least and largest value, standard deviation, with units."""
         times = f"from {_span(self.displayed_times[0], self.displayed_times[-1], self.time_unit)}"
         if self.measured is None:
-            return f"{len(self)} times {times}; no values yet"
+            return f"{len(self)} times {times}; no values yet; {self._scatter}"
         values = _span(self.measured.min(), self.measured.max(), self.unit)
-        return f"{len(self)} values {times}; they are {values}"
+        return f"{len(self)} values {times}; they are {values}; {self._scatter}"
+
+    @property
+    def _scatter(self) -> str:
+        """Standard deviation, in :attr:`unit` and as a share of the largest value, as far as they are known."""
+        largest = 0.0 if self.measured is None else float(np.abs(self.measured).max())
+        if self.spread is None and not largest:
+            return f"deviation {100 * (self.share or 0):.3g} % of the largest value"
+        low, high = float(self.deviations.min()), float(self.deviations.max())
+        told = f"deviation {_range(low, high)} {pretty(self.unit)}".rstrip()
+        if not largest:
+            return told
+        return f"{told}, {_range(100 * low / largest, 100 * high / largest)} % of the largest value"
 
     def made_up(self, exact: Array, seed: Sequence[int]) -> ObservedCurve:
         """Return the curve with exact values (m,) and normal noise of its standard deviation."""
@@ -340,6 +352,10 @@ class ObservedCurve:
 
 def _span(first: float, last: float, unit: str) -> str:
     return f"{first:.5g} to {last:.5g} {pretty(unit)}".rstrip()
+
+
+def _range(low: float, high: float) -> str:
+    return " to ".join(dict.fromkeys((f"{low:.3g}", f"{high:.3g}")))
 
 
 def curve_data(curves: Sequence[ObservedCurve]) -> CurveData:

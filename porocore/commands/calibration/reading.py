@@ -406,12 +406,13 @@ def _other_unit(key: str, unit: str, quantity: str) -> str:
 
 
 def _spread(settings: ObservationSettings, unit: StudyUnit) -> float | None:
+    """Return the deviation of the quantity; one without a unit is multiplied by the factor, as the column is."""
     if settings.deviation is None:
         return None
     found = unit.converted("deviation", settings.deviation)
     if found <= 0:
         raise ConfigurationError(f"deviation: expected a number above 0, got {echo(settings.deviation)}")
-    return found
+    return found if isinstance(settings.deviation, str) else abs(settings.factor) * found
 
 
 def _positive(table: CurveTable, column: int, values: Array) -> Array:

@@ -185,14 +185,16 @@ class ObservationSettings(StrictModel):
     factor: Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)] = 1.0
     """Factor by which the values are multiplied, such as -1 to change the sign."""
     offset: Value = 0.0
-    """Reading of the channel at zero, such as the force before contact of the piston, in the unit of the values or with
+    """Reading of the channel at zero, such as the force before contact of the piston, in the unit of the column or with
     its own unit. It is subtracted before the factor is applied."""
     deviation: Value | None = None
-    """Standard deviation of each value, in the unit of the values or with its own unit."""
+    """Standard deviation of each value. Without a unit it is in the unit of the column and is multiplied by the
+    absolute value of the factor; with a unit it is that of the quantity."""
     deviation_share: Annotated[float, Field(gt=0, lt=1), BeforeValidator(_share)] | None = None
     """Standard deviation of each value as a share of the largest absolute value of the curve, such as 0.01."""
     deviation_column: Name | None = None
-    """Heading of a column of standard deviations, in the unit of the values."""
+    """Heading of a column of standard deviations, in the unit of the column of values. They are multiplied by the
+    absolute value of the factor."""
     weight: Positive = 1.0
     """Weight of each squared residual: the standard deviation is divided by the square root of the weight."""
     weight_column: Name | None = None
