@@ -379,8 +379,9 @@ def unresolved(problem: MacroProblem, limit: float, solution: MacroSolution) -> 
 
     return (
         f"Load {load}, law {solution.law}: the largest pressure comes {said(elapsed)} after the start of the loading "
-        f"and may be too large, by up to {100 * most:.0f} % on this mesh. The elements at the drained "
-        f"surfaces resolve the pressure only some time after h²/(6 c_v) = {said(limit)}. Take thinner elements there "
+        f"and may be too large, by up to {100 * most:.0f} % on this mesh, and so may the drained volume until then. "
+        f"The elements at the drained surfaces resolve the pressure only some time after h²/(6 c_v) = {said(limit)}. "
+        "Take thinner elements there "
         "(grading), a longer ramp, or a longer first step."
     )
 

@@ -9,6 +9,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu
 
 from porocore import Cell, CellProblem
+from porocore.cell.level_sets.voxels import ROUNDED
 
 POISSON = 0.3
 
@@ -73,8 +74,30 @@ def test_the_note_tells_the_error_of_the_shear_modulus_of_a_duct(tmp_path, smoot
     )
     found = CellProblem(cell, fem="skfem").properties.shear_moduli[1]
     error = 100 * (found / converged(~pores, edges) - 1)
-    parts = cell.geometry.error_of_shape.partition("shear modulus across them")[2]
+    parts = cell.geometry.error_of_shape.partition("shear modulus across square ones")[2]
     told = re.search(rf"([\d.]+), ([\d.]+) and ([\d.]+) % with (?:'smoothing: )?{smoothing:g}\b", parts)
     of_10, of_20, _ = map(float, told.groups())
     # Between the figures of 10 and 20 voxels, since the duct has 14 on its narrow side.
     assert of_20 < error < of_10
+
+
+@pytest.mark.parametrize("smoothing", [0.0, 1.0])
+def test_the_note_tells_the_error_of_k_where_round_channels_cross(tmp_path, smoothing):
+    """Beside the drawn cell, whose K is in proportion to the square of the area of a channel."""
+    middles = (np.arange(16) + 0.5) / 32 - 0.5
+    x, y, z = np.meshgrid(middles, middles, middles, indexing="ij")
+    pores = (np.hypot(x, y) < 0.25) | (np.hypot(y, z) < 0.25) | (np.hypot(x, z) < 0.25)
+    np.save(tmp_path / "cross.npy", pores.astype(np.uint8))
+    area = 4 * (np.hypot(x, y)[:, :, 0] < 0.25).sum() / 32**2
+    shape = {"kind": "voxels", "path": str(tmp_path / "cross.npy"), "pore": 1, "smoothing": smoothing}
+    drawn = {"kind": "orthogonal-channels", "radius": 0.25, "axes": "xyz"}
+    K, expected = (
+        CellProblem(
+            Cell(geometry=geometry, material={"kind": "neo-hookean", "poisson_ratio": POISSON}, mesh=mesh),
+            fem="skfem",
+        ).conductivity[0, 0]
+        for geometry, mesh in ((shape | {"repeat": "mirror"}, {}), (drawn, {"size": 0.1, "fluid_size": 0.06}))
+    )
+    error = 100 * (K / expected / (area / (np.pi * 0.25**2)) ** 2 - 1)
+    told = re.search(r"that cross [\d.]+, ([\d.]+) and [\d.]+ % with 1, and [\d.]+, ([\d.]+)", ROUNDED)
+    assert error == pytest.approx(float(told[1] if smoothing else told[2]), abs=1.0)
