@@ -115,6 +115,24 @@ def test_a_note_on_a_curve_that_stays_0_says_what_was_measured() -> None:
     assert note(SERIES[4], [0, 0.1, 0.3], hung, 1.0) is None
 
 
+def test_positions_that_fall_are_no_settlement() -> None:
+    pressed = problem_of({"y-": HELD, "y+": {"traction": (0, -0.01, 0), "pressure": 0}})
+    assert note(SERIES[4], [12.4, 12.1, 11.97], pressed, 1.0) == (
+        "the values begin at 12.4 and fall to 11.97, but the study presses y+, so that the settlement grows; give "
+        "'offset: 12.4' and 'factor: -1' if the file holds a position"
+    )
+    for values in ([0.1, 0.2, 0.3], [0.3, 0.31, 0.305], [0.4, 0.38, 0.39]):
+        assert note(SERIES[4], values, pressed, 1.0) is None
+    times, ones = np.arange(1.0, 4), np.ones(3)
+    curve = ObservedCurve("one", SERIES[4], times, "mm", "", 1, 1, ones, np.array([12.4, 12.1, 11.97]))
+    with pytest.raises(ConfigurationError) as refused:
+        size_note(curve, pressed)
+    assert (
+        "which stands on y-; the values begin at 12.4 mm and fall to 11.97 mm: give 'offset: 12.4 mm' and 'factor: -1' "
+        "if they are positions, otherwise check the unit of the values"
+    ) in str(refused.value)
+
+
 def sized(kind: Kind, value: float, boundary: dict[str, Any], factor: float = 1.0) -> str | None:
     """Return the note on one value in units of which the length of the study, 1, has ``factor``."""
     times, unit = np.ones(1), "" if factor == 1 else "mm"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -76,6 +77,26 @@ def test_a_force_is_compared_with_that_of_the_linear_body(
     shown = unit.replace("u", "µ")
     assert note.startswith(f"press: the values reach 0.25 {shown} in size, but {told[unit]}")
     assert "check the unit of the values ('unit:' or the heading)" in note
+
+
+def test_a_settlement_of_a_few_per_cent_read_as_micrometres(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It is 44 times too small, of which the softest and the stiffest solid explain 3.3."""
+    monkeypatch.chdir(tmp_path)
+    bounds = {"modulus": {"lower": "150 kPa", "upper": "1.65 MPa"}}
+    press = {"quantity": "settlement", "file": "force.csv", "deviation_share": 0.02}
+    own = 0.0
+    for size in (None, 1 / 44, 1 / 25, 1.0):
+        values = (1e-3, 2e-3, 3e-3) if size is None else (0.3 * own * size, 0.7 * own * size, own * size)
+        rows = "".join(f"{60 * (k + 1)},{value}\n" for k, value in enumerate(values))
+        (tmp_path / "force.csv").write_text(f"time [s],s [um]\n{rows}", encoding="utf-8")
+        section = {"unknowns": bounds, "observations": {"press": press}}
+        notes = [*linear_notes(read_plan({**STUDY, "calibration": section}))]
+        if size is None:
+            own = float(re.findall(r"those of the study ([\d.e+-]+)", notes[0])[0])
+        else:
+            assert len(notes) == (size < 1 / 30)
 
 
 def test_bounds_and_loads_that_are_unknown_excuse_any_size(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -198,6 +199,37 @@ REFUSED = {
     ),
     "behind the end": ("time,s\n1,2\n2,3\n1e12,4\n", {}, "lies behind the end of the study"),
 }
+
+
+@pytest.mark.parametrize(
+    ("heading", "height", "told"),
+    [
+        ("strain [%]", 4.0, "got '%', a strain; a settlement is the strain times the height of 4 mm: give "
+         "'unit: mm' and 'factor: 0.04'"),
+        ("strain [-]", 4.0, "got a strain; a settlement is the strain times the height of 4 mm: give "
+         "'unit: mm' and 'factor: 4'"),
+        ("strain", 4.0, "'unit: mm' and 'factor: 4'"),
+        ("s [%]", 100.0, "the height of 0.1 m: give 'unit: m' and 'factor: 0.001'"),
+        ("s [%]", None, "the strain times the height: give 'unit: mm' and 'factor: the height/100'"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("unit", [None, "um"])
+def test_a_strain_is_no_settlement(
+    heading: str, height: float | None, told: str, unit: str | None, tmp_path: Path
+) -> None:
+    """Also where 'unit:' calls it a length, which makes 10 % of 4 mm to 10 µm."""
+    path = tmp_path / "curve.csv"
+    path.write_text(f"time [s],{heading}\n1,2\n2,3\n3,4\n", encoding="utf-8")
+    data = {"quantity": "settlement", "file": "curve.csv", "deviation_share": 0.01, "unit": unit}
+    scales = Scales(modulus=1e3, length=1e-3, pore=1e-6, viscosity=1e-3)
+    with pytest.raises(ConfigurationError, match=re.escape(told)):
+        read_curve("creep", ObservationSettings(**data), tmp_path, scales, 1e9, height=height)
+    if height:
+        data |= dict(re.findall(r"'(unit|factor): ([\w.]+)'", told))
+        curve = read_curve("creep", ObservationSettings(**data), tmp_path, scales, 1e9, height=height)
+        assert curve.measured is not None
+        share = 0.01 if "%" in heading else 1
+        np.testing.assert_allclose(curve.measured / curve.factor, height * share * np.array([2, 3, 4]))
 
 
 def test_a_stress_times_the_area_is_a_force(tmp_path: Path) -> None:

@@ -53,6 +53,8 @@ def sign_note(curve: ObservedCurve, macro: MacroSetup, load: float) -> str | Non
             + f", but {acts} stays 0; change the sign of the load, or give 'quantity: {other}'{factor} if {along} was "
             "measured"
         )
+    if expected == 1 and curve.series.kind in OPPOSITE and (position := _position(curve)):
+        return f"{position}, but {acts} grows; {_of_a_position(curve)} if the file holds a position"
     values = (expected or 0) * curve.measured
     sizes = np.abs(values)
     first = int(sizes.argmax())
@@ -65,6 +67,29 @@ def sign_note(curve: ObservedCurve, macro: MacroSetup, load: float) -> str | Non
         f"the values reach {reached}, {found} 0, but {acts}{held} is {there} 0; give 'factor: -1' if the file counts "
         "the other way"
     )
+
+
+def body_height(macro: MacroSetup) -> float:
+    """Return the height of the body along y."""
+    return float(np.ptp(body_mesh(macro).points[:, 1]))
+
+
+def _position(curve: ObservedCurve) -> str:
+    """Return the words on values that fall from their largest and stay far from 0; empty: they do not."""
+    measured = curve.measured
+    if measured is None or measured[0] <= 0:
+        return ""
+    change = float(np.ptp(measured))
+    if not 0 < change < measured[0] or (np.diff(measured) > NOISE * change).any():
+        return ""
+    unit = f" {pretty(curve.unit)}".rstrip()
+    return f"the values begin at {measured[0]:.6g}{unit} and fall to {measured[-1]:.6g}{unit}"
+
+
+def _of_a_position(curve: ObservedCurve) -> str:
+    """Return how the movement is made of positions that fall."""
+    assert curve.measured is not None
+    return f"give 'offset: {f'{curve.measured[0]:.6g} {curve.unit}'.rstrip()}' and 'factor: -1'"
 
 
 def size_note(curve: ObservedCurve, macro: MacroSetup) -> str | None:
@@ -90,6 +115,8 @@ def size_note(curve: ObservedCurve, macro: MacroSetup) -> str | None:
         advice += f", without which they are multiples of {units.text(1.0, 'displacement')}"
     advice += f", and macro.body{' with scales.length' if units.given else ''}"
     told = f"the {curve.series.words} reaches {reached:.4g} {pretty(curve.unit)}".rstrip() + where
+    if position := _position(curve):
+        advice = f"{position}: {_of_a_position(curve)} if they are positions, otherwise {advice}"
     if stands:
         raise ConfigurationError(
             f"{told}; expected less than {words}, the height of the body, which stands on y-; {advice}"

@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from porocore.commands.calibration.expectations import require_free, sign_note, size_note
+from porocore.commands.calibration.expectations import body_height, require_free, sign_note, size_note
 from porocore.commands.calibration.observations import MeasuredSeries
 from porocore.commands.calibration.plan import CalibrationPlan, Experiment, PlannedUnknown
 from porocore.commands.calibration.posterior import require_emcee
@@ -171,7 +171,8 @@ def _plan(
                         require_free(series, config.macro, load)
                     curve = read_curve(
                         observed, observation, document.folder, config.scales, config.macro.time.end,
-                        experiment=name, synthetic=synthetic or (planned and observation.file is None),
+                        height=_height(config, series), experiment=name,
+                        synthetic=synthetic or (planned and observation.file is None),
                     )  # fmt: skip
                     large = None if synthetic else size_note(curve, config.macro)
             except ConfigurationError as error:
@@ -198,6 +199,11 @@ def _plan(
             f"{points} for {free}; measure more, or give priors"
         )
     return plan
+
+
+def _height(config: RunConfig, series: MeasuredSeries) -> float | None:
+    """Return the height of the body where it turns a strain into what is measured."""
+    return body_height(config.macro) if series.quantity == "displacement" else None
 
 
 def _check_shifts(experiments: Sequence[Experiment], unknowns: list[PlannedUnknown], at: Location) -> None:

@@ -27,6 +27,8 @@ from porocore.study.stages.stage_files import linear_coefficients
 
 #: Values so many times as large or as small as those of the study are noted; laws and unknowns explain less.
 FAR = 30.0
+#: Values so far beyond all that an unknown modulus can make of the study's are noted, where they are FAR from these.
+BEYOND = 10.0
 #: Quantities whose size hardly depends on when the data were taken.
 SIZED = ("force", "displacement", "volume")
 
@@ -48,7 +50,8 @@ def scale_note(curve: ObservedCurve, predicted: Array, least: float, most: float
     if curve.measured is None or curve.series.quantity not in SIZED:
         return None
     measured, own = float(np.abs(curve.measured).max()), float(np.abs(predicted).max())
-    if own == 0 or measured == 0 or least * own / FAR <= measured <= most * own * FAR:
+    low, high = min(least / BEYOND, 1 / FAR), max(most * BEYOND, FAR)
+    if own == 0 or measured == 0 or low * own <= measured <= high * own:
         return None
     unit = f" {pretty(curve.unit)}".rstrip()
     bound = f"at most {most * own:.3g}" if measured > own else f"at least {least * own:.3g}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,6 +32,11 @@ FEWEST, FEWEST_TIMES = 3, 2
 PLATEAU = 0.2
 #: Diameter of the disc of an example [m].
 DISC = 6e-3
+#: Units of a strain in small letters, and headings without a unit that name one.
+STRAINS = {"%": 0.01, "percent": 0.01, "mm/mm": 1.0, "m/m": 1.0}
+STRAIN = re.compile(r"strain|dehnung|stauchung", re.IGNORECASE)
+#: What stands for no unit.
+DIMENSIONLESS = ("-", "1")
 #: Share of the end of a study by which a last time may lie behind it where it is rounded.
 ROUNDED = 1e-3
 
@@ -42,6 +48,7 @@ def read_curve(
     scales: Scales | None,
     end: float,
     *,
+    height: float | None = None,
     experiment: str = "",
     synthetic: bool = False,
 ) -> ObservedCurve:
@@ -57,6 +64,8 @@ def read_curve(
         Where a relative path starts.
     scales, end
         Of the study, and the end of its time.
+    height
+        Of the body [L], by which a settlement is made of a strain; None: not known.
     experiment
         Name of the experiment, where there are several.
     synthetic
@@ -77,7 +86,7 @@ def read_curve(
             )
         curve = _planned(title, settings, series, scales)
     else:
-        curve = _measured(title, name, settings, series, folder / settings.file, scales, end)
+        curve = _measured(title, name, settings, series, folder / settings.file, scales, end, height)
     if not synthetic and curve.share is not None and curve.measured is not None and not curve.measured.any():
         raise ConfigurationError(
             f"deviation_share: all values that count are 0 in {folder / str(settings.file)}, and so is every share of "
@@ -148,6 +157,7 @@ def _measured(
     path: Path,
     scales: Scales | None,
     end: float,
+    height: float | None,
 ) -> ObservedCurve:
     """Return the curve in a file; what was done to its rows is said in its notes."""
     named = (settings.values, settings.deviation_column, settings.weight_column)
@@ -180,6 +190,8 @@ def _measured(
     timed = rows.with_clock(at, settings.time_unit, scales=scales is not None) or table
     given = settings.time_unit if timed is table else None
     time = _of_column("time_unit", given, timed, at, "time", scales)
+    if series.quantity == "displacement" and abs(settings.factor) == 1:
+        _require_no_strain(table, column, height, scales)
     unit = _of_column("unit", settings.unit, table, column, series.quantity, scales, factor=settings.factor)
     numbers = dict(zip(used, rows.numbers(used, settings.decimal, clock=at), strict=True))
     deviations, weights = (None if k is None else _positive(rows, k, numbers[k].values) for k in extra)
@@ -390,6 +402,29 @@ def _of_column(
             f"{echo(given)}; remove one of the two"
         )
     return StudyUnit.at_key(key, given.strip(), quantity, scales)
+
+
+def _require_no_strain(table: CurveTable, column: int, height: float | None, scales: Scales | None) -> None:
+    """Refuse a strain in the place of a displacement, which is the strain times the height of the body."""
+    heading = table.headings[column]
+    size = STRAINS.get(heading.unit.strip().lower())
+    bare = heading.unit.strip() in ("", *DIMENSIONLESS)
+    if size is None and not (bare and STRAIN.search(heading.name)):
+        return
+    share = (size or 1) * (height or 1) * (1 if scales is None else float(scales.exact.length))
+    # A factor of 1 would be none.
+    unit, times = ("mm", 1e3) if scales is not None and not math.isclose(1e3 * share, 1) else ("m", 1.0)
+    number = (
+        "the height" + ("/100" if size == STRAINS["%"] else "") if height is None else f"{times * share:.6g}"
+    )
+    of = "" if height is None or scales is None else f" of {times * share / (size or 1):.6g} {unit}"
+    given = f"'factor: {number}'" if scales is None else f"'unit: {unit}' and 'factor: {number}'"
+    alone = " and take the unit out of the file" if scales is None and size else ""
+    what = f"got {echo(heading.unit)}, a strain" if size else "got a strain"
+    raise ConfigurationError(
+        f"{table.path}:{heading.unit_line or table.line}: {heading.name}: expected a length, such as 5 mm, {what}; a "
+        f"settlement is the strain times the height{of}: give {given}{alone}"
+    )
 
 
 def _other_unit(key: str, unit: str, quantity: str) -> str:
