@@ -88,6 +88,27 @@ def test_a_run_goes_on_with_another_closure_and_keeps_its_names(tmp_path, config
         RunFolder.claim(tmp_path, changed, resume=True)
 
 
+def test_numbers_are_told_as_they_are_written(tmp_path, config):
+    """It told an end of 135 for 90 s, and cut the course of a load before what differs."""
+    scales = Scales(modulus=60e3, length=1e-3, pore=5e-6, viscosity=1.0)  # a unit of time is 2/3 s
+    course = {"traction": [0, {"ramp": -0.05, "until": 3.0}, 0], "pressure": 0}
+
+    def of(end: float, ramp: float) -> RunConfig:
+        pressed = {**course, "traction": [0, {"ramp": ramp, "until": 3.0}, 0]}
+        data = config.model_dump(mode="json") | {"scales": scales.model_dump(mode="json")}
+        data["macro"]["boundary"]["y+"] = pressed
+        data["macro"]["time"]["end"] = end
+        data["output_units"] = {"stress": "kPa"}
+        return RunConfig.model_validate(data)
+
+    RunFolder.claim(tmp_path, of(90.0, -1 / 30))
+    with pytest.raises(RunFolderError) as refused:
+        RunFolder.claim(tmp_path, of(135.0, -0.05), resume=True)
+    assert (
+        "this one has macro.boundary.y+.traction.1.ramp (-3 kPa, not -2 kPa), macro.time.end (90 s, not 60 s); choose"
+    ) in str(refused.value)
+
+
 def test_other_scales_are_named_before_the_numbers_that_they_change(tmp_path, config):
     """With pores of ten times their size it named four keys in multiples of the scales, and not the pore size."""
     scales = Scales(modulus=3e6, length=0.03, pore=6e-5, viscosity=0.05)
@@ -95,7 +116,7 @@ def test_other_scales_are_named_before_the_numbers_that_they_change(tmp_path, co
     wider = scales.model_copy(update={"pore": 6e-4})
     other = config.cell.model_copy(update={"viscosity": 2e-3})
     with pytest.raises(
-        RunFolderError, match=r"this one has scales.pore \(0.0006, not .*, cell.viscosity \(0.002"
+        RunFolderError, match=r"this one has scales.pore \(0.0006, not .*, cell.viscosity \(0.0001 Pa s, not"
     ):
         RunFolder.claim(tmp_path, config.model_copy(update={"scales": wider, "cell": other}), resume=True)
 

@@ -36,6 +36,7 @@ from porocore.core.units import (
     ResultUnits,
     Scales,
     Unit,
+    dimensions,
     length_text,
     spoken,
 )
@@ -761,20 +762,60 @@ def cell_identity(cell: Cell, fem: FemSettings) -> str:
 
 
 def differences(one: RunConfig, other: RunConfig) -> list[str]:
-    """Return the dotted keys in which two configurations differ, as ``key (a, not b)``."""
-    return list(_differences(one.model_dump(mode="json"), other.model_dump(mode="json"), ()))
+    """Return the dotted keys in which two configurations differ, as ``key (a, not b)``, with units beside scales.
+
+    Where the scales differ, numbers that are equal with their units are left out.
+    """
+    units = one.result_units.units
+    first, second = _Told.of(one, units), _Told.of(other, units)
+    found = (
+        (at, first.text(a, at), second.text(b, at)) for at, a, b in _differences(first.data, second.data, ())
+    )
+    same = one.scales == other.scales
+    return [f"{dotted(at)} ({cut(a, 40)}, not {cut(b, 40)})" for at, a, b in found if same or a != b]
 
 
-def _differences(one: Any, other: Any, at: Location) -> Iterator[str]:
+def _differences(one: Any, other: Any, at: Location) -> Iterator[tuple[Location, Any, Any]]:
+    """Yield where nested data differ, and both values; lists of numbers are one value."""
     if isinstance(one, dict) and isinstance(other, dict):
         for key in {**one, **other}:
             yield from _differences(one.get(key), other.get(key), (*at, str(key)))
+    elif _are_nested(one) and _are_nested(other) and len(one) == len(other):
+        for k, pair in enumerate(zip(one, other, strict=True)):
+            yield from _differences(*pair, (*at, str(k)))
     elif one != other:
-        yield f"{dotted(at)} ({_short(one)}, not {_short(other)})"
+        yield at, one, other
 
 
-def _short(value: Any) -> str:
-    return cut(json.dumps(value, ensure_ascii=False), 40)
+def _are_nested(value: Any) -> bool:
+    return isinstance(value, list) and any(isinstance(each, list | dict) for each in value)
+
+
+@dataclass(frozen=True)
+class _Told:
+    """Data of a configuration, the quantities of its multiples of scales by place, and the units of its results."""
+
+    data: dict[str, Any]
+    quantities: Mapping[Location, str]
+    units: ResultUnits
+
+    @classmethod
+    def of(cls, config: RunConfig, units: OutputUnits) -> _Told:
+        data = config.model_dump(mode="json")
+        found = ((place, of) for place, of in dimensions(type(config), data) if of is not None and not of.si)
+        return cls(data, {place.path: of.quantity for place, of in found}, ResultUnits(config.scales, units))
+
+    def text(self, value: Any, at: Location) -> str:
+        """Return the value at a place, its numbers with their units."""
+        if isinstance(value, list):
+            return f"[{', '.join(self.text(each, (*at, str(k))) for k, each in enumerate(value))}]"
+        if isinstance(value, float) and self.units.given and at in self.quantities:
+            return self.units.text(value, self.quantities[at], TOLD_DIGITS)
+        return json.dumps(value, ensure_ascii=False)
+
+
+#: Digits of a number with a unit in a message on two that differ.
+TOLD_DIGITS = 10
 
 
 def _unfit_closure(closure: str, *cells: Cell) -> str:
