@@ -29,7 +29,7 @@ from porocore.report.words.results import LEAST_FLAGGED
 from porocore.states import MacroState
 from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig, lines_of_cell
-from porocore.study.notes.magnitudes import WARNING, known, prescribed_times, pulls
+from porocore.study.notes.magnitudes import WARNING, known, prescribed_times, pulls, too_thin
 from porocore.study.notes.parameters import extents, too_wide
 from porocore.study.notes.reach import (
     DIAGONAL,
@@ -154,11 +154,13 @@ def predicted_reach(config: RunConfig, linear: LinearCoefficients | MacroLaw) ->
         name: extents(config.of_cell(name), [states for states, _ in each]) for name, each in found.items()
     }
     mesh = body_mesh(config.macro)
+    thin = any(too_thin(config, mesh))  # a length is wrong, and with it the time that decides what p does
     for name, part in parts.items():
         left: list[str] = []
-        lines = _reach(config.of_cell(name), part, found[name], name, left, None if config.cells else mesh)
+        lines = [*_reach(config.of_cell(name), part, found[name], name, left, None if config.cells else mesh)]
         yield from lines_of_cell(name, lines)
-        yield from lines_of_cell(name, too_wide(config, name, reached, left))
+        if not thin and not any(line.startswith(WARNING) for line in lines):
+            yield from lines_of_cell(name, too_wide(config, name, reached, left))
     if config.cells:
         yield from (f"note: {note}" for note in prescribed_reach(config, mesh))
 
@@ -196,6 +198,10 @@ def _reach(
     left += [each.name for each in reached]
     unlikely = list(_unlikely(config, reached))
     yield from unlikely
+    crushed = list(_crushed(found))
+    if unlikely and crushed:  # no range would do
+        yield from crushed
+        return
     yield (
         f"note: by linear poroelasticity up to {percent(share)} of {where} leaves the sampled ranges at one time; "
         f"{'only if all of these are meant, ' if unlikely else ''}write under '{key}:'"
@@ -203,7 +209,7 @@ def _reach(
     yield from (f"  {each.line(units, LINEAR_MARGIN)}, since {each.in_words(units)}" for each in reached)
     if any(each.name in DIAGONAL and each.value > 0 for each in reached):
         yield from (f"note: {note}" for note in pulls(config))
-    yield from _crushed(found)
+    yield from crushed
     new = [each.name for each in reached if each.name not in config.sampling.inputs]
     if new and body_mesh(config.macro).element.shape == "tetrahedron":
         yield (
