@@ -100,6 +100,14 @@ def sweep(
         typer.echo(written)
 
 
+#: What to vary in the place of the pore size, which is a scale.
+OF_THE_PORE = (
+    "expected a parameter of the cell; the size of the pore is a scale, and only the time, which goes with viscosity "
+    "over its square, depends on it: '--over viscosity=...' has the same effect, or run copies of the study with "
+    "another scales.pore"
+)
+
+
 def parse_over(texts: Sequence[str], settings: RunConfig) -> SweepPlan:
     """Return the plan of a sweep from the values of ``--over``.
 
@@ -119,6 +127,8 @@ def parse_over(texts: Sequence[str], settings: RunConfig) -> SweepPlan:
             name, equals, values = (part.strip() for part in text.partition("="))
             if not (name and equals and values):
                 raise ConfigurationError(f"expected {_SUCH_AS}, got {echo(text)}")
+            if name == "pore" and name not in quantities:
+                raise ConfigurationError(f"pore: {OF_THE_PORE}")
             require_known([name], [*quantities])
             if name in found:
                 raise ConfigurationError(f"'{name}' is there twice")

@@ -673,7 +673,8 @@ def least_volume(inputs: InputSpace) -> tuple[float, dict[str, float]]:
     corners = np.array(list(itertools.product(*((inputs.lower[i], inputs.upper[i]) for i in moving))))
     H: Array = np.zeros((len(corners), 9))
     H[:, [inputs.columns[i] for i in moving]] = corners
-    J = np.linalg.det(np.eye(3) + H.reshape(-1, 3, 3))
+    with np.errstate(all="ignore"):  # ends may be too large for a product
+        J = np.linalg.det(np.eye(3) + H.reshape(-1, 3, 3))
     least = int(J.argmin())
     return float(J[least]), {
         NAMES[inputs.columns[i]]: float(x) for i, x in zip(moving, corners[least], strict=True)

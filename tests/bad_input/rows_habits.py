@@ -51,6 +51,25 @@ ROWS = [
         for course, said in COURSES
     ),
     faulty(
+        "a permeability",
+        {"scales": SCALES, "cell.permeability": "1e-13 m^2"},
+        "cell.permeability: unknown key; a permeability in m² follows from cell.geometry and the square of the pore "
+        "size, 'scales.pore:' (or that of voxel_size), and the hydraulic conductivity from it and 'cell.viscosity:'",
+    ),
+    faulty(
+        "loads with units",
+        {"scales": SCALES, "macro.loads": ["-1 kPa", "-2 kPa"]},
+        "beside values with units under 'macro.boundary:' it is a bare number: [1] for these values, [1, 2] for them "
+        "and for twice them",
+    ),
+    faulty(
+        "strains in per cent",
+        {"sampling.inputs.H22": {"range": [-20, 2], "step": 1}},
+        "sampling.inputs: the ranges reach det F = -19 at H22 = -20",
+        "narrow them; H22 must stay above -1, where a length becomes zero; components of H are no per cent: "
+        "0.05 is 5 %",
+    ),
+    faulty(
         "p at a surface",
         {"macro.boundary.y+.p": 0},
         "macro.boundary.y+.p: unknown key; the pressure of the fluid on a surface is 'pressure:'",

@@ -186,7 +186,7 @@ FAULTS: dict[str, tuple[str, Content, str, str]] = {
     "10^15 elements": (
         ".msh", WHOLE.replace("$Elements\n64", f"$Elements\n{10**15}"), "no nodes are in", "no nodes are in",
     ),
-    "STL": (".stl", STL, "mesh.stl has none", "no elements with a volume"),
+    "STL": (".stl", STL, "mesh.stl has none", "a cell needs the solid and the pores meshed, each a"),
     "binary STL that declares 2^31 facets": (".stl", BINARY_STL, NO_NODES, NO_NODES),
     "an infinite node": (".msh", altered(node([float("inf"), 0, 0])), "not finite", "not finite"),
     "a node that is no number": (".msh", altered(node([float("nan"), 0, 0])), "not finite", "not finite"),

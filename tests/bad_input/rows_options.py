@@ -110,6 +110,8 @@ REFUSED = [
     ("sweep", "--over", "radius=nan,0.2", "expected a finite number"),
     ("sweep", "--over", "r" * 5000 + "=0.2,0.3", "no parameter of the cell has this name"),
     ("sweep", "--over", "r" * 5000, "expected a parameter and its values"),
+    ("sweep", "--over", "pore=2um:10um:5", "the size of the pore is a scale"),
+    ("sweep", "--over", "pore=0.3,0.4", "'--over viscosity=...' has the same effect, or run copies of the study"),
     ("sweep", "--over", "size=0.3,0.4", "no parameter of the cell has this name"),
     ("sweep", "--over", "poisson_ratio=0.2,0.3", "closure 'mean-gradient' takes the stress"),
     ("tune", "--depths", "1000000", "--depths: expected whole numbers from 1 to 20"),

@@ -150,6 +150,13 @@ def _of_order(mesh: Tetrahedra, element: Element) -> Tetrahedra:
     return Tetrahedra(points, cells, mesh.regions, mesh.region_names)
 
 
+#: What a file of surfaces lacks.
+BOTH_PHASES = (
+    "a cell needs the solid and the pores meshed, each a named group under cell.geometry.solid and "
+    "cell.geometry.fluid; a scan is read as an image, by 'kind: voxels'"
+)
+
+
 @lru_cache(maxsize=2)
 def _read(geometry: MeshFile) -> tuple[dict[Phase, Tetrahedra], Sides, Array]:
     """Return the tetrahedra of a file by phase, the sides of the cell, and the edges (3,) of the box in the file."""
@@ -159,7 +166,7 @@ def _read(geometry: MeshFile) -> tuple[dict[Phase, Tetrahedra], Sides, Array]:
     if not kinds or not {*kinds} <= {"tetra", "tetra10"} or len(kinds) > 1:
         raise ConfigurationError(
             f"{path}: expected tetrahedra of 4 or of 10 nodes (tetra, tetra10), got "
-            f"{', '.join(sorted(kinds)) or f'no elements with a volume: {IN_THREE_DIMENSIONS}'}"
+            f"{', '.join(sorted(kinds)) or f'no elements with a volume: {BOTH_PHASES}; {IN_THREE_DIMENSIONS}'}"
         )
     ((kind, cells),) = mesh.elements[3].items()
     parts = _parts(geometry, path, mesh, kind)

@@ -25,7 +25,10 @@ from porocore.plugins.registry import registry
 MOST_PLACES = 3
 
 _NOT_MODELLED = "the solid is elastic and the fluid Newtonian, without inertia; this is not modelled"
-_OF_THE_CELL = "it follows from the pore and its viscosity: give cell.geometry and cell.viscosity"
+_OF_THE_CELL = (
+    "a permeability in m² follows from cell.geometry and the square of the pore size, 'scales.pore:' (or that of "
+    "voxel_size), and the hydraulic conductivity from it and 'cell.viscosity:'; 'porocore check' tells both"
+)
 _INDENTER = (
     "a rigid indenter is a part of a surface: name it under 'macro.surfaces:' and prescribe its displacement under "
     "'macro.boundary:', as the example brain-indentation does; contact that begins or ends is not modelled"
@@ -145,7 +148,8 @@ WHY = {
     "cell.geometry.radius": "at 0.5 a pore or an obstacle would touch its image in the next cell",
     "cell.material.poisson_ratio": "0.5 is an incompressible solid, which this formulation cannot take",
     "sampling.workers": "'auto' is one worker for each processor core",
-    "macro.loads": "a load multiplies every prescribed value, so with values under 'macro.boundary:' it is [1]",
+    "macro.loads": "a load multiplies every prescribed value, so beside values with units under 'macro.boundary:' "
+    "it is a bare number: [1] for these values, [1, 2] for them and for twice them",
 }
 #: So similar to a key is a slip of the pen, whatever else it may mean.
 SLIP = 0.8

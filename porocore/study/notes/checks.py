@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 
+from porocore.core.echo import joined
 from porocore.core.files.yaml_document import YamlDocument
 from porocore.core.inputs import least_volume, value_text
 from porocore.core.models.bounds import LARGEST_GRADIENT, LARGEST_PRESSURE
@@ -34,6 +35,7 @@ from porocore.study.notes.abilities import (
     unit_of_the_modulus,
 )
 from porocore.study.notes.magnitudes import require_right_side_out
+from porocore.study.notes.reach import DIAGONAL
 
 
 def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) -> None:
@@ -134,6 +136,13 @@ def find_backends(config: RunConfig, needed: Collection[Kind]) -> None:
         raise PluginError("\n".join(faults.values()))
 
 
+def _in_percent(ranges: Mapping[str, tuple[float, float]]) -> str:
+    """Return how a strain is written, where ends look like per cent; empty where none does."""
+    strains = [end for name, ends in ranges.items() if name.startswith("H") for end in ends]
+    likely = strains and max(map(abs, strains)) >= 2 and all(end == 0 or abs(end) >= 0.5 for end in strains)
+    return "; components of H are no per cent: 0.05 is 5 %" if likely else ""
+
+
 def check_sampling(config: RunConfig, *, trained: bool) -> None:
     """Check the sampled box, the workers, and the number of states if a surrogate learns from them.
 
@@ -144,20 +153,24 @@ def check_sampling(config: RunConfig, *, trained: bool) -> None:
     """
     sampling = config.sampling
     inputs = sampling.input_space()
+    J, corner = least_volume(inputs)
+    percents = _in_percent({name: swept.range for name, swept in sampling.inputs.items()})
+    if J <= 0:
+        at = ", ".join(f"{name} = {value:g}" for name, value in corner.items())
+        flat = [name for name in DIAGONAL if corner.get(name, 0) <= -1]
+        above = f"; {joined(flat)} must stay above -1, where a length becomes zero" if flat else ""
+        raise ConfigurationError(
+            f"sampling.inputs: the ranges reach det F = {J:.4g} at {at}, but a solid has det F > 0 with F = I + H; "
+            f"narrow them{above}{percents}"
+        )
     for name, swept in sampling.inputs.items():
         largest = LARGEST_PRESSURE * config.cell.modulus if name == "p" else LARGEST_GRADIENT
         if max(map(abs, swept.range)) > largest:
             raise ConfigurationError(
                 f"sampling.inputs.{name}.range: expected at most {value_text(name, largest)}, got "
-                f"{inputs.range_text(name)}; no cell bears more{unit_of_the_modulus(config, name)}"
+                f"{inputs.range_text(name)}; no cell bears more"
+                f"{percents if name != 'p' else ''}{unit_of_the_modulus(config, name)}"
             )
-    J, corner = least_volume(inputs)
-    if J <= 0:
-        at = ", ".join(f"{name} = {value:g}" for name, value in corner.items())
-        raise ConfigurationError(
-            f"sampling.inputs: the ranges reach det F = {J:.4g} at {at}, but a solid has det F > 0 with F = I + H; "
-            "narrow them"
-        )
     given, least = sampling.options.get("count"), least_states(len(inputs))
     if trained and type(given) is int and 0 < given < least:
         raise ConfigurationError(
