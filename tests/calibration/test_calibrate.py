@@ -471,4 +471,4 @@ def test_each_deviation_of_a_long_curve_counts_for_what_a_folder_is_of() -> None
     before = identity()
     assert identity() == before
     spread[1500] *= 2
-    assert {name for name, hash_ in identity().items() if hash_ != before[name]} == {"data"}
+    assert {name for name, hash_ in identity().items() if hash_ != before[name]} == {"data of 'settlement'"}

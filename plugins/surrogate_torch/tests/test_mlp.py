@@ -183,7 +183,7 @@ def test_an_edited_file_is_refused(fitted, tmp_path):
 def test_a_surrogate_is_no_checkpoint(data, fitted, tmp_path):
     path = tmp_path / "surrogate.h5"
     fitted.save(path)
-    with pytest.raises(DataError, match="expected a file of format porocore-surrogate-training"):
+    with pytest.raises(DataError, match="expected the checkpoint of a training, got a trained surrogate"):
         TorchSurrogate(epochs=100, hidden=[8, 8]).fit(data, seed=0, checkpoint=path)
 
 
