@@ -82,11 +82,12 @@ nitpick_ignore_regex = [
     # The inside of porocore, which the pages of the reference leave out.
     (
         "py:class",
-        r"(porocore\.interfaces\.(cell|macro)\.)?Prepared|porocore\.(calibration|cell\.(contact|materials|meshing|stability\.line)|core|macro\.(analytic|problem\.TimePlan)|study\.(api\.solved\.T|config|run_folder|tuning)"
-        r"|plugins\.kinds\.Scaffold|testing\.sampler_laws|verification\.(local_fields\.(nodal|points)|sensitivity\.(plan|results)|representative))\b.*",
+        r"(porocore\.interfaces\.(cell|macro)\.)?Prepared|porocore\.(cell\.(contact|materials|meshing|stability\.line)|core|macro\.(analytic|problem\.TimePlan)|study\.(api\.solved\.T|config|run_folder|tuning)"
+        r"|plugins\.kinds\.Scaffold|testing\.sampler_laws|commands\.(calibration|fields\.points|sensitivity\.(plan|results)|representative))\b.*",
     ),
-    # The alias of states.py where it is imported for type checkers only.
+    # An alias of states.py and a class of the core where they are imported for type checkers only.
     ("py:class", "Array"),
+    ("py:class", "YamlDocument"),
     # What stands where a type stands in a docstring, such as (n, 3, 3).
     ("py:class", r"(?!porocore\.)[^A-Z].*"),
 ]

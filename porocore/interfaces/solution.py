@@ -81,7 +81,7 @@ class History:
     heave: Array
     #: Least pore pressure, negative where there is suction.
     pressure_min: Array
-    #: Largest size of the displacement, max |u|.
+    #: Largest magnitude of the displacement u.
     displacement: Array
 
 

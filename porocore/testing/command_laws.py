@@ -69,7 +69,7 @@ class CommandSuite(Suite):
 
         Raises
         ------
-        Undefined
+        NotImplementedError
             The suite does not define it.
         """
         raise cls.undefined("make_command(cls)", "MyCommand()", "a porocore.Command")
