@@ -199,12 +199,14 @@ def _plain(error: Any, message: str, command: Any) -> str:
     if extra := re.fullmatch(r"Got unexpected extra argument\(s\) \((.*)\)", message, re.DOTALL):
         takes = [param.metavar or param.name.upper() for param in command.params if param.opts[0][0] != "-"]
         few = f"only {joined(takes)} and options" if takes else "options only"
-        pairs = all("=" in word[1:] for word in extra[1].split())
-        advice = (
-            "a comma stands between values by name, and no blank"
-            if pairs
-            else "words with blanks in them stand in quotes"
-        )
+        advice = "words with blanks in them stand in quotes"
+        if all("=" in word[1:] for word in extra[1].split()):
+            over = any("--over" in param.opts for param in command.params)
+            advice = (
+                f"a parameter and its values follow an option: --over {cut(extra[1])}"
+                if over
+                else "a comma stands between values by name, and no blank"
+            )
         return f"Expected {few}, got {echo(extra[1])}, too; {advice}"
     if (faults := getattr(error.__cause__, "errors", None)) is not None:
         from porocore.core.models.strict import fault_text  # Pydantic is slow to import.

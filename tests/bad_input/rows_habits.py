@@ -104,6 +104,23 @@ ROWS = [
         ("got 'p=0.05', too; a comma stands between values by name, and no blank",),
         faulty("", {}).files,
     ),
+    Row(
+        "a sweep without the name of its option",
+        ("sweep", "study.yaml", "radius=0.2,0.25"),
+        ("got 'radius=0.2,0.25', too; a parameter and its values follow an option: --over radius=0.2,0.25",),
+        faulty("", {}).files,
+    ),
+    faulty(
+        "numbers in place of solids",
+        {"cell.material": None, "cell.materials": {"young": "2 MPa", "poisson": 0.5}},
+        "cell.materials.young: expected the solid of a region by its name, such as {matrix: {kind: neo-hookean, ",
+        "one solid alone is 'material:' in place of 'materials:', and its modulus is 'scales.modulus:'",
+    ),
+    faulty(
+        "a porosity in place of a radius",
+        {"cell.geometry.porosity": 0.35},
+        "cell.geometry.porosity: unknown key; it follows from the shape of the pores, such as 'radius:' under",
+    ),
     viscosity("1e-3 N s/mm2", "N s/mm^2"),
     viscosity("1e-3 N*s/m2", "N*s/m^2"),
     faulty(

@@ -330,7 +330,7 @@ ROWS = [
         {"cell.geometry": {"kind": "voxels", "path": "image.npy", "threshold": 0.5}},
         "cell.geometry.threshold: 0.5 makes pores of 0.195 % of the voxels, whose values are",
         "'threshold: otsu' parts them at",
-        "or give a smaller cell.mesh",
+        "if they are the pores, give a smaller cell.mesh",
         files={"image.npy": npy(GREY)},
     ),
     faulty(

@@ -60,8 +60,9 @@ CASES: list[Case] = [
         ("check", "grey.tif.yaml"),
         status=2,
         says=(
-            "grey.tif.yaml:3: cell.mesh.size: expected a mesh of the porosity 0.00195, which is that of image grey.tif",
-            "got 0.00127 with the solid's mesh of size 0.25; the image is not segmented, its values are 226 distinct",
+            "grey.tif.yaml:2: cell.geometry: the image is not segmented, its values are 226 distinct",
+            "expected a mesh of the porosity 0.00195, which is that of image grey.tif",
+            "got 0.00127 with the solid's mesh of size 0.25",
             "'threshold: otsu' in its place parts them at 125.5 and takes the darker 44.5 %",
         ),
     ),

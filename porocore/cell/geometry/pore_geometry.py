@@ -89,6 +89,11 @@ class PoreGeometry(StrictModel, ABC):
         return ()
 
     @property
+    def value_warnings(self) -> tuple[str, ...]:
+        """Sentences on an image whose values are not those of two phases; also among the warnings."""
+        return ()
+
+    @property
     def error_of_shape(self) -> str:
         """Sentence on an error that the description of the pores makes in K and moduli; empty where there is none."""
         return ""

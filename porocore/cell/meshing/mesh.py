@@ -302,12 +302,11 @@ def _require_porosity(geometry: PoreGeometry, settings: MeshSettings, phase: Pha
         f"the {phase}'s mesh of size {getattr(settings, key):g}"
     )
     advice = f"give a smaller cell.mesh.{key}, with several elements across pores and walls"
-    warnings = geometry.warnings
-    if warnings and warnings[0].startswith("cell.geometry."):
-        raise ConfigurationError(
-            f"{'; '.join(warnings)}; so the mesh misses these pores: {told}; or {advice}"
-        )
-    raise ConfigurationError("; ".join((f"cell.mesh.{key}: {told}", *warnings, advice)))
+    if values := geometry.value_warnings:
+        place = "" if values[0].startswith("cell.geometry.") else "cell.geometry: "
+        missed = f"so the mesh misses these pores: {told}; if they are the pores, {advice}"
+        raise ConfigurationError(f"{place}{'; '.join(values)}; {missed}")
+    raise ConfigurationError("; ".join((f"cell.mesh.{key}: {told}", *geometry.warnings, advice)))
 
 
 @lru_cache(maxsize=4)

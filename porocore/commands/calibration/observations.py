@@ -103,6 +103,8 @@ class SeriesPlace:
         if self.name and self.name not in names:
             key, listed = _LISTED[self.group]
             advice = suggestion(self.name, names, f"the {listed}", "the run has none")
+            if self.group in ("compression", "reactions"):
+                advice += "; under a traction the force is given, and no result"
             raise ConfigurationError(f"{key}: expected one with this result, got {echo(self.name)}; {advice}")
 
     def weight(self, each: Array) -> Array:

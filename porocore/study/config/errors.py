@@ -67,8 +67,9 @@ INSTEAD = {
     "'pressure:' and 'flux:' is impermeable",
     r"(nu|poisson|poissons?_ratio|v)": "Poisson's ratio is 'poisson_ratio:' under 'cell.material:'",
     r"(diameter|d)": "half of it is 'radius:'",
-    r"(porosity|void_ratio|pore_size|pore_diameter)": "it follows from cell.geometry, which 'porocore check' tells; "
-    "the pore size in metres is 'scales.pore:'",
+    r"(porosity|void_ratio|pore_size|pore_diameter)": "it follows from the shape of the pores, such as 'radius:' "
+    "under cell.geometry, and 'porocore check' tells it; lengths are shares of the cell's edge, and the edge in "
+    "metres is 'scales.pore:'",
     r"(e|youngs?_modulus|elastic_modulus|stiffness|bulk_modulus|shear_modulus|lame)": _MODULUS,
     r"(force|forces|stress|load|loading|pressure_load)": _FORCE,
     r"(strain|compression|stretch)": _STRAIN,
@@ -402,6 +403,11 @@ def _expected(
         keys = dict.fromkeys(name for section in sections for name in section.model_fields)
         named = f" ({', '.join(keys)})" if 0 < len(keys) <= MOST_KEYS else ""
         form = "".join(_first(keys, error["input"]))
+        if place[:-1] == ("cell", "materials"):
+            return (
+                "the solid of a region by its name, such as {matrix: {kind: neo-hookean, poisson_ratio: 0.3}} (one "
+                "solid alone is 'material:' in place of 'materials:', and its modulus is 'scales.modulus:')"
+            )
         return f"a section with keys below it{named}{form} (or leave the whole key out)"
     if kind == "string_too_long":
         return f"text of at most {context['max_length']} characters"
@@ -415,7 +421,7 @@ def _expected(
 def _first(keys: Iterable[str], value: Any) -> Iterator[str]:
     """Yield the form of a section with the key under which a value is meant that stands in its place."""
     for name, kind in (("kind", str), ("backend", str), ("range", list)):
-        if name in keys and isinstance(value, kind):
+        if name in keys and isinstance(value, kind) and not (isinstance(value, str) and value[:1].isdigit()):
             yield f", such as {{{name}: {cut(value) if isinstance(value, str) else echo(value)}}}"
     if {"lower", "upper"} <= set(keys) and isinstance(value, list) and len(value) == 2:
         lower, upper = (cut(end) if isinstance(end, str) else echo(end) for end in value)
