@@ -347,6 +347,11 @@ def has_unit(text: str) -> bool:
     )
 
 
+def is_plain_number(text: str) -> bool:
+    """Return whether a text is a number with a point, or none, and without a unit."""
+    return len(text) <= LONGEST and _PLAIN.fullmatch(text) is not None
+
+
 def unit_within(text: str) -> str:
     """Return the unit of a text such as ``5 mm``; empty where there is none."""
     match = _NUMBER_AND_UNIT.fullmatch(text) if has_unit(text) else None

@@ -160,6 +160,7 @@ FIGURES = {
     "time_to_50_percent": "time",
     "time_to_95_percent": "time",
     "time_to_99_percent": "time",
+    "stress_spread": "stress",
     "max_pressure": "pressure",
     "time_of_max_pressure": "time",
     "final_pressure": "pressure",

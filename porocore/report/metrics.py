@@ -219,12 +219,10 @@ OF_SETTLEMENT = ("time_to_95_percent", "time_to_99_percent", "heave")
 def solution_metrics(solution: MacroSolution) -> dict[str, Any]:
     """Return figures of merit of one solution, ready for JSON; a figure that is not defined is None.
 
-    Lengths, volumes, times and pressures are dimensionless as in the solution. ``stress_spread`` is the
-    largest deviation of P_E,22 from its mean over the body, over all times, over the load factor: zero in a column, a
-    share of the load where stresses are prescribed, a stress for each unit of the factor where displacements are.
+    Lengths, volumes, times, stresses and pressures are dimensionless as in the solution. ``stress_spread`` is the
+    largest deviation of P_E,22 from its mean over the body, over all times, which is zero in a column.
     """
     history = solution.history
-    load = abs(solution.load)
     highest, lowest = int(history.heave.argmax()), int(history.pressure_min.argmin())
     return {
         "law": solution.law,
@@ -255,7 +253,7 @@ def solution_metrics(solution: MacroSolution) -> dict[str, Any]:
         "flagged_time_mean": time_mean(history.time, history.outside_training_range),
         "flagged_first_time": _first_time(history, 0.0),
         "flagged_all_time": _first_time(history, 1 - 1e-9),
-        "stress_spread": float(history.stress_spread.max()) / load if load > 0 else None,
+        "stress_spread": float(history.stress_spread.max()),
         "steps": len(history.time) - 1,
         "newton_iterations": int(history.iterations.sum()),
         "end_time": float(history.time[-1]),

@@ -51,6 +51,11 @@ def test_deviations_by_number_column_and_weight(tmp_path: Path) -> None:
     np.testing.assert_allclose(by_row.measured, [-4, -8, -12, -16])
 
 
+def test_an_exponent_without_a_point_is_a_number(tmp_path: Path) -> None:
+    """YAML reads 5e-4 as a text."""
+    np.testing.assert_allclose(read(tmp_path, deviation="5e-4").deviations, 5e-4)
+
+
 def test_a_deviation_without_a_unit_is_one_of_the_column_before_the_factor(tmp_path: Path) -> None:
     strain = "time [s],strain [%],sd\n" + "".join(f"{k},{-1.85 - 0.6 * k},0.004\n" for k in range(1, 5))
     settlement = "time [s],settlement [mm]\n" + "".join(f"{k},{0.03 * k}\n" for k in range(1, 5))

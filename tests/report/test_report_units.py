@@ -59,7 +59,7 @@ def test_figures_of_metrics_have_their_unit_beside_them():
 
 def test_every_figure_of_a_solution_has_a_unit_or_is_known_to_have_none(context):
     """A new figure is listed in FIGURES, or here."""
-    plain = {"load", "steady_drift", "flagged_end", "flagged_largest", "flagged_time_mean", "stress_spread"}
+    plain = {"load", "steady_drift", "flagged_end", "flagged_largest", "flagged_time_mean"}
     plain |= {"steps", "newton_iterations", "drift", "drop", "peak_over_final", "drained_paper_ratio"}
     plain |= {"settlement_ratio", "time_to_95_percent_ratio", "time_to_99_percent_ratio", "drained_ratio"}
     plain |= {

@@ -23,6 +23,7 @@ from porocore.core.units import (
     UnitError,
     has_unit,
     in_si,
+    is_plain_number,
     pretty,
     unit_in_si,
 )
@@ -528,6 +529,8 @@ class StudyUnit:
         return found
 
     def _number(self, value: float | str) -> float:
+        if isinstance(value, str) and is_plain_number(value):
+            value = float(value)  # YAML reads 5e-4, without a point, as a text
         if not isinstance(value, str):
             return value
         if not has_unit(value):

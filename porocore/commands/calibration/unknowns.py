@@ -32,6 +32,7 @@ from porocore.core.units import (
     UnitError,
     has_unit,
     in_si,
+    is_plain_number,
     length_text,
     pretty,
     unit_in_si,
@@ -252,6 +253,8 @@ def _require_one_meaning(
 
 def _number(key: str, value: float | str, unit: str, number: StudyNumber) -> float:
     """Return a value of an unknown in its unit."""
+    if isinstance(value, str) and is_plain_number(value):
+        value = float(value)  # YAML reads 5e-4, without a point, as a text
     if not isinstance(value, str):
         if unit:
             raise ConfigurationError(

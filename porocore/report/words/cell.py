@@ -268,9 +268,14 @@ def drained_axes(case: LoadCase) -> tuple[int, ...]:
     return tuple(i for i, axis in enumerate("xyz") if axis in moved)
 
 
-def _change(values: Array, rest: Array) -> str:
-    """Return whether K_ref along an axis lies above its value in the undeformed cell, below it, or on both sides."""
-    change = values / rest - 1
+def _change(values: Array, rest: Array, largest: float) -> str:
+    """Return whether K_ref along an axis lies above its value in the undeformed cell, below it, or on both sides.
+
+    Where both are below 1e-6 of the ``largest`` of all axes, nothing flows along the axis.
+    """
+    if max(np.abs(values).max(), np.abs(rest).max()) <= 1e-6 * largest:
+        return "unchanged"
+    change = np.divide(values, rest, out=np.full_like(values, np.inf), where=rest != 0) - 1
     if np.abs(change).max() <= 1e-6:
         return "unchanged"
     if change.min() >= -1e-6:
@@ -294,5 +299,5 @@ def _at_axis(i: int, profile: Profile, K: Array, at_first: str) -> str:
         rest += f"{at_first},"
     return (
         f"K_ref,{at} is {through_reference} in the body, and K_t,{at} is {transformed}{by}. "
-        f"{rest} K_ref,{at} is {_change(profile.reference_conductivity[:, i, i], K[:, i, i])}."
+        f"{rest} K_ref,{at} is {_change(profile.reference_conductivity[:, i, i], K[:, i, i], float(np.abs(K).max()))}."
     )
