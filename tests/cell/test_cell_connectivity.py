@@ -53,6 +53,7 @@ def test_closed_pores_and_a_solid_in_pieces():
     assert why_disconnected(found(bcc, "solid")) == ""
     # The mirror image in the phases: two spheres of solid.
     assert why_disconnected(closed).startswith("it falls into 2 pieces that do not touch, of the volumes 0.")
+    assert "of an image: 'drop_grains: true'" in why_disconnected(closed)
     assert "along x and y and z" in why_disconnected(closed[:1])
 
 
