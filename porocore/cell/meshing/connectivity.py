@@ -137,8 +137,8 @@ def why_disconnected(found: tuple[Piece, ...]) -> str:
         sizes = ", ".join(f"{piece.volume:.3g}" for piece in found[:6]) + (", …" if len(found) > 6 else "")
         return (
             f"it falls into {len(found)} pieces that do not touch, of the volumes {sizes}; join them, remove those "
-            "that float (of an image: 'drop_grains: true' under cell.geometry), or give a smaller cell.mesh.size if they "
-            "should be connected"
+            "that float (of an image: 'drop_grains: true' under cell.geometry), or give a smaller cell.mesh.size if "
+            "they should be connected"
         )
     if found[0].rank == 3:
         return ""
