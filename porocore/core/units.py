@@ -347,9 +347,19 @@ def has_unit(text: str) -> bool:
     )
 
 
-def is_plain_number(text: str) -> bool:
-    """Return whether a text is a number with a point, or none, and without a unit."""
-    return len(text) <= LONGEST and _PLAIN.fullmatch(text) is not None
+def number_or_quantity(value: float | str) -> float | str:
+    """Return a number, also of a text such as ``5e-4``, which YAML takes for none, or a text with a unit as it is.
+
+    Raises
+    ------
+    UnitError
+        It is neither.
+    """
+    if not isinstance(value, str) or has_unit(value):
+        return value
+    if len(value) <= LONGEST and _PLAIN.fullmatch(value):
+        return float(value)
+    raise UnitError(f"expected a number, or one with a unit, got {echo(value)}{comma_advice(value)}")
 
 
 def unit_within(text: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import re
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
+from calibrated_column import STUDY as COLUMN
 from typer.testing import CliRunner
 
 from porocore.cli.entry import app
@@ -19,32 +21,9 @@ from porocore.commands.calibration.problem import CurveModel, CurvePrediction
 from porocore.errors import SolveError
 from porocore.states import Array
 
-SIDE = {"displacement": [0, None, 0]}
-#: A column of 0.1 mm × 0.1 mm under 25 kPa carries 0.25 mN, whatever its cell is.
-STUDY: dict[str, Any] = {
-    "cell": {
-        "geometry": {"kind": "orthogonal-channels", "radius": 0.25},
-        "material": {"poisson_ratio": 0.3},
-        "viscosity": "1 mPa s",
-        "mesh": {"size": 0.5, "fluid_size": 0.5, "element": "linear"},
-    },
-    "scales": {"modulus": "0.5 MPa", "length": "1 mm", "pore": "2 um", "viscosity": "1 mPa s"},
-    "sampling": {
-        "inputs": {"H22": {"range": [-0.1, 0.02], "step": 0.02}, "p": {"range": [-0.02, 0.05], "step": 0.02}}
-    },
-    "surrogate": {"backend": "polynomial"},
-    "closure": "potential",
-    "macro": {
-        "body": {"kind": "box", "size": [0.1, 1.0, 0.1], "elements": [1, 4, 1]},
-        "boundary": {
-            **dict.fromkeys(("x-", "x+", "z-", "z+"), SIDE),
-            "y-": {"displacement": [0, 0, 0]},
-            "y+": {"traction": [0, "25 kPa", 0], "pressure": 0},
-        },
-        "loads": [-1],
-        "time": {"end": "1 h", "step": "600 s", "ramp_increments": 2, "ramp_step": "1 s"},
-    },
-}
+#: A column of 0.1 mm × 0.1 mm under 25 kPa carries 0.25 mN, whatever its cell is; in long steps.
+STUDY: dict[str, Any] = copy.deepcopy(COLUMN)
+STUDY["macro"]["time"]["step"] = "600 s"
 MODULUS = {"lower": "100 kPa", "upper": "2 MPa"}
 FORCE = {"quantity": "force", "surface": "y-", "file": "force.csv", "deviation_share": 0.02}
 

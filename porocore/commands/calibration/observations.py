@@ -14,16 +14,15 @@ import numpy as np
 
 from porocore.commands.calibration.problem import CurveData
 from porocore.commands.calibration.settings import Kind, ObservationSettings
-from porocore.core.echo import comma_advice, echo, suggestion
+from porocore.core.echo import echo, suggestion
 from porocore.core.units import (
     ADD_SCALES,
     NO_SCALES,
     QUANTITIES,
     Scales,
     UnitError,
-    has_unit,
     in_si,
-    is_plain_number,
+    number_or_quantity,
     pretty,
     unit_in_si,
 )
@@ -529,12 +528,9 @@ class StudyUnit:
         return found
 
     def _number(self, value: float | str) -> float:
-        if isinstance(value, str) and is_plain_number(value):
-            value = float(value)  # YAML reads 5e-4, without a point, as a text
+        value = number_or_quantity(value)
         if not isinstance(value, str):
             return value
-        if not has_unit(value):
-            raise UnitError(f"expected a number, or one with a unit, got {echo(value)}{comma_advice(value)}")
         factor = self.factor
         si = in_si(value, self.quantity)
         if self.scales is None:

@@ -23,17 +23,16 @@ from porocore.commands.calibration.settings import (
     field_number,
     study_number,
 )
-from porocore.core.echo import comma_advice, echo, suggestion
+from porocore.core.echo import echo, suggestion
 from porocore.core.files.yaml_document import Location, dotted
 from porocore.core.units import (
     NO_SCALES,
     QUANTITIES,
     ResultUnits,
     UnitError,
-    has_unit,
     in_si,
-    is_plain_number,
     length_text,
+    number_or_quantity,
     pretty,
     unit_in_si,
     unit_within,
@@ -253,22 +252,17 @@ def _require_one_meaning(
 
 def _number(key: str, value: float | str, unit: str, number: StudyNumber) -> float:
     """Return a value of an unknown in its unit."""
-    if isinstance(value, str) and is_plain_number(value):
-        value = float(value)  # YAML reads 5e-4, without a point, as a text
-    if not isinstance(value, str):
-        if unit:
-            raise ConfigurationError(
-                f"{key}: expected a value with a unit, such as {value:g} {unit}, got {value:g}"
-            )
-        return value
-    if not has_unit(value):
-        raise ConfigurationError(
-            f"{key}: expected a number, or one with a unit, got {echo(value)}{comma_advice(value)}"
-        )
     try:
-        return float(in_si(value, number.quantity) / unit_in_si(unit, number.quantity))
+        value = number_or_quantity(value)
+        if isinstance(value, str):
+            return float(in_si(value, number.quantity) / unit_in_si(unit, number.quantity))
     except UnitError as error:
         raise ConfigurationError(f"{key}: {error}") from None
+    if unit:
+        raise ConfigurationError(
+            f"{key}: expected a value with a unit, such as {value:g} {unit}, got {value:g}"
+        )
+    return value
 
 
 def _start(
