@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from porocore.cell.meshing.mesh import Domain
 from porocore.commands.calibration.observations import ObservedCurve
 from porocore.commands.calibration.plan import CalibrationPlan, Experiment
 from porocore.commands.calibration.problem import CurveModel
@@ -20,7 +19,7 @@ from porocore.macro.laws.linear import LinearPoroelasticity
 from porocore.plugins import registry
 from porocore.states import Array
 from porocore.study.config.config import RunConfig
-from porocore.study.notes.at_rest import MOST_TETRAHEDRA
+from porocore.study.notes.at_rest import MOST_TETRAHEDRA, tetrahedra_solved
 from porocore.study.notes.linear_reach import linear_solutions, too_large
 from porocore.study.stages.reference import undeformed
 from porocore.study.stages.stage_files import linear_coefficients
@@ -134,13 +133,11 @@ def _linear_law(config: RunConfig) -> MacroLaw | None:
 
 
 def _linear_law_of_cell(config: RunConfig) -> MacroLaw | None:
-    cell = config.cell
-    part: Domain = "eighth" if cell.mirrored else "whole"
     try:
         registry.get("cell solver", config.fem.backend)
     except PluginError:
         return None
-    if len(cell.make_mesh("solid", part).cells) + len(cell.make_mesh("fluid", part).cells) > MOST_TETRAHEDRA:
+    if tetrahedra_solved(config.cell) > MOST_TETRAHEDRA:
         return None
-    reference = undeformed(cell, config.fem, config.conductivity, None)
+    reference = undeformed(config.cell, config.fem, config.conductivity, None)
     return LinearPoroelasticity(linear_coefficients(reference, config))

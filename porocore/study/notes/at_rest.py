@@ -6,6 +6,7 @@ from collections.abc import Generator, Iterator
 
 import numpy as np
 
+from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import Domain
 from porocore.core.files.store import ResultStore
 from porocore.core.units import MULTIPLES, QUANTITIES, ResultUnits, length_text
@@ -73,6 +74,12 @@ def at_rest(config: RunConfig, store: ResultStore | None = None) -> Iterator[str
     yield from predicted_reach(config, law)
 
 
+def tetrahedra_solved(cell: Cell) -> int:
+    """Return how many tetrahedra of solid and pores the part of a cell has that is solved."""
+    part: Domain = "eighth" if cell.mirrored else "whole"
+    return len(cell.make_mesh("solid", part).cells) + len(cell.make_mesh("fluid", part).cells)
+
+
 def _cell_at_rest(
     config: RunConfig, name: str | None, store: ResultStore | None
 ) -> Generator[str, None, tuple[LinearCoefficients, MacroLaw] | None]:
@@ -82,8 +89,7 @@ def _cell_at_rest(
     """
     one, units = config.of_cell(name), config.result_units
     head, of = ("at rest", "the cell") if name is None else (f"cell {name} at rest", f"the cell {name}")
-    part: Domain = "eighth" if one.cell.mirrored else "whole"
-    count = len(one.cell.make_mesh("solid", part).cells) + len(one.cell.make_mesh("fluid", part).cells)
+    count = tetrahedra_solved(one.cell)
     if count > MOST_TETRAHEDRA:
         yield (
             f"at rest: not solved here, since {of} has {count:,} tetrahedra, and a check solves up to "
