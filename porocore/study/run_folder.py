@@ -235,6 +235,7 @@ def _checksum(decisions: dict[str, Any]) -> str:
 
 
 _PACKAGES = (
+    "porocore",
     "numpy",
     "scipy",
     "h5py",
