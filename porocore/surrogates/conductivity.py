@@ -1,6 +1,7 @@
-"""Conductivity model by ln U and p: prediction, flags near a closed pore, fit, estimated error.
+"""Conductivity of the deformed pore by (ln U, p; θ): prediction, flags near a closed pore, fit, estimated error.
 
-K_ref = B exp(S) Bᵀ with S = ln(Bᵀ K₀ B) + a polynomial in (ln U, p) that begins at first order. So K_ref is K₀ at rest,
+K_ref = (λ³/μ) B exp(S) Bᵀ with S = ln(Bᵀ K(θ) B) + a polynomial in (ln U − ln λ I, p/E; θ̂) that begins at first order
+in the first two; θ, and with it θ̂, may have no components. So K_ref is that of the undeformed cell at rest for every θ,
 symmetric and positive definite for any coefficients, and objective, as it depends on F through U only. The columns of B
 span the directions in which the pore space is open; closed directions stay closed under any deformation.
 """
@@ -8,51 +9,46 @@ span the directions in which the pore space is open; closed directions stay clos
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import combinations_with_replacement
 
 import numpy as np
 import numpy.typing as npt
 
 from porocore.core.inputs import SampledRange
-from porocore.core.tensors import exponential, logarithm, symmetric_exponential
+from porocore.core.tensors import exponential, logarithm, symmetric_exponential, symmetric_logarithm
 from porocore.errors import DataError
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import Array, IntArray, MacroState
 from porocore.surrogates.error_estimate.estimate import ErrorEstimate
 from porocore.surrogates.error_estimate.fit import Equations, draw, estimate, monomials
+from porocore.surrogates.family.coordinates import Scaling
+from porocore.surrogates.family.fit import JointData, Weights, beside, fit_joint
+from porocore.surrogates.family.joint import Latest, joint_exponents
+from porocore.surrogates.family.rest import RestModel
 from porocore.surrogates.polynomial.fit import EQUATIONS_PER_TERM, FOLDS, held_out, tied_least_squares
 from porocore.surrogates.polynomial.monomials import Polynomial, plain
+from porocore.surrogates.polynomial.varying import BoundPolynomial, VaryingPolynomial
 from porocore.surrogates.potential import STILL, TrainingBox, variables
+from porocore.surrogates.rest import Rest, RestValues, SingleRest
 from porocore.surrogates.stretch import LogStretch
-from porocore.surrogates.symmetry import (
-    Equivariance,
-    on_one,
-    on_places,
-    on_triangle,
-    on_variables,
-    stabiliser,
-)
-
-#: The pore is closed in directions in which it conducts less than this share of the largest conductivity.
-CLOSED = 1e-6
+from porocore.surrogates.symmetry import Equivariance, on_triangle, on_variables, stabiliser
 
 
 @dataclass(frozen=True, eq=False)
 class ConductivityModel:
-    """Model of K_ref for any state.
+    """Model of K_ref of a cell, or of every member of a family, for any state.
 
     Attributes
     ----------
-    basis : (3, r)
-        B, orthonormal; the identity where the pores conduct in all directions.
-    log_rest : (r, r)
-        ln(Bᵀ K₀ B).
+    rest
+        Undeformed cells.
     polynomial
-        Polynomial that is added to it, the upper triangle of a matrix in space (3, 3), row by row, in ``active``.
+        Upper triangle of S beyond rest, a matrix in space (3, 3), row by row, in the variables ``active`` and θ̂.
     active
-        The variables that were sampled.
+        Variables that were sampled.
     training_box
-        Box of the training states; beyond it the polynomial comes to rest.
+        Box of the training states; beyond it the polynomial saturates.
     sampled
         Hull of the training states that have a conductivity.
     estimate
@@ -62,8 +58,7 @@ class ConductivityModel:
         states beyond the hull are flagged whatever the estimate.
     """
 
-    basis: Array
-    log_rest: Array
+    rest: Rest
     polynomial: Polynomial
     active: tuple[int, ...]
     training_box: TrainingBox
@@ -76,26 +71,21 @@ class ConductivityModel:
 
         These are ∂K_ref/∂H (n, 3, 3, 3, 3) and ∂K_ref/∂p (n, 3, 3).
         """
-        stretch = LogStretch.from_gradient(states.grad_u)
-        t = variables(stretch, states.p)[list(self.active)]
-        missing = ~np.isfinite(t).all(axis=0)
-        t[:, missing] = 0.0
-        t, steepness = self._saturated(t)
+        stretch, t, at, scaling, missing = self._at(states)
+        factor = (scaling.stretch**3 / scaling.viscosity)[:, None, None]
         if not tangent:
-            K = self._in_space(exponential(self._logarithm(self.polynomial.evaluate(t)) + self.log_rest))
+            K = self._in_space(exponential(self._logarithm(t, at))) * factor
             K[missing] = np.nan
             return K, None, None
-        value, by_t, _ = self.polynomial.derivatives(t, second=False)
-        gradients = np.stack(
-            [self._logarithm(by_t[:, a] * steepness[a]) for a in range(len(self.active))], axis=1
-        )
-        E, dE = symmetric_exponential(self._logarithm(value) + self.log_rest, gradients)
-        K, by_active = self._in_space(E), self._in_space(dE)
+        S, by_t, _, steepness = self._derivatives(t, at)
+        by_t = by_t * (steepness * scaling.variables[list(self.active)]).T[..., None, None]
+        E, dE = symmetric_exponential(S, by_t)
+        K, by_active = self._in_space(E) * factor, self._in_space(dE) * factor[:, None]
         n = len(K)
         by_L, by_p = np.zeros((n, 9, 6)), np.zeros((n, 3, 3))
         for a, variable in enumerate(self.active):
             if variable == 6:
-                by_p = by_active[:, a]
+                by_p = by_active[:, a].copy()
             else:
                 by_L[:, :, variable] = by_active[:, a].reshape(n, 9)
         by_H = (by_L @ stretch.gradient.swapaxes(1, 2)).reshape(n, 3, 3, 3, 3)
@@ -103,21 +93,51 @@ class ConductivityModel:
             found[missing] = np.nan
         return K, by_H, by_p
 
+    def slopes(self, states: MacroState) -> Array:
+        """Return the derivatives (n, 3, 3, m) of K_ref by the parameters; NaN where det F ≤ 0."""
+        _, t, at, scaling, missing = self._at(states, slopes=True)
+        parameters, theta = self.rest.parameters, states.parameters
+        assert parameters is not None
+        assert theta is not None
+        assert at.slopes is not None
+        S, by_t, by_x, steepness = self._derivatives(t, at, by_coordinates=True)
+        m, r = len(parameters.kinds), S.shape[-1]
+        ways = np.zeros((len(S), m, r, r))
+        ways[:, parameters.learned] = np.moveaxis(at.slopes.log_conductivity, 0, 1)
+        ways[:, parameters.learned] += np.einsum("ncij,cln->nlij", by_x, at.slopes.x)
+        for k, kind in enumerate(parameters.kinds):
+            change, power = np.zeros_like(t), 0
+            if kind == "modulus":
+                change[[a == 6 for a in self.active]] = -t[[a == 6 for a in self.active]] / theta[:, k]
+            elif kind == "swelling":
+                change[[a < 3 for a in self.active]], power = -1 / theta[:, k], 3
+            elif kind == "viscosity":
+                power = -1
+            ways[:, k] += np.einsum("naij,an->nij", by_t, change * steepness)
+            ways[:, k] += (power / theta[:, k])[:, None, None] * np.eye(r)
+        _, dE = symmetric_exponential(S, ways)
+        found = self._in_space(dE) * (scaling.stretch**3 / scaling.viscosity)[:, None, None, None]
+        found[missing] = np.nan
+        return np.moveaxis(found, 1, -1)
+
+    # ---- flags -----------------------------------------------------------------------------------
+
     def error(self, states: MacroState) -> Array:
         """Return the estimated error (n,) of ln K_ref, a share of its range; NaN without an estimate."""
         if self.estimate is None:
             return np.full(len(states), np.nan)
-        t = self._variables(states)
-        return self.estimate.error(t, self.beyond_rest(t))
+        z, at = self._inputs(states)
+        return self.estimate.error(z, self.beyond_rest(z, at))
 
     def outside(self, states: MacroState) -> npt.NDArray[np.bool_]:
         """Return which of n states are flagged: far from all that have a conductivity, or by the estimated error."""
-        unrotated = self.sampled.inputs.without_rotation(states)
-        if self.estimate is None:
+        unrotated, judge = self.sampled.inputs.without_rotation(states), self.estimate
+        if judge is None:
             return self.sampled.outside(unrotated)
         strange = (self.sampled.outside if self.closing else self.sampled.far)(unrotated)
-        t = self._variables(states)
-        return strange | self.estimate.flagged(t, self.beyond_rest(t))
+        z, at = self._inputs(states)
+        members = self._latest_members.of(at, lambda: judge.at(at.coordinates)) if len(at.x) else None
+        return strange | judge.flagged(z, self.beyond_rest(z, at), members)
 
     def next_to_closed(self, states: MacroState) -> npt.NDArray[np.bool_]:
         """Return which of n states within all ranges are flagged since pores are closed in sampled states there."""
@@ -127,14 +147,37 @@ class ConductivityModel:
         near: npt.NDArray[np.bool_] = ((unit >= 0) & (unit <= 1)).all(axis=1) & self.closing
         return near & self.sampled.outside(unrotated)
 
-    def beyond_rest(self, t: Array) -> Array:
-        """Return the upper triangle (6, n) of ln K_ref less its value at rest, at t (d, n) of the active variables."""
-        return self.polynomial.evaluate(self._saturated(t)[0])
+    def beyond_rest(self, z: Array, at: RestValues | None = None) -> Array:
+        """Return the upper triangle (6, n) of S less its value at rest, at active variables and θ̂ z (d + l, n).
 
-    def _variables(self, states: MacroState) -> Array:
-        """Return the active variables (d, n); NaN where det F ≤ 0."""
-        t: Array = variables(LogStretch.from_gradient(states.grad_u), states.p)[list(self.active)]
-        return t
+        ``at`` are the undeformed members there, if they are known.
+        """
+        d = len(self.active)
+        t = self._saturated(z[:d])[0]
+        return (
+            self.polynomial.evaluate(np.concatenate([t, z[d:]]))
+            if at is None
+            else self._bound(at).evaluate(t)
+        )
+
+    def _inputs(self, states: MacroState) -> tuple[Array, RestValues]:
+        """Return the active variables, NaN where det F ≤ 0, and θ̂, (d + l, n); the undeformed members."""
+        _, t, at, _, missing = self._at(states)
+        t[:, missing] = np.nan
+        return (np.concatenate([t, np.broadcast_to(at.x, (len(at.x), t.shape[1]))]) if len(at.x) else t), at
+
+    # ---- parts -----------------------------------------------------------------------------------
+
+    def _at(
+        self, states: MacroState, slopes: bool = False
+    ) -> tuple[LogStretch, Array, RestValues, Scaling, npt.NDArray[np.bool_]]:
+        self.sampled.inputs.require_parameters(states)
+        stretch = LogStretch.from_gradient(states.grad_u)
+        scaling = self.rest.scaling(states.parameters)
+        t = scaling.inner(variables(stretch, states.p))[list(self.active)]
+        missing = ~np.isfinite(t).all(axis=0)
+        t[:, missing] = 0.0
+        return stretch, t, self.rest.together(states.parameters, slopes=slopes), scaling, missing
 
     def _saturated(self, t: Array) -> tuple[Array, Array]:
         """Return t (d, n) saturated beyond the sampled box, and its derivative by t (d, n)."""
@@ -144,16 +187,54 @@ class ConductivityModel:
             saturated[:, beyond], steepness[:, beyond], _ = self.training_box.saturated_active(t[:, beyond])
         return saturated, steepness
 
-    def _logarithm(self, components: Array) -> Array:
-        """Return the symmetric (n, r, r) on the directions of B from the upper triangle (6, n) of a matrix in space."""
-        S = np.empty((components.shape[1], 3, 3))
+    def _logarithm(self, t: Array, at: RestValues) -> Array:
+        """Return S (n, r, r) at t (d, n)."""
+        return at.log_conductivity + self._matrices(self._bound(at).evaluate(self._saturated(t)[0]))
+
+    def _derivatives(
+        self, t: Array, at: RestValues, by_coordinates: bool = False
+    ) -> tuple[Array, Array, Array, Array]:
+        """Return S (n, r, r), its derivatives by the saturated t (n, d, r, r), by θ̂ (n, l, r, r), and dt/dt (d, n)."""
+        t, steepness = self._saturated(t)
+        if by_coordinates:
+            x = np.broadcast_to(at.x, (len(at.x), t.shape[1]))
+            value, first, _ = self.polynomial.entries(np.concatenate([t, x]), second=False)
+        else:
+            value, first, _ = self._bound(at).entries(t, second=False)
+        (d, n), r = t.shape, at.log_conductivity.shape[1]
+        gradients = np.zeros((n, d + (len(at.x) if by_coordinates else 0), r, r))
+        triangles: dict[int, Array] = {}
+        for (o, a), row in first:
+            triangles.setdefault(a, np.zeros((6, n)))[o] = row
+        for a, components in triangles.items():
+            gradients[:, a] = self._matrices(components)
+        return at.log_conductivity + self._matrices(value), gradients[:, :d], gradients[:, d:], steepness
+
+    def _bound(self, at: RestValues) -> BoundPolynomial:
+        return self._latest.of(at, lambda: self._by_y.at(at.coordinates))
+
+    @cached_property
+    def _latest(self) -> Latest[RestValues, BoundPolynomial]:
+        return Latest()
+
+    @cached_property
+    def _latest_members(self) -> Latest[RestValues, BoundPolynomial]:
+        return Latest()
+
+    @cached_property
+    def _by_y(self) -> VaryingPolynomial:
+        return VaryingPolynomial(self.polynomial, len(self.active))
+
+    def _matrices(self, components: Array) -> Array:
+        """Return the symmetric (n, r, r) on the directions of B from the upper triangle (6, n) of matrices in space."""
+        S, basis = np.empty((components.shape[1], 3, 3)), self.rest.basis
         for row, (i, j) in zip(components, triangle(3), strict=True):
             S[:, i, j] = S[:, j, i] = row
-        found: Array = S if len(self.log_rest) == 3 else self.basis.T @ S @ self.basis
+        found: Array = S if basis.shape[1] == 3 else basis.T @ S @ basis
         return found
 
     def _in_space(self, E: Array) -> Array:
-        space: Array = self.basis @ E @ self.basis.T
+        space: Array = self.rest.basis @ E @ self.rest.basis.T
         return space
 
 
@@ -162,20 +243,12 @@ def triangle(r: int) -> list[tuple[int, int]]:
     return list(combinations_with_replacement(range(r), 2))
 
 
-def conducting_basis(K: Array) -> Array:
-    """Return orthonormal directions (3, r) in which K (3, 3) conducts; the identity for all three."""
-    values, vectors = np.linalg.eigh((K + K.T) / 2)
-    kept = values > CLOSED * max(float(values.max()), 0.0)
-    basis: Array = np.eye(3) if kept.all() else vectors[:, kept]
-    return basis
-
-
 #: A component whose range is smaller than this share of the tolerance cannot miss it.
 SMALL = 0.1
 
 
 def with_conductivity_error(
-    model: ConductivityModel, t: Array, S: Array, tied: Equivariance, tolerance: float
+    model: ConductivityModel, z: Array, S: Array, tied: Equivariance, tolerance: float
 ) -> ConductivityModel:
     """Return the model with an estimate of the errors of ln K_ref.
 
@@ -186,16 +259,16 @@ def with_conductivity_error(
     ----------
     model
         Without an estimate.
-    t : (d, n)
-        Active variables of the states that have a conductivity.
+    z : (d + l, n)
+        Active variables and θ̂ of the states that have a conductivity.
     S : (6, n)
         Upper triangle of ln K_ref less its value at rest there.
     tied
-        The symmetry of S(t).
+        The symmetry of S(z).
     tolerance
         Errors beyond it are flagged.
     """
-    d, n = t.shape
+    n = z.shape[1]
     ranges = np.ptp(S, axis=1)
     spread = float(ranges.max()) or 1.0
     varies = ranges > SMALL * tolerance * spread
@@ -204,23 +277,29 @@ def with_conductivity_error(
     if not learned:
         return model
     ways = Equivariance(tied.variables, tied.outputs.on(learned))
-    exponents = monomials(n * len(learned), (1,) * d, 1, count=lambda found: ways.ties(found).count)
-    rows, degrees = _rows(exponents, ways, t)
+    terms, l = plain(model.active), model.rest.learned
+    exponents = monomials(
+        n * len(learned),
+        lambda low, high: joint_exponents(terms, l, low, high, 1 if l else 0),
+        1,
+        count=lambda found: ways.ties(found).count,
+    )
+    rows, degrees = _rows(exponents, ways, z)
     right = S[None, learned] / spread
     draws, nugget = draw(Equations(rows, right, degrees, np.ones(len(learned), dtype=bool)))
     coefficients = np.zeros((len(draws), 6, len(exponents)))
     ties = ways.ties(exponents)
     coefficients[:, learned] = [spread * ties.coefficients(free) for free in draws[:, 0]]
     members = Polynomial(exponents, coefficients.reshape(-1, len(exponents)))
-    found = estimate(members, nugget, tolerance, np.full(6, spread), t, model.beyond_rest)
-    return replace(model, estimate=found)
+    found = estimate(members, nugget, tolerance, np.full(6, spread), z, model.beyond_rest)
+    return replace(model, estimate=replace(found, coordinates=l))
 
 
-def _rows(exponents: IntArray, ways: Equivariance, t: Array) -> tuple[Array, IntArray]:
-    """Return what each free coefficient brings to the components at t (d, n), (F, c, n), and its degree (F,)."""
+def _rows(exponents: IntArray, ways: Equivariance, z: Array) -> tuple[Array, IntArray]:
+    """Return what each free coefficient brings to the components at z (v, n), (F, c, n), and its degree (F,)."""
     ties = ways.ties(exponents)
-    values = Polynomial.monomials(exponents).evaluate(t)
-    rows = np.zeros((ties.count, len(ties.number), t.shape[1]))
+    values = Polynomial.monomials(exponents).evaluate(z)
+    rows = np.zeros((ties.count, len(ties.number), z.shape[1]))
     degrees = np.zeros(ties.count, dtype=np.int64)
     for component, (numbers, signs) in enumerate(zip(ties.number, ties.sign, strict=True)):
         free = numbers >= 0
@@ -229,51 +308,56 @@ def _rows(exponents: IntArray, ways: Equivariance, t: Array) -> tuple[Array, Int
     return rows, degrees
 
 
+#: Values and slopes by θ̂ of ln K_ref; no others are known from the solved states.
+WEIGHTS = Weights(by_y=0.0, by_x=1.0, by_yy=0.0, by_yx=0.0)
 LARGEST_DEGREE = 6
 
 
-def fit_conductivity(data: TrainingSet) -> tuple[ConductivityModel, float] | None:
+def fit_conductivity(data: TrainingSet, rest: Rest | None = None) -> tuple[ConductivityModel, float] | None:
     """Return a model of K_ref and its cross-validated error in ln K; None where the states hold no conductivity.
 
-    The degree of the polynomial is the one with the smallest cross-validated error. It turns with the operations of the
-    cell that lead from the sampled variables to no others: K_ref(Q F Qᵀ) = Q K_ref(F) Qᵀ.
+    The polynomial turns with the operations of the cell that lead from the sampled variables to no others:
+    K_ref(Q F Qᵀ) = Q K_ref(F) Qᵀ. ``rest`` are the undeformed cells; None: the one of the training set.
 
     Raises
     ------
     DataError
         Too few states have a conductivity, or the undeformed cell has none.
     """
-    found, rest = data.responses.conductivity, data.reference.conductivity
-    if found is None or rest is None:
+    rest = SingleRest.of_conductivity(data.reference, data.symmetry) if rest is None else rest
+    K, basis = data.responses.conductivity, rest.basis
+    if K is None or (rest.parameters is None and data.reference.conductivity is None):
         return None
-    # The error of a free mesh breaks the symmetry of the cell at rest.
-    mean = on_places(data.symmetry).mean(on_one(data.symmetry), rest[0].reshape(9, 1)).reshape(3, 3)
-    basis = conducting_basis(mean)
-    r = basis.shape[1]
-    if r == 0:
-        raise DataError("the undeformed pore conducts in no direction, so there is no conductivity to learn")
-    finite = data.responses.stable & np.isfinite(found).all(axis=(1, 2))
-    S = np.full((len(found), r, r), np.nan)
-    S[finite] = logarithm(basis.T @ found[finite] @ basis)
-    kept = np.flatnonzero(np.isfinite(S).all(axis=(1, 2)))
+    if basis.shape[1] == 0:
+        raise DataError(
+            "the undeformed pore conducts in no direction, so there is no conductivity to learn"
+            if rest.parameters is None
+            else "the undeformed members have no conductivity, so that of the deformed pore cannot be learned; "
+            "sample again"
+        )
+    finite = data.responses.stable & np.isfinite(K).all(axis=(1, 2))
+    inside = basis.T @ np.where(finite[:, None, None], K, np.eye(3)) @ basis
+    kept = np.flatnonzero(finite & (np.linalg.eigvalsh(inside)[:, 0] > 0))
     if len(kept) < 2:
         raise DataError(
-            f"only {len(kept)} of {len(found)} stable states have a conductivity of the deformed pore; sample where "
-            "no walls touch, or choose conductivity: piola"
+            f"only {len(kept)} of {len(K)} stable states have a conductivity of the deformed pore; sample where no "
+            "walls touch, or choose conductivity: piola"
         )
-    log_rest = logarithm(basis.T @ mean @ basis)
-    log_rest = (log_rest + log_rest.T) / 2
     states = data.states[kept]
-    y = variables(LogStretch.from_gradient(states.grad_u), states.p)
+    y = rest.scaling(states.parameters).inner(variables(LogStretch.from_gradient(states.grad_u), states.p))
     active = tuple(int(a) for a in np.flatnonzero(np.abs(y).max(axis=1) > STILL))
-    change = basis @ (S[kept] - log_rest) @ basis.T
-    change = np.stack([change[:, i, j] for i, j in triangle(3)])
     group = stabiliser(data.symmetry, active)
-    tied = Equivariance(on_variables(group).on(list(active)), on_triangle(group))
-    polynomial, error = _fit(y[list(active)], change, active, tied)
+    tied = Equivariance(beside(on_variables(group).on(list(active)), rest.learned), on_triangle(group))
+    joint = _joint_data(data, rest, y, kept)
+    if rest.parameters is None:
+        polynomial, error = _fit(y[list(active)], joint.value, active, tied)
+    else:
+        found = fit_joint(
+            joint, plain(active), 1, tied=tied, weights=WEIGHTS, judged="value", highest=LARGEST_DEGREE
+        )
+        polynomial, error = found.polynomial, found.error * float(joint.value.std(axis=1).max())
     model = ConductivityModel(
-        basis,
-        log_rest,
+        rest,
         polynomial,
         active,
         TrainingBox.from_states(y, active, data.symmetry),
@@ -281,8 +365,45 @@ def fit_conductivity(data: TrainingSet) -> tuple[ConductivityModel, float] | Non
         closing=len(kept) < int(data.responses.stable.sum()),
     )
     if data.tolerance is not None:
-        model = with_conductivity_error(model, y[list(active)], change, tied, data.tolerance)
+        z = np.concatenate([y[list(active)], joint.x])
+        model = with_conductivity_error(model, z, joint.value, tied, data.tolerance)
     return model, error
+
+
+def _joint_data(data: TrainingSet, rest: Rest, y: Array, kept: IntArray) -> JointData:
+    """Return the upper triangle of ln K_ref beyond rest and its slopes by θ̂ where they are known."""
+    basis, theta, n = rest.basis, data.states[kept].parameters, len(kept)
+    K, s = data.responses.conductivity, data.responses.slopes
+    assert K is not None
+    scaling, unknown = rest.scaling(theta), np.full((6, 7, n), np.nan)
+
+    def upper(change: Array) -> Array:
+        space = basis @ change @ basis.T
+        return np.stack([space[:, i, j] for i, j in triangle(3)])
+
+    factor = scaling.viscosity / scaling.stretch**3
+    inside = basis.T @ (K[kept] * factor[:, None, None]) @ basis
+    if rest.parameters is None:
+        value = upper(logarithm(inside) - rest.together(None).log_conductivity)
+        return JointData(y, np.zeros((0, n)), value, unknown, np.zeros((6, 0, n)))
+    assert isinstance(rest, RestModel)
+    assert theta is not None
+    at, r = rest.at(theta, slopes=True), basis.shape[1]
+    assert at.slopes is not None
+    l = len(at.x)
+    ways = np.zeros((n, l, r, r))
+    known = s is not None and s.conductivity is not None
+    if s is not None and s.conductivity is not None:
+        given = np.moveaxis(s.conductivity[kept][..., rest.parameters.learned], -1, 1)
+        known = bool(np.isfinite(given).all())
+        given = given * factor[:, None, None, None]
+        ways = basis.T @ (given + given.swapaxes(-1, -2)) @ basis / 2
+    S, S_slopes = symmetric_logarithm((inside + inside.swapaxes(1, 2)) / 2, np.nan_to_num(ways))
+    back = np.linalg.inv(np.moveaxis(at.slopes.x, -1, 0))
+    by_theta = S_slopes - np.moveaxis(at.slopes.log_conductivity, 0, 1)
+    by_x = basis @ np.einsum("nkij,nkc->ncij", by_theta, back) @ basis.T
+    by = np.stack([by_x[:, :, i, j].T for i, j in triangle(3)]) if known else np.full((6, l, n), np.nan)
+    return JointData(y, at.x, upper(S - at.log_conductivity), unknown, by)
 
 
 def _fit(t: Array, S: Array, active: tuple[int, ...], tied: Equivariance) -> tuple[Polynomial, float]:

@@ -16,14 +16,13 @@ from porocore.errors import ConfigurationError
 from porocore.interfaces.law import UndeformedCells
 from porocore.interfaces.surrogate import OnProgress, Surrogate, TrainingSet
 from porocore.states import CELL_FIELDS, Array, CellResponse, CellSlopes, MacroState
-from porocore.surrogates.conductivity import fit_conductivity
+from porocore.surrogates.conductivity import ConductivityModel, fit_conductivity
 from porocore.surrogates.error_estimate.estimate import ERROR_END, reasons
-from porocore.surrogates.family.conductivity import FamilyConductivity, fit_family_conductivity
-from porocore.surrogates.family.model import FamilyModel, family_slopes
+from porocore.surrogates.family.rest import RestModel
 from porocore.surrogates.file import file
 from porocore.surrogates.mean_gradient import AnchoredModel
+from porocore.surrogates.model import PotentialModel, slopes_by_parameters
 from porocore.surrogates.network.network import Evaluator, Network
-from porocore.surrogates.potential import PotentialModel
 
 #: Bytes; glibc adapts up to 32 MiB.
 _KEPT_MEMORY = 24 << 20
@@ -57,7 +56,7 @@ class ModelSurrogate(Surrogate):
 
     backend: ClassVar[str]
     models: ClassVar[tuple[str, ...]] = ("mlp", "potential")
-    conductivity: file.AnyConductivity | None = None
+    conductivity: ConductivityModel | None = None
     _fitted_model: file.Model | None = None
 
     def __init__(self, *, model: str | None = None, **options: Any) -> None:
@@ -110,11 +109,7 @@ class ModelSurrogate(Surrogate):
         with exactly_one_blas_thread():
             model, self.accuracy = self.train(data, int(seed), checkpoint, on_progress)
             self._become(model, data.identity, data.provenance)
-            found = (
-                fit_family_conductivity(data, model.rest)
-                if isinstance(model, FamilyModel)
-                else fit_conductivity(data)
-            )
+            found = fit_conductivity(data, model.rest if isinstance(model, PotentialModel) else None)
         if found is not None:
             self.conductivity, error = found
             self.accuracy |= {"cross-validated ln K": error}
@@ -144,15 +139,11 @@ class ModelSurrogate(Surrogate):
 
         None also where the training set had no conductivity.
         """
-        model = self._fitted()
-        if not isinstance(model, FamilyModel):
+        rest = self._members()
+        conductivity = None if rest is None else rest.conductivities(parameters)
+        if rest is None or conductivity is None:
             return None
-        conductivity = model.rest.conductivities(parameters)
-        return (
-            None
-            if conductivity is None
-            else UndeformedCells(model.rest.at(parameters).porosity, conductivity)
-        )
+        return UndeformedCells(rest.at(parameters).porosity, conductivity)
 
     def slopes(self, states: MacroState) -> CellSlopes:
         """Return the exact derivatives of what :meth:`predict` returns by the parameters of the cell.
@@ -160,20 +151,25 @@ class ModelSurrogate(Surrogate):
         That of the conductivity is of K_ref of the deformed pore if this was trained on, else of K of the undeformed
         one; None where neither is known.
         """
-        model = self._fitted()
-        if not isinstance(model, FamilyModel):
+        model, rest = self._fitted(), self._members()
+        if rest is None or not isinstance(model, PotentialModel):
             return super().slopes(states)
-        if self.conductivity is None:
-            found = family_slopes(model, states)
-            assert states.parameters is not None
-            return replace(found, conductivity=model.rest.conductivity_slopes(states.parameters))
-        assert isinstance(self.conductivity, FamilyConductivity)
-        return replace(family_slopes(model, states), conductivity=self.conductivity.slopes(states))
+        found = slopes_by_parameters(model, states)
+        if self.conductivity is not None:
+            return replace(found, conductivity=self.conductivity.slopes(states))
+        assert states.parameters is not None
+        return replace(found, conductivity=rest.conductivity_slopes(states.parameters))
+
+    def _members(self) -> RestModel | None:
+        """Return the undeformed members of a family; None for a cell without parameters."""
+        model = self._fitted()
+        rest = model.rest if isinstance(model, PotentialModel) else None
+        return rest if isinstance(rest, RestModel) else None
 
     def reasons(self, states: MacroState) -> list[str]:
         """Return the component that drives each flagged state out, with its value."""
         model = self._fitted()
-        if isinstance(model, PotentialModel | FamilyModel):
+        if isinstance(model, PotentialModel):
             states = self.inputs.without_rotation(states)
         found = reasons(self.inputs, states, None if model.estimate is None else self._error)
         if model.estimate is not None:

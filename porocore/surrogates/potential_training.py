@@ -9,8 +9,10 @@ import numpy as np
 from porocore.core.tensors import CUBIC, PointGroup
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import OnProgress, TrainingSet
+from porocore.surrogates.model import PotentialModel
 from porocore.surrogates.network.network import Evaluator, Network
 from porocore.surrogates.network.options import PotentialOptions
+from porocore.surrogates.network.separable import SeparableNetwork
 from porocore.surrogates.network.sobolev import Autodiff, SobolevProblem, train
 from porocore.surrogates.polynomial.fit import (
     ANCHOR_DEGREE,
@@ -20,7 +22,7 @@ from porocore.surrogates.polynomial.fit import (
     terms_for,
 )
 from porocore.surrogates.polynomial.monomials import Terms, invariant, plain
-from porocore.surrogates.potential import NetworkPart, PotentialData, PotentialModel
+from porocore.surrogates.potential import PotentialData
 from porocore.surrogates.symmetry import stabiliser
 
 
@@ -91,7 +93,7 @@ def train_potential(
         iterations=options.iterations,
         on_progress=on_progress,
     )
-    part = NetworkPart(make_evaluator(problem.unscaled(network)), problem.terms)
+    part = SeparableNetwork(make_evaluator(problem.unscaled(network)), problem.terms)
     model = potential_model(training, data, terms, polynomial, network=part)
     active = list(data.active)
     wrong = model.potential(data.y)[1][active] - data.gradient[active]

@@ -15,8 +15,11 @@ from porocore.core.tensors import PointGroup
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import CellResponse, IntArray, MacroState
 from porocore.surrogates.conductivity import ConductivityModel
+from porocore.surrogates.family.joint import JointPolynomial
+from porocore.surrogates.model import PotentialModel
 from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to, invariant
-from porocore.surrogates.potential import PotentialModel, RestExpansion, TrainingBox
+from porocore.surrogates.potential import TrainingBox
+from porocore.surrogates.rest import SingleRest
 from porocore.surrogates.symmetry import Action, Equivariance, on_places, on_triangle, on_variables
 
 #: All nine components of H and p.
@@ -56,15 +59,22 @@ class GroupedCell:
         A = random.normal(size=(7, 7))
         A = y.mean(y, A @ A.T / 7 + np.eye(7))
         A[6, 6] = -abs(A[6, 6])
-        rest = RestExpansion(POROSITY, A, places.mean(y, random.normal(size=(9, 7))), group)
+        rest = SingleRest.from_numbers(
+            group,
+            np.eye(3),
+            np.log(CONDUCTIVITY) * np.eye(3),
+            porosity=np.array(POROSITY),
+            gradient=np.array([0, 0, 0, 0, 0, 0, -POROSITY]),
+            matrix=A,
+            mean=places.mean(y, random.normal(size=(9, 7))),
+        )
         terms = invariant(group)
         exponents = terms.monomials(3, degree)
         everywhere = TrainingBox(SEVEN, np.full(7, -9.0), np.full(7, 9.0))
         sampled = SampledRange.around(INPUTS, np.array([INPUTS.lower, INPUTS.upper]))
         potential = PotentialModel(
             rest,
-            terms,
-            Polynomial(exponents, random.normal(size=(1, len(exponents)))),
+            JointPolynomial(terms, Polynomial(exponents, random.normal(size=(1, len(exponents))))),
             None,
             turning(places, exponents_up_to((1,) * 7, 2, 2)),
             SEVEN,
@@ -72,8 +82,7 @@ class GroupedCell:
             everywhere,
         )
         conductivity = ConductivityModel(
-            np.eye(3),
-            np.log(CONDUCTIVITY) * np.eye(3),
+            rest,
             turning(on_triangle(group), exponents_up_to((1,) * 7, 1, 2)),
             SEVEN,
             everywhere,

@@ -11,9 +11,9 @@ from porocore.core.tensors import CUBIC
 from porocore.surrogates.file.file import SurrogateMetadata
 from porocore.surrogates.mean_gradient import AnchoredModel
 from porocore.surrogates.network.network import Network
+from porocore.surrogates.network.separable import SeparableNetwork
 from porocore.surrogates.polynomial.fit import polynomial_model
 from porocore.surrogates.polynomial.monomials import invariant, plain
-from porocore.surrogates.potential import NetworkPart
 from porocore.testing.synthetic.cell import synthetic_training_set
 from porocore.testing.synthetic.potential_cell import potential_training_set
 
@@ -31,7 +31,7 @@ def network(inputs, outputs, activation="tanh"):
 
 def potential_part(terms):
     k = len(terms.weights)
-    return NetworkPart(network(k, 1), terms)
+    return SeparableNetwork(network(k, 1), terms)
 
 
 def models():
@@ -46,9 +46,7 @@ def models():
     return {
         "polynomial": seven,
         "polynomial of two": two,
-        "network": replace(
-            seven, terms=None, polynomial=None, refinement=None, network=potential_part(invariant(CUBIC))
-        ),
+        "network": replace(seven, coarse=None, fine=None, network=potential_part(invariant(CUBIC))),
         "network of some terms": replace(seven, network=potential_part(invariant(CUBIC).subset((0, 3, 9)))),
         "network of two": replace(two, network=potential_part(plain((1, 6)))),
         "mlp": anchored,

@@ -10,8 +10,8 @@ import pytest
 from porocore.core.tensors import CUBIC
 from porocore.states import MacroState
 from porocore.surrogates.family.fit import JointData
-from porocore.surrogates.family.model import family_slopes
 from porocore.surrogates.file.file import SurrogateMetadata, read, write
+from porocore.surrogates.model import slopes_by_parameters
 from porocore.surrogates.network.family_problem import NOISE, FamilyProblem, Layout
 from porocore.surrogates.network.network import Network
 from porocore.surrogates.network.separable import SeparableNetwork
@@ -37,7 +37,7 @@ def network(inputs, outputs, hidden=(6, 5), activation="tanh", seed=0):
 
 def separable(terms, l=2, activation="softplus"):
     own = network(len(terms.weights), 4, activation=activation)
-    return SeparableNetwork(own, network(l, 4, (3,), activation, seed=1), terms)
+    return SeparableNetwork(own, terms, network(l, 4, (3,), activation, seed=1))
 
 
 def evaluated(part, y, x):
@@ -102,7 +102,8 @@ def test_the_loss_is_that_of_the_network_which_it_makes(name):
     layout = Layout.from_widths(len(problem.terms.weights), l, (5, 4), "softplus")
     start = layout.first_weights(seed=2)
     theta = start + random.normal(scale=0.3, size=start.shape)
-    part = SeparableNetwork(*problem.networks(theta, layout), problem.terms)
+    own, factors = problem.networks(theta, layout)
+    part = SeparableNetwork(own, problem.terms, factors)
     value, by_y, by_yy = evaluated(part, y, data.x)
     _, _, by_x, by_yx = part.by_coordinates(y, data.x)
     found = {"value": value, "by_y": by_y, "by_x": by_x, "by_yy": by_yy, "by_yx": by_yx}
@@ -139,7 +140,7 @@ def test_predictions_with_a_network_have_exact_derivatives(model):
     grad_u = states.grad_u.copy()
     grad_u[0, 1, 1] = 0.06
     states = replace(states, grad_u=grad_u + RANDOM.uniform(-0.02, 0.02, (5, 3, 3)))
-    found, slopes, h = model.predict(states, tangent=True), family_slopes(model, states), 1e-4
+    found, slopes, h = model.predict(states, tangent=True), slopes_by_parameters(model, states), 1e-4
 
     def stress(k, parameter):
         moved = states.grad_u.copy(), states.p.copy(), states.parameters.copy()

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from porocore.core.inputs import InputSpace
-from porocore.core.tensors import exponential, symmetric_logarithm
+from porocore.core.tensors import exponential, logarithm, symmetric_logarithm
 from porocore.errors import ConfigurationError, DataError
 from porocore.states import MacroState
 from porocore.surrogates.family.coordinates import bounds, log_zeta
@@ -229,3 +229,22 @@ def test_the_estimate_of_one_member_or_few_is_that_of_all_together():
         np.testing.assert_allclose(model.error(asked), plain.error(asked), rtol=1e-9)
         flags = [each.predict(asked, tangent=False).outside_training_range for each in (model, plain)]
         np.testing.assert_array_equal(*flags)
+
+
+@pytest.mark.parametrize("inputs", [INPUTS, ALL], ids=["learned", "all"])
+def test_flags_of_the_conductivity_of_a_family_follow_its_error(inputs):
+    """It had no estimate of its error, other than that of a cell without parameters."""
+    tolerance, n = 1e-3, 30 if inputs is INPUTS else 40
+    data = porous_training_set(n, 1, inputs, tolerance=tolerance)
+    model = PolynomialSurrogate().fit(data, seed=0).conductivity
+    random, (low, high) = np.random.default_rng(3), (np.array(inputs.lower), np.array(inputs.upper))
+    states = inputs.scatter(low + (high - low) * random.random((400, len(inputs))))
+    wrong = logarithm(model.predict(states, tangent=False)[0]) - logarithm(
+        respond(states, inputs.parameters).conductivity
+    )
+    error = np.abs(wrong).reshape(400, -1).max(axis=1) / model.estimate.spread.max()
+    flagged, beyond = model.outside(states), error > tolerance
+    assert beyond.sum() >= 4
+    assert flagged[beyond].all()
+    assert flagged[~beyond].mean() <= 0.02
+    np.testing.assert_array_equal(flagged, ~(model.error(states) <= tolerance))

@@ -9,10 +9,12 @@ from cube_symmetry import cube_group
 from porocore.core.tensors import CUBIC, TRIVIAL
 from porocore.errors import DataError
 from porocore.states import CellTangent, MacroState, Status
+from porocore.surrogates.model import PotentialModel
 from porocore.surrogates.network.network import Network
+from porocore.surrogates.network.separable import SeparableNetwork
 from porocore.surrogates.polynomial.fit import fit_mean_grad, polynomial_model, sampled_range
 from porocore.surrogates.polynomial.monomials import invariant, plain
-from porocore.surrogates.potential import NetworkPart, PotentialData, PotentialModel, TrainingBox, variables
+from porocore.surrogates.potential import PotentialData, TrainingBox, variables
 from porocore.surrogates.stretch import LogStretch
 from porocore.testing.synthetic.cell import synthetic_training_set
 from porocore.testing.synthetic.potential_cell import (
@@ -38,7 +40,7 @@ def random_network(inputs, activation="softplus", seed=0):
 
 def part(terms, seed=0, activation="softplus"):
     """Weights at random: identities hold whatever a training found."""
-    return NetworkPart(random_network(len(terms.weights), activation, seed), terms)
+    return SeparableNetwork(random_network(len(terms.weights), activation, seed), terms)
 
 
 def models():
@@ -48,7 +50,7 @@ def models():
     with_polynomial = replace(
         with_polynomial, training_box=TrainingBox(SEVEN, np.full(7, -1.0), np.full(7, 1.0))
     )
-    nothing = {"terms": None, "polynomial": None, "refinement": None}
+    nothing = {"coarse": None, "fine": None}
     alone = replace(with_polynomial, **nothing, network=part(invariant(CUBIC)))
     two = polynomial_model(synthetic_training_set(60, seed=1))[0]
     two = replace(two, training_box=TrainingBox((1, 6), np.full(2, -1.0), np.full(2, 1.0)))
@@ -93,13 +95,13 @@ def test_rest(model):
     assert abs(at_rest.potential[0]) < 1e-12
     assert np.abs(at_rest.stress).max() < 1e-12
     assert np.abs(at_rest.mean_grad).max() < 1e-12
-    assert abs(at_rest.fluid_volume[0] - model.rest.porosity) < 1e-12
+    assert abs(at_rest.fluid_volume[0] - model.rest.values.porosity[0]) < 1e-12
 
 
 def test_second_order_at_rest_is_the_cells(model):
     """Whatever the other parts are, they begin at third order."""
     at_rest = model.predict(MacroState.zeros(1), tangent=True).tangent
-    y, matrix = np.zeros((7, 1)), model.rest.matrix
+    y, matrix = np.zeros((7, 1)), model.rest.values.matrix[:, :, 0]
     np.testing.assert_allclose(model.potential(y)[2][:, :, 0], matrix, rtol=0, atol=1e-12)
     assert abs(at_rest.fluid_volume_p[0] + matrix[6, 6]) < 1e-12
     np.testing.assert_allclose(at_rest.stress_grad_u[0, 1, 1, 1, 1], matrix[1, 1], rtol=0, atol=1e-12)
@@ -206,7 +208,7 @@ def test_data_say_what_the_cell_says():
     data = PotentialData.from_training_set(training)
     assert data.active == SEVEN
     assert data.rest.symmetry == CUBIC
-    assert data.rest.porosity == pytest.approx(1 - SOLID_FRACTION, abs=1e-15)
+    assert data.rest.values.porosity[0] == pytest.approx(1 - SOLID_FRACTION, abs=1e-15)
     np.testing.assert_array_equal(data.value, training.responses.potential)
     h = 1e-4
     for place in range(9):
@@ -281,7 +283,7 @@ def test_mean_grad_is_fitted_in_what_rotates_with_the_solid():
     data = PotentialData.from_training_set(training)
     training_box = TrainingBox.from_states(data.y, data.active, TRIVIAL)
     model = PotentialModel(
-        data.rest, None, None, None, fit_mean_grad(data), data.active, sampled_range(training), training_box
+        data.rest, None, None, fit_mean_grad(data), data.active, sampled_range(training), training_box
     )
     error = model.predict(unseen.states, tangent=False).mean_grad - unseen.responses.mean_grad
     assert np.abs(error).max() < 2e-3 * np.ptp(unseen.responses.mean_grad)
@@ -298,7 +300,7 @@ def test_beyond_the_sampled_states_the_fine_parts_rest_and_derivatives_stay_exac
     training = potential_training_set(60, seed=4) if general else synthetic_training_set(60, seed=4)
     assert polynomial_model(training)[1].degree > 4 or not general
     model, _ = polynomial_model(training, degree=6)
-    assert model.refinement is not None
+    assert model.fine is not None
     states = beyond(training, 1.6)[:10]
     y = variables(LogStretch.from_gradient(states.grad_u), states.p)
     _, gradient, hessian = model.potential(y)
@@ -312,7 +314,7 @@ def test_beyond_the_sampled_states_the_fine_parts_rest_and_derivatives_stay_exac
         np.testing.assert_allclose((up[1] - down[1]) / (2 * h), hessian[a], atol=1e-6)
     # Far out only W₂ and the coarse polynomial are left of the slopes.
     far = variables(LogStretch.from_gradient(0 * states.grad_u), 50 + states.p)
-    bare = replace(model, refinement=None)
+    bare = replace(model, fine=None)
     np.testing.assert_allclose(model.potential(far)[1][6], bare.potential(far)[1][6], rtol=1e-12)
     # Inside nothing changes: rest, and the states themselves.
     inside = variables(LogStretch.from_gradient(training.states.grad_u), training.states.p)

@@ -97,11 +97,17 @@ class ErrorEstimate:
         """Return the judged quantities of the mean and the draws, (1 + draws, c, n)."""
         c, n = len(self.spread), variables.shape[1]
         if self.terms is None:
-            return self.polynomials.evaluate(variables).reshape(-1, c, n)
+            inner = len(variables) - self.coordinates
+            found = (
+                self.polynomials.evaluate(variables)
+                if members is None
+                else members.evaluate(variables[:inner])
+            )
+            return found.reshape(-1, c, n)
         t, by_variables, _ = self.terms.entries(variables, second=False)
         inner = len(t) - self.coordinates
         if members is None:
-            members = self.at(Coordinates(t[inner:])) if self.coordinates else self._without_coordinates
+            members = self.at(Coordinates(t[inner:]))
         rows: dict[int, list[tuple[int, Array]]] = {}
         place = {variable: k for k, variable in enumerate(self.judged)}
         for (term, variable), row in by_variables:
@@ -112,10 +118,6 @@ class ErrorEstimate:
             for k, row in rows.get(term, ()):
                 answers[member, k] += gradient * row
         return answers
-
-    @cached_property
-    def _without_coordinates(self) -> BoundPolynomial:
-        return self.at(Coordinates(np.zeros((0, 1))))
 
     @cached_property
     def _varying(self) -> VaryingPolynomial:

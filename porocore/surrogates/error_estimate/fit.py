@@ -17,10 +17,13 @@ from scipy.linalg import cho_solve, cholesky, solve_triangular
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import Array, IntArray
 from porocore.surrogates.error_estimate.estimate import ErrorEstimate
+from porocore.surrogates.family.fit import FamilyData, terms_of
+from porocore.surrogates.family.joint import design, joint_exponents
 from porocore.surrogates.mean_gradient import AnchoredModel, ScaledData
+from porocore.surrogates.model import PotentialModel
 from porocore.surrogates.polynomial.fit import held_out, terms_for
-from porocore.surrogates.polynomial.monomials import Polynomial, Terms, exponents_up_to
-from porocore.surrogates.potential import PotentialData, PotentialModel
+from porocore.surrogates.polynomial.monomials import VARIABLES, Polynomial, Terms, exponents_up_to
+from porocore.surrogates.potential import PotentialData
 
 #: Widths of the prior from one degree to the next, and standard deviations of the rest, that are tried.
 DECAYS, NUGGETS = (0.3, 0.1, 0.03, 0.01), (1e-4, 1e-3, 1e-2, 1e-1)
@@ -109,19 +112,29 @@ def _left_out(
 
 def monomials(
     equations: int,
-    weights: tuple[int, ...],
+    find: Callable[[int, int], IntArray],
     lowest: int,
-    terms: Terms | None = None,
+    *,
+    least: int | None = None,
     count: Callable[[IntArray], int] = len,
 ) -> IntArray:
-    """Return exponents up to a weight that is at least one above the lowest.
+    """Return exponents from a weight on, up to one as high as the equations allow.
 
-    It is as high as :data:`MOST_MONOMIALS` and two coefficients for each of the ``equations`` allow; ``count`` says
-    how many coefficients monomials have.
+    Parameters
+    ----------
+    equations
+        Number of equations, for each of which there are two coefficients at most, and no more than
+        :data:`MOST_MONOMIALS` in all.
+    find
+        Lowest and highest weight → exponents.
+    lowest, least
+        Lowest weight; the highest one is never below ``least``, the next if None.
+    count
+        Returns how many coefficients monomials have.
     """
-    find = terms.monomials if terms is not None else lambda low, high: exponents_up_to(weights, low, high)
-    found = find(lowest, lowest + 1)
-    for highest in range(lowest + 2, HIGHEST + 1):
+    least = lowest + 1 if least is None else least
+    found = find(lowest, least)
+    for highest in range(least + 1, HIGHEST + 1):
         more = find(lowest, highest)
         if count(more) > min(MOST_MONOMIALS, 2 * equations):
             break
@@ -194,7 +207,7 @@ def with_potential_error(model: PotentialModel, training: TrainingSet) -> Potent
     data = PotentialData.from_training_set(training)
     terms = terms_for(data)
     judged = tuple(int(a) for a in np.flatnonzero(terms.polynomial.exponents.any(axis=0)))
-    exponents = monomials(len(data) * (1 + len(judged)), terms.weights, 3, terms)
+    exponents = monomials(len(data) * (1 + len(judged)), terms.monomials, 3)
     ranges = np.ptp(data.gradient, axis=1)
     spread = np.append(np.full(6, ranges[:6].max()), ranges[6])
     spread[spread == 0] = 1.0
@@ -211,12 +224,77 @@ def with_potential_error(model: PotentialModel, training: TrainingSet) -> Potent
         training.tolerance,
         spread[list(judged)],
         data.y,
-        lambda y: model.beyond_rest(y, judged),
+        lambda y: model.beyond_rest(y, data.rest.values.x)[1][list(judged)],
         terms=terms.polynomial,
         judged=judged,
         active=data.active,
     )
     return replace(model, estimate=found)
+
+
+def with_family_error(model: PotentialModel, data: FamilyData, tolerance: float | None) -> PotentialModel:
+    """Return the model with an estimate of the errors of stress and fluid volume; as it is where none is asked for.
+
+    What is judged are the derivatives of R by y, beyond the rest that is exact, as shares of the ranges of stress and
+    fluid volume.
+    """
+    if tolerance is None:
+        return model
+    terms, joint = terms_of(data), data.potential
+    l, n = joint.x.shape
+    whole = _with_coordinates(terms, l)
+    judged = tuple(int(a) for a in np.flatnonzero(terms.polynomial.exponents.any(axis=0)))
+    ranges = np.ptp(data.stress, axis=1)
+    ranges[:6] = ranges[:6].max()
+    ranges[ranges == 0] = 1.0
+    spread = ranges / float(np.sqrt((data.scale**2).mean()))
+    exponents = monomials(
+        n * (1 + len(judged) + l), lambda low, high: joint_exponents(terms, l, low, high, 1), 3, least=3
+    )
+    columns = design(terms, exponents, joint.y, joint.x, second=False)
+    by_value = joint.value.std() or 1.0
+    slopes = np.isfinite(joint.by_x[0]).all(axis=1)
+    by_x = np.maximum(np.nan_to_num(joint.by_x[0, slopes]).std(axis=1), 1e-3 * by_value)[:, None]
+    scale = spread[list(judged), None]
+    rows = [
+        columns.value[:, None] / by_value,
+        columns.by_y[:, list(judged)] / scale,
+        columns.by_x[:, slopes] / by_x,
+    ]
+    right = [
+        joint.value[:, None] / by_value,
+        joint.by_y[:, list(judged)] / scale,
+        joint.by_x[:, slopes] / by_x,
+    ]
+    k = len(terms.weights)
+    degrees = exponents[:, :k] @ np.array(terms.weights, dtype=np.int64) + exponents[:, k:].sum(axis=1)
+    count = np.cumsum([1, len(judged), int(slopes.sum())])
+    is_judged = (np.arange(count[-1]) >= count[0]) & (np.arange(count[-1]) < count[1])
+    equations = Equations(np.concatenate(rows, axis=1), np.concatenate(right, axis=1), degrees, is_judged)
+    coefficients, nugget = draw(equations)
+    found = estimate(
+        Polynomial(exponents, coefficients.reshape(-1, len(exponents))),
+        nugget,
+        tolerance,
+        spread[list(judged)],
+        np.concatenate([joint.y, joint.x]),
+        lambda z: model.beyond_rest(z[:VARIABLES], z[VARIABLES:])[1][list(judged)],
+        terms=whole,
+        judged=judged,
+        active=(*data.active, *range(VARIABLES, VARIABLES + l)),
+    )
+    return replace(model, estimate=replace(found, coordinates=l))
+
+
+def _with_coordinates(terms: Terms, l: int) -> Polynomial:
+    """Return the polynomial (y, θ̂) → (t, θ̂)."""
+    k, K = terms.polynomial.coefficients.shape
+    exponents = np.zeros((K + l, VARIABLES + l), dtype=np.int64)
+    exponents[:K, :VARIABLES] = terms.polynomial.exponents
+    exponents[K:, VARIABLES:] = np.eye(l, dtype=np.int64)
+    coefficients = np.zeros((k + l, K + l))
+    coefficients[:k, :K], coefficients[k:, K:] = terms.polynomial.coefficients, np.eye(l)
+    return Polynomial(exponents, coefficients)
 
 
 def with_mean_gradient_error(model: AnchoredModel, training: TrainingSet) -> AnchoredModel:
@@ -226,7 +304,7 @@ def with_mean_gradient_error(model: AnchoredModel, training: TrainingSet) -> Anc
         return model
     # From rest on, where the network begins at second order.
     x, d = (data.x - data.rest).T, len(data.x.T)
-    exponents = monomials(len(data.x) * (1 + d), (1,) * d, 2)
+    exponents = monomials(len(data.x) * (1 + d), lambda low, high: exponents_up_to((1,) * d, low, high), 2)
     spread = float(np.ptp(training.responses.mean_grad.reshape(-1, 9), axis=0).max()) or 1.0
     scale = data.output_scale[:, None] / spread
     right = (data.target.T * scale)[:, None]

@@ -12,7 +12,7 @@ Biot's coupling and modulus. The mean strain of the solid follows from its mean 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -121,6 +121,54 @@ class ParameterMap:
         if isinstance(self.young, float | int):
             found[0] = found[0] * self.young
         return found[0], found[1] * self.stretch, found[2]
+
+
+@dataclass(frozen=True, eq=False)
+class Scaling:
+    """Factors by which states and responses of n points become those of w.
+
+    Attributes
+    ----------
+    factor : (n,)
+        E λ³.
+    variables : (7, n), shift : (7, n)
+        Derivatives of the variables of w by y, 1 but for 1/E of p; what is taken off them, ln λ of the normal ones.
+    stretch : (n,)
+        λ.
+    viscosity : (n,)
+        Viscosity of the fluid.
+    trivial
+        True where E and λ are 1 whatever the parameters are.
+    """
+
+    factor: Array
+    variables: Array
+    shift: Array
+    stretch: Array
+    viscosity: Array
+    trivial: bool = False
+
+    @classmethod
+    def from_parameters(cls, parameters: ParameterMap, theta: Array) -> Scaling:
+        """Return the factors at θ (n, m)."""
+        E, stretch, viscosity = parameters.factors(theta)
+        by, shift = np.ones((7, len(theta))), np.zeros((7, len(theta)))
+        by[6], shift[:3] = 1 / E, np.log(stretch)
+        return cls(E * stretch**3, by, shift, stretch, viscosity, parameters.unscaled)
+
+    @classmethod
+    @cache
+    def one(cls) -> Scaling:
+        """Return the factors of a cell without parameters, one for all points."""
+        one = np.ones(1)
+        return cls(one, np.ones((7, 1)), np.zeros((7, 1)), one, one, trivial=True)
+
+    def inner(self, y: Array) -> Array:
+        """Return the variables of w (7, n) from y (7, n)."""
+        if self.trivial:
+            return y
+        found: Array = self.variables * y - self.shift
+        return found
 
 
 @dataclass(frozen=True, eq=False)

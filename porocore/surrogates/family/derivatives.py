@@ -15,53 +15,12 @@ import numpy as np
 
 from porocore.errors import DataError
 from porocore.states import Array, CellResponse, MacroState
-from porocore.surrogates.family.coordinates import ParameterMap
+from porocore.surrogates.family.coordinates import ParameterMap, Scaling
 from porocore.surrogates.potential import unrotated, variables
 from porocore.surrogates.stretch import LogStretch
 
 #: Responses from which the potential is learned.
 NEEDED = ("potential", "stress", "fluid_volume", "tangent")
-
-
-@dataclass(frozen=True, eq=False)
-class Scaling:
-    """Factors by which states and responses of n points become those of w.
-
-    Attributes
-    ----------
-    factor : (n,)
-        E λ³.
-    variables : (7, n), shift : (7, n)
-        Derivatives of the variables of w by y, 1 but for 1/E of p; what is taken off them, ln λ of the normal ones.
-    stretch : (n,)
-        λ.
-    viscosity : (n,)
-        Viscosity of the fluid.
-    trivial
-        True where E and λ are 1 whatever the parameters are.
-    """
-
-    factor: Array
-    variables: Array
-    shift: Array
-    stretch: Array
-    viscosity: Array
-    trivial: bool = False
-
-    @classmethod
-    def from_parameters(cls, parameters: ParameterMap, theta: Array) -> Scaling:
-        """Return the factors at θ (n, m)."""
-        E, stretch, viscosity = parameters.factors(theta)
-        by, shift = np.ones((7, len(theta))), np.zeros((7, len(theta)))
-        by[6], shift[:3] = 1 / E, np.log(stretch)
-        return cls(E * stretch**3, by, shift, stretch, viscosity, parameters.unscaled)
-
-    def inner(self, y: Array) -> Array:
-        """Return the variables of w (7, n) from y (7, n)."""
-        if self.trivial:
-            return y
-        found: Array = self.variables * y - self.shift
-        return found
 
 
 @dataclass(frozen=True, eq=False)

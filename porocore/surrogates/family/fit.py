@@ -22,8 +22,8 @@ from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import Array, IntArray
 from porocore.surrogates.family.derivatives import PotentialSlopes
 from porocore.surrogates.family.joint import JointPolynomial, design, joint_exponents, summed
-from porocore.surrogates.family.model import FamilyModel
 from porocore.surrogates.family.rest import RestModel, fit_rest
+from porocore.surrogates.model import PotentialModel
 from porocore.surrogates.network.separable import SeparableNetwork
 from porocore.surrogates.polynomial.fit import ANCHOR_DEGREE, MOST_PLAIN, SMALLEST_SLOPE, held_out
 from porocore.surrogates.polynomial.monomials import VARIABLES, Polynomial, Terms, invariant, plain
@@ -450,7 +450,7 @@ def turning(data: FamilyData) -> Equivariance:
 
 def family_model(
     training: TrainingSet, weights: Weights, degree: int | None = None
-) -> tuple[FamilyModel, JointFit, FamilyData]:
+) -> tuple[PotentialModel, JointFit, FamilyData]:
     """Return the model of a training set, the fit of its potential, and the data.
 
     Raises
@@ -482,9 +482,9 @@ def assembled(
     *,
     fine: JointPolynomial | None = None,
     network: SeparableNetwork | None = None,
-) -> FamilyModel:
+) -> PotentialModel:
     """Return the model of these parts of R, with ⟨∇u¹⟩ fitted and the range of the stable states."""
-    return FamilyModel(
+    return PotentialModel(
         data.rest,
         JointPolynomial(terms, coarse) if len(coarse.exponents) else None,
         fine,

@@ -11,7 +11,6 @@ import numpy as np
 
 from porocore.core.inputs import Coordinates
 from porocore.states import Array, IntArray
-from porocore.surrogates.network.network import Derivatives
 from porocore.surrogates.network.separable import FactoredNetwork
 from porocore.surrogates.polynomial.composition import TermSum
 from porocore.surrogates.polynomial.monomials import VARIABLES, Polynomial, Terms, exponents_up_to
@@ -187,14 +186,13 @@ class BoundParts:
         network = None if self.network is None else self.network.take(points)
         return BoundParts(self.terms, whole, coarse, fine, network)
 
-    def add(
-        self,
-        y: Array,
-        found: Derivatives,
-        polynomial: BoundPolynomial | None,
-        network: FactoredNetwork | None,
-    ) -> None:
-        """Add a polynomial, a network and their derivatives by y (7, n) to ``found``, in place."""
+    def start(
+        self, y: Array, polynomial: BoundPolynomial | None, network: FactoredNetwork | None
+    ) -> Callable[[Array, Array, Array], None]:
+        """Start the evaluation of a polynomial and a network at y (7, n).
+
+        The returned function adds both to a value (n,), a gradient (7, n) and a Hessian (7, 7, n), in place.
+        """
         sums, rows = [], None
         if network is not None:
             own = network.whole.terms
@@ -205,8 +203,13 @@ class BoundParts:
         if polynomial is not None and self.terms is not None:
             # Terms that both have are differentiated once.
             sums.append(TermSum(self.terms, polynomial, None if rows is None else network, rows or ()))
-        for add_to in [each.start(y) for each in sums]:
-            add_to(*found)
+        pending = [each.start(y) for each in sums]
+
+        def add(value: Array, gradient: Array, hessian: Array) -> None:
+            for add_to in pending:
+                add_to(value, gradient, hessian)
+
+        return add
 
 
 class Latest(Generic[K, V]):

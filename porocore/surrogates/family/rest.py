@@ -15,81 +15,29 @@ from functools import cached_property
 
 import numpy as np
 
-from porocore.core.inputs import Coordinates, InputSpace
+from porocore.core.inputs import InputSpace
 from porocore.core.tensors import PointGroup, exponential, symmetric_exponential, symmetric_logarithm
 from porocore.errors import DataError
 from porocore.interfaces.records import RestData
 from porocore.states import Array, IntArray
-from porocore.surrogates.conductivity import conducting_basis
-from porocore.surrogates.family.coordinates import MANDEL, Bounds, ParameterMap, bounds, normaliser, tied
-from porocore.surrogates.family.derivatives import PotentialSlopes, Scaling
+from porocore.surrogates.family.coordinates import (
+    MANDEL,
+    Bounds,
+    ParameterMap,
+    Scaling,
+    bounds,
+    normaliser,
+    tied,
+)
+from porocore.surrogates.family.derivatives import PotentialSlopes
 from porocore.surrogates.polynomial.fit import FOLDS, held_out, least_squares
 from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to
+from porocore.surrogates.rest import Rest, RestValues, conducting_basis
 from porocore.surrogates.stretch import PLACES
 from porocore.surrogates.symmetry import on_one, on_places, on_variables
 
 #: Sets of parameters whose rest is kept.
 KEPT = 4
-#: Entries (n,) of matrices at n points by their row and column.
-Places = dict[tuple[int, int], Array]
-
-
-@dataclass(frozen=True, eq=False)
-class RestValues:
-    """Undeformed members at n points, and derivatives by the l learned parameters where they are asked for.
-
-    Arrays lead with the components and end with the points; derivatives have an axis of length l before these.
-
-    Attributes
-    ----------
-    x : (l, n)
-        θ̂.
-    porosity : (n,)
-        φ_f.
-    value : (n,), gradient : (7, n), matrix : (7, 7, n)
-        W₀, g and A.
-    mean_value : (9, n), mean : (9, 7, n)
-        ⟨∇u¹⟩_s at y = 0, and its derivatives by y.
-    scale : (n,)
-        M.
-    log_conductivity : (n, r, r)
-        ln(Bᵀ K B) for a viscosity of 1.
-    slopes
-        Derivatives of all of these; of x (l, l, n), of the last (l, n, r, r).
-    """
-
-    x: Array
-    porosity: Array
-    value: Array
-    gradient: Array
-    matrix: Array
-    mean_value: Array
-    mean: Array
-    scale: Array
-    log_conductivity: Array
-    slopes: RestValues | None = None
-
-    @cached_property
-    def coordinates(self) -> Coordinates:
-        """θ̂, with what is known of points that share theirs."""
-        return Coordinates(self.x)
-
-    @cached_property
-    def linear(self) -> Places:
-        """Entries of ``matrix`` that are not zero everywhere."""
-        return _places(self.matrix)
-
-    @cached_property
-    def mean_linear(self) -> Places:
-        """Entries of ``mean`` that are not zero everywhere."""
-        return _places(self.mean)
-
-    def take(self, rows: IntArray) -> RestValues:
-        """Return the values of some points, which may be repeated."""
-        names = ("x", "porosity", "value", "gradient", "matrix", "mean_value", "mean", "scale")
-        found = {name: getattr(self, name)[..., rows] for name in names}
-        K, slopes = self.log_conductivity, None if self.slopes is None else self.slopes.take(rows)
-        return RestValues(**found, log_conductivity=K[rows] if K.ndim == 3 else K[:, rows], slopes=slopes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +63,7 @@ class KnownRest:
 
 
 @dataclass(frozen=True, eq=False)
-class RestModel:
+class RestModel(Rest):
     """Model of the undeformed members.
 
     Attributes
@@ -161,8 +109,9 @@ class RestModel:
         """Return the undeformed members at θ (n, m); those of the last parameters are kept."""
         return self._known(theta, slopes).at_points
 
-    def together(self, theta: Array, *, slopes: bool = False) -> RestValues:
+    def together(self, theta: Array | None, *, slopes: bool = False) -> RestValues:
         """Return the same; of one point, n = 1, where all parameters are the same."""
+        assert theta is not None
         known = self._known(theta, slopes)
         return known.values if known.values.x.shape[1] == 1 else known.at_points
 
@@ -285,10 +234,6 @@ def _chained(polynomial: Polynomial, x: Array, J: Array) -> tuple[Array, Array]:
         return polynomial.evaluate(x), np.zeros((len(polynomial.coefficients), 0, x.shape[1]))
     value, by_x, _ = polynomial.derivatives(x, second=False)
     return value, np.einsum("ocn,cln->oln", by_x, J)
-
-
-def _places(matrices: Array) -> Places:
-    return {(int(i), int(j)): matrices[i, j] for i, j in np.argwhere(matrices.any(axis=2))}
 
 
 #: Beyond what follows from the stiffness nothing is learned that stays below this share of the largest number.

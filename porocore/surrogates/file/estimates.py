@@ -9,11 +9,10 @@ import numpy as np
 
 from porocore.states import Array
 from porocore.surrogates.error_estimate.estimate import ErrorEstimate
-from porocore.surrogates.family.model import FamilyModel
 from porocore.surrogates.file.parts import pack_polynomial, unpack_polynomial
 from porocore.surrogates.mean_gradient import AnchoredModel
+from porocore.surrogates.model import PotentialModel
 from porocore.surrogates.polynomial.monomials import VARIABLES, Polynomial
-from porocore.surrogates.potential import PotentialModel
 
 #: Polynomials and judged quantities at most, in a file that is worth reading.
 MOST_MEMBERS = 1000
@@ -36,12 +35,12 @@ def pack(
 
 
 def unpack(
-    header: dict[str, Any], arrays: dict[str, Array], model: AnchoredModel | PotentialModel | FamilyModel
+    header: dict[str, Any], arrays: dict[str, Array], model: AnchoredModel | PotentialModel
 ) -> ErrorEstimate:
     """Return the estimate of a file for its model."""
     if isinstance(model, AnchoredModel):
         return unpack_values(header, arrays, "estimate", len(model.sampled.inputs), len(model.components))
-    learned = len(model.rest.centre) if isinstance(model, FamilyModel) else 0
+    learned = model.rest.learned
     judged, variables = _judged(header), VARIABLES + learned
     if not judged or any(a not in range(VARIABLES) for a in judged):
         raise ValueError(f"an estimate of the gradients by {judged}")

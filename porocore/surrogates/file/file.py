@@ -23,24 +23,19 @@ from porocore.core.files.plain_data import stable_hash
 from porocore.core.files.reading import set_aside
 from porocore.core.hdf5 import UNREADABLE, atomic_hdf5, damaged, opened
 from porocore.core.inputs import InputSpace, SampledRange
-from porocore.core.tensors import PointGroup
 from porocore.errors import DataError
 from porocore.states import Array
 from porocore.surrogates.conductivity import ConductivityModel
-from porocore.surrogates.family.conductivity import FamilyConductivity
-from porocore.surrogates.family.model import FamilyModel
 from porocore.surrogates.file import estimates, parts
-from porocore.surrogates.file.conductivity import pack_conductivity, unpack_conductivity
-from porocore.surrogates.file.family import (
-    pack_family,
-    pack_family_conductivity,
-    unpack_family,
-    unpack_family_conductivity,
+from porocore.surrogates.file.potential import (
+    pack_conductivity,
+    pack_potential,
+    unpack_conductivity,
+    unpack_potential,
 )
 from porocore.surrogates.mean_gradient import AnchoredModel
+from porocore.surrogates.model import PotentialModel
 from porocore.surrogates.network.network import Evaluator, Network
-from porocore.surrogates.polynomial.monomials import Polynomial, Terms
-from porocore.surrogates.potential import NetworkPart, PotentialModel, RestExpansion
 
 
 def write_archive(
@@ -112,16 +107,15 @@ def _checksum(text: str, arrays: dict[str, Array]) -> str:
     return stable_hash(*parts)
 
 
-#: Until version 5 the symmetry of the cell was guessed, and stresses across the sampled components were dropped.
-FORMAT, VERSION = "porocore-surrogate", 6
+#: Until version 5 the symmetry of the cell was guessed, and stresses across the sampled components were dropped; until
+#: version 6 a cell without parameters had a layout of its own.
+FORMAT, VERSION = "porocore-surrogate", 7
 AGAIN = "train the surrogate again"
 
 #: Fields of the metadata that the header holds.
 KINDS = {"backend": str, "options": dict, "identity": str, "provenance": dict, "accuracy": dict}
 
-Model = AnchoredModel | PotentialModel | FamilyModel
-#: Models of the conductivity of the deformed pore.
-AnyConductivity = ConductivityModel | FamilyConductivity
+Model = AnchoredModel | PotentialModel
 #: A network that evaluates as the caller likes, from the numbers of the file.
 MakeEvaluator = Callable[[Network], Evaluator]
 
@@ -151,7 +145,7 @@ class SurrogateMetadata:
     identity: str
     provenance: dict[str, str] = field(default_factory=dict)
     accuracy: dict[str, float] = field(default_factory=dict)
-    conductivity: AnyConductivity | None = None
+    conductivity: ConductivityModel | None = None
 
 
 def write(path: Path, model: Model, metadata: SurrogateMetadata) -> None:
@@ -164,8 +158,7 @@ def write(path: Path, model: Model, metadata: SurrogateMetadata) -> None:
     """
     kinds: dict[type, tuple[str, Callable[..., None]]] = {
         AnchoredModel: ("mlp", _pack_anchored),
-        PotentialModel: ("potential", _pack_potential),
-        FamilyModel: ("family", pack_family),
+        PotentialModel: ("potential", pack_potential),
     }
     name, pack = kinds[type(model)]
     header: dict[str, Any] = {
@@ -185,9 +178,7 @@ def write(path: Path, model: Model, metadata: SurrogateMetadata) -> None:
     pack(model, header, arrays)
     if model.estimate is not None:
         estimates.pack(model.estimate, header, arrays)
-    if isinstance(metadata.conductivity, FamilyConductivity):
-        pack_family_conductivity(metadata.conductivity, header, arrays)
-    elif metadata.conductivity is not None:
+    if metadata.conductivity is not None:
         pack_conductivity(metadata.conductivity, header, arrays)
     write_archive(path, FORMAT, VERSION, header, arrays)
 
@@ -211,8 +202,7 @@ def read(path: Path) -> tuple[Model, SurrogateMetadata]:
         sampled = parts.unpack_range(arrays, inputs)
         unpack: dict[str, Callable[..., Model]] = {
             "mlp": _unpack_anchored,
-            "potential": _unpack_potential,
-            "family": unpack_family,
+            "potential": unpack_potential,
         }
         model = unpack[header["model"]](header, arrays, sampled)
         if "estimate" in header:
@@ -231,11 +221,7 @@ def _unpack_metadata(header: dict[str, Any], arrays: dict[str, Array], model: Mo
         raise ValueError("its header has a provenance that is no text")
     if not all(isinstance(x, float | int) for x in header["accuracy"].values()):
         raise ValueError("its header has an accuracy that is no number")
-    conductivity: AnyConductivity | None = None
-    if "conductivity" in header and isinstance(model, FamilyModel):
-        conductivity = unpack_family_conductivity(header, arrays, model)
-    elif "conductivity" in header:
-        conductivity = unpack_conductivity(header, arrays, model.sampled.inputs)
+    conductivity = unpack_conductivity(header, arrays, model) if "conductivity" in header else None
     return SurrogateMetadata(conductivity=conductivity, **{name: header[name] for name in KINDS})
 
 
@@ -246,8 +232,6 @@ def evaluated(model: Model, make_evaluator: MakeEvaluator) -> Model:
     if model.network is None:
         return model
     network = make_evaluator(model.network.network.as_numpy)
-    if isinstance(model, FamilyModel):
-        return replace(model, network=replace(model.network, network=network))
     return replace(model, network=replace(model.network, network=network))
 
 
@@ -275,59 +259,3 @@ def _unpack_anchored(
         parts.unpack_network(header, arrays, len(sampled.inputs), len(components)),
         sampled,
     )
-
-
-def _pack_potential(model: PotentialModel, header: dict[str, Any], arrays: dict[str, Array]) -> None:
-    header |= {
-        "active": model.active,
-        "symmetry": model.rest.symmetry.rotations,
-        "porosity": model.rest.porosity,
-        "terms": model.terms.name if model.terms else None,
-        "network": model.network is not None,
-    }
-    arrays |= {"rest/matrix": model.rest.matrix, "rest/mean_grad": model.rest.mean_grad}
-    if model.rest.value or model.rest.stress.any():
-        arrays |= {"rest/stress": model.rest.stress, "rest/held": model.rest.held}
-        header["energy_at_rest"] = model.rest.value
-    parts.pack_polynomial(model.mean_grad, "mean_grad", arrays)
-    parts.pack_box(model.training_box, arrays)
-    if model.terms is not None:
-        parts.pack_terms(model.terms, "terms", arrays)
-    header["polynomials"] = []
-    for name, polynomial in (("polynomial", model.polynomial), ("refinement", model.refinement)):
-        if model.terms is not None and polynomial is not None:
-            header["polynomials"].append(name)
-            parts.pack_polynomial(polynomial, name, arrays)
-    if model.network is not None:
-        part = model.network
-        header["network_terms"] = part.terms.name
-        parts.pack_terms(part.terms, "network/terms", arrays)
-        parts.pack_network(part.network.as_numpy, header, arrays)
-
-
-def _unpack_potential(
-    header: dict[str, Any], arrays: dict[str, Array], sampled: SampledRange
-) -> PotentialModel:
-    rest = RestExpansion(
-        float(header["porosity"]),
-        arrays["rest/matrix"].reshape(7, 7),
-        arrays["rest/mean_grad"].reshape(9, 7),
-        PointGroup.generated([np.reshape(Q, (3, 3)) for Q in header["symmetry"]]),
-        float(header.get("energy_at_rest", 0.0)),
-        arrays.get("rest/stress", np.zeros(6)).reshape(6),
-        arrays.get("rest/held", np.zeros(9)).reshape(9),
-    )
-    box = parts.unpack_box(header, arrays)
-    terms: Terms | None = None
-    polynomials: dict[str, Polynomial] = {}
-    if header["terms"] is not None:
-        terms = parts.unpack_terms(header["terms"], "terms", arrays)
-        for name in header["polynomials"]:
-            polynomials[name] = parts.unpack_polynomial(arrays, name, len(terms.weights), 1)
-    part = None
-    if header["network"]:
-        own = parts.unpack_terms(header["network_terms"], "network/terms", arrays)
-        part = NetworkPart(parts.unpack_network(header, arrays, len(own.weights), 1), own)
-    mean_grad = parts.unpack_polynomial(arrays, "mean_grad", len(box.active), 9)
-    coarse, fine = polynomials.get("polynomial"), polynomials.get("refinement")
-    return PotentialModel(rest, terms, coarse, part, mean_grad, box.active, sampled, box, fine)

@@ -28,10 +28,10 @@ from porocore.surrogates.family.fit import (
     terms_of,
 )
 from porocore.surrogates.family.joint import design
-from porocore.surrogates.family.model import FamilyModel
+from porocore.surrogates.model import PotentialModel
 from porocore.surrogates.network.network import Evaluator, Network
 from porocore.surrogates.network.options import PotentialOptions
-from porocore.surrogates.network.separable import SeparableNetwork
+from porocore.surrogates.network.separable import SeparableNetwork, low_orders
 from porocore.surrogates.network.sobolev import (
     Autodiff,
     Loss,
@@ -43,7 +43,6 @@ from porocore.surrogates.network.sobolev import (
 )
 from porocore.surrogates.polynomial.fit import ANCHOR_DEGREE
 from porocore.surrogates.polynomial.monomials import Polynomial, Terms
-from porocore.surrogates.potential import low_orders
 from porocore.surrogates.potential_training import coordinates_for
 
 #: Square of the noise as a share of the mean square that the polynomial leaves; the weights' prior has unit width. The
@@ -292,7 +291,7 @@ def train_family(
     autodiff: Autodiff,
     make_evaluator: Callable[[Network], Evaluator],
     on_progress: OnProgress | None = None,
-) -> tuple[FamilyModel, FamilyData, dict[str, float]]:
+) -> tuple[PotentialModel, FamilyData, dict[str, float]]:
     """Return the model, the data, and the remaining errors of ∂W/∂y on the training states as shares of their ranges.
 
     Raises
@@ -322,7 +321,7 @@ def train_family(
     function = autodiff.compile(problem.loss(autodiff.xp, layout), problem.constants(start))
     theta = minimised(function, start, options.iterations, on_progress)
     network, factors = problem.networks(theta, layout)
-    part = SeparableNetwork(make_evaluator(network), factors, problem.terms)
+    part = SeparableNetwork(make_evaluator(network), problem.terms, factors)
     model = assembled(training, data, terms, polynomial, network=part)
     return model, data, {"slopes of W on the training states": _error(model, data)}
 
@@ -341,7 +340,7 @@ def _beyond(data: JointData, terms: Terms, polynomial: Polynomial) -> JointData:
     return JointData(data.y, data.x, *(left(kind) for kind in ("value", "by_y", "by_x", "by_yy", "by_yx")))
 
 
-def _error(model: FamilyModel, data: FamilyData) -> float:
+def _error(model: PotentialModel, data: FamilyData) -> float:
     """Return the largest root mean square error of ∂R/∂y, as a share of the range of ∂w/∂y."""
     active = list(data.active)
     found = model.beyond_rest(data.potential.y, data.potential.x)[1]

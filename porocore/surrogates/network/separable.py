@@ -2,7 +2,7 @@
 
 R(y, θ̂) = Σ_o c_o(θ̂) [N_o(t(y)) − its expansion in y up to second order]. What is subtracted does not depend on θ̂.
 So R is of third order in y for every θ̂, its derivatives by θ̂ need no third ones of a network, and for one θ̂ it is a
-network in t like that of a cell without parameters, at the same cost.
+network in t like that of a cell without parameters, at the same cost. That has one output, whose weight is 1.
 """
 
 from __future__ import annotations
@@ -16,33 +16,44 @@ import numpy as np
 from porocore.states import Array, IntArray
 from porocore.surrogates.network.network import Derivatives, Evaluator, Network
 from porocore.surrogates.polynomial.monomials import Terms
-from porocore.surrogates.potential import low_orders
+
+
+def low_orders(terms: Terms) -> tuple[Array, Array]:
+    """Return 1 for gradients (k,) and Hessians (k, k) by the terms of orders up to the second in y, else 0."""
+    weights = np.array(terms.weights)
+    linear = (weights == 1).astype(float)
+    return (weights <= 2).astype(float), linear[:, None] * linear
 
 
 @dataclass(frozen=True, eq=False)
 class SeparableNetwork:
     """R(y, θ̂) with one output.
 
+    With terms that the operations of a cell leave alone, it has the cell's symmetry whatever the weights are.
+
     Attributes
     ----------
     network
         N, with o outputs.
-    factors
-        c, with as many.
     terms
         t; a term of weight w is of order w in y.
+    factors
+        c, with as many outputs; None for a cell without parameters: o = 1 and c = 1.
     """
 
     network: Evaluator
-    factors: Network
     terms: Terms
+    factors: Network | None = None
 
     def at(self, x: Array, unit: Array | float = 1.0) -> FactoredNetwork:
         """Return the function of the terms at θ̂ (l, n), multiplied by ``unit`` (n,); (l, 1) is that of all points."""
+        if self.factors is None:
+            return FactoredNetwork(self)
         return FactoredNetwork(self, self.factors.evaluate(x.T) * np.reshape(unit, (-1, 1)))
 
     def by_coordinates(self, y: Array, x: Array) -> tuple[Array, Array, Array, Array]:
         """Return R (n,), ∂R/∂y (7, n), ∂R/∂θ̂ (l, n) and ∂²R/∂y∂θ̂ (7, l, n) at y (7, n) and θ̂ (l, n)."""
+        assert self.factors is not None
         t, by_y, _ = self.terms.polynomial.derivatives(y, second=False)
         values, by_t = self.network.value_and_gradient(np.ascontiguousarray(t.T))
         v0, g0, h0 = self.at_rest
@@ -62,10 +73,8 @@ class SeparableNetwork:
     @cached_property
     def at_rest(self) -> Derivatives:
         """Values (o,), gradients (k, o) and Hessians (k, k, o) at t = 0, as far as they count up to order 2 in y."""
-        outputs = len(self.factors.biases[-1])
-        found = self.network.value_gradient_hessian(
-            np.zeros((outputs, len(self.terms.weights))), np.eye(outputs)
-        )
+        o, k = (1 if self.factors is None else len(self.factors.biases[-1])), len(self.terms.weights)
+        found = self.network.value_gradient_hessian(np.zeros((o, k)), None if o == 1 else np.eye(o))
         first, second = low_orders(self.terms)
         return found[0], found[1] * first[:, None], found[2] * second[:, :, None]
 
@@ -79,21 +88,24 @@ class FactoredNetwork:
     whole
         R.
     factors : (n, o)
-        c(θ̂); (1, o) where they are those of all points.
+        c(θ̂); (1, o) where they are those of all points; None: those of a cell without parameters.
     """
 
     whole: SeparableNetwork
-    factors: Array
+    factors: Array | None = None
 
     def start(self, t: Array) -> Callable[[], Derivatives]:
         """Start the evaluation of R and its derivatives at the terms t (k, n); return a function that waits for it."""
-        factors = np.broadcast_to(self.factors, (t.shape[1], self.factors.shape[1]))
-        pending = self.whole.network.start(np.ascontiguousarray(t.T), factors)
-        return partial(self._finished, t, pending)
+        factors = self.factors
+        if factors is not None:
+            factors = np.broadcast_to(factors, (t.shape[1], factors.shape[1]))
+        return partial(self._finished, t, self.whole.network.start(np.ascontiguousarray(t.T), factors))
 
     def take(self, rows: IntArray) -> FactoredNetwork:
         """Return the function at some of the points."""
-        return self if len(self.factors) == 1 else FactoredNetwork(self.whole, self.factors[rows])
+        if self.factors is None or len(self.factors) == 1:
+            return self
+        return FactoredNetwork(self.whole, self.factors[rows])
 
     def _finished(self, t: Array, pending: Callable[[], Derivatives]) -> Derivatives:
         value, gradient, hessian = pending()
@@ -111,6 +123,6 @@ class FactoredNetwork:
     def _at_rest(self) -> tuple[Array, Array, list[tuple[tuple[int, int], Array]]]:
         """Sums of the expansions at rest at each point: (n,), (k, n), and places and rows (n,) of the Hessians."""
         v0, g0, h0 = self.whole.at_rest
-        c = self.factors.T
+        c = np.ones((1, 1)) if self.factors is None else self.factors.T
         places = np.argwhere(h0.any(axis=2))
         return v0 @ c, g0 @ c, [((int(i), int(j)), h0[i, j] @ c) for i, j in places]

@@ -18,8 +18,9 @@ from scipy.optimize import minimize
 from porocore.interfaces.surrogate import OnProgress, TrainingProgress
 from porocore.states import Array
 from porocore.surrogates.network.network import Network
+from porocore.surrogates.network.separable import low_orders
 from porocore.surrogates.polynomial.monomials import Terms
-from porocore.surrogates.potential import PotentialData, low_orders
+from porocore.surrogates.potential import PotentialData
 
 #: L-BFGS keeps 50 steps.
 STOPPING = {"maxcor": 50, "ftol": 1e-14, "gtol": 1e-9}

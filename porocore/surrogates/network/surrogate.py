@@ -9,8 +9,11 @@ from typing import Any
 from porocore.core.inputs import SampledRange
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import OnProgress, TrainingSet
-from porocore.surrogates.error_estimate.fit import with_mean_gradient_error, with_potential_error
-from porocore.surrogates.family.conductivity import with_family_error
+from porocore.surrogates.error_estimate.fit import (
+    with_family_error,
+    with_mean_gradient_error,
+    with_potential_error,
+)
 from porocore.surrogates.file.file import Model
 from porocore.surrogates.mean_gradient import AnchoredModel, ScaledData
 from porocore.surrogates.network.family_problem import train_family
@@ -34,7 +37,7 @@ class NetworkSurrogate(ModelSurrogate):
     ``potential`` is a network for W(ln U, p), trained with L-BFGS on W and its first derivatives; stress, fluid volume
     and all tangents are its derivatives (:class:`porocore.surrogates.potential.PotentialModel`). It learns cells
     with parameters too: W(ln U, p; θ), exact at rest for every θ
-    (:class:`porocore.surrogates.family.model.FamilyModel`).
+    (:class:`porocore.surrogates.model.PotentialModel`).
 
     Parameters
     ----------

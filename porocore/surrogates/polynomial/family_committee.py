@@ -14,7 +14,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import Array, IntArray, MacroState
-from porocore.surrogates.family.derivatives import Scaling
+from porocore.surrogates.family.coordinates import Scaling
 from porocore.surrogates.family.fit import (
     MEAN_WEIGHTS,
     FamilyData,

@@ -11,9 +11,12 @@ from porocore.core.inputs import SampledRange
 from porocore.core.tensors import PointGroup
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import Array, IntArray
+from porocore.surrogates.family.joint import JointPolynomial
+from porocore.surrogates.model import PotentialModel
+from porocore.surrogates.network.separable import SeparableNetwork
 from porocore.surrogates.polynomial.composition import composed
 from porocore.surrogates.polynomial.monomials import Polynomial, Terms, invariant, plain
-from porocore.surrogates.potential import NetworkPart, PotentialData, PotentialModel, TrainingBox
+from porocore.surrogates.potential import PotentialData, TrainingBox
 from porocore.surrogates.symmetry import (
     Equivariance,
     acting_across,
@@ -337,20 +340,23 @@ def potential_model(
     terms: Terms,
     polynomial: Polynomial | None,
     *,
-    network: NetworkPart | None = None,
+    network: SeparableNetwork | None = None,
     refinement: Polynomial | None = None,
 ) -> PotentialModel:
     """Return the model of these parts of W, with <∇u¹>_s fitted and the range of the stable states."""
+
+    def part(found: Polynomial | None) -> JointPolynomial | None:
+        return JointPolynomial(terms, found) if found is not None and len(found.exponents) else None
+
     return PotentialModel(
         data.rest,
-        terms,
-        polynomial,
-        network,
+        part(polynomial),
+        part(refinement),
         fit_mean_grad(data),
         data.active,
         sampled_range(training),
         TrainingBox.from_states(data.y, data.active, data.rest.symmetry),
-        refinement,
+        network,
     )
 
 

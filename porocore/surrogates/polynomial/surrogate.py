@@ -17,10 +17,9 @@ from porocore.core.echo import cut, echo
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import OnProgress, TrainingProgress, TrainingSet
 from porocore.states import Array, IntArray, MacroState
-from porocore.surrogates.error_estimate.fit import with_potential_error
-from porocore.surrogates.family.conductivity import with_family_error
+from porocore.surrogates.error_estimate.fit import with_family_error, with_potential_error
 from porocore.surrogates.family.fit import Weights, family_model
-from porocore.surrogates.family.model import FamilyModel
+from porocore.surrogates.model import PotentialModel
 from porocore.surrogates.polynomial.family_committee import family_committee
 from porocore.surrogates.polynomial.fit import (
     EQUATIONS_PER_TERM,
@@ -32,7 +31,7 @@ from porocore.surrogates.polynomial.fit import (
 from porocore.surrogates.polynomial.judgement import Committee, PolynomialJudgement, Target
 from porocore.surrogates.polynomial.monomials import Terms, plain
 from porocore.surrogates.portable import ModelSurrogate
-from porocore.surrogates.potential import PotentialData, PotentialModel, variables
+from porocore.surrogates.potential import PotentialData, variables
 from porocore.surrogates.stretch import LogStretch
 
 
@@ -73,7 +72,7 @@ class PolynomialSurrogate(ModelSurrogate):
 
     def train(
         self, data: TrainingSet, seed: int, checkpoint: Path | None, on_progress: OnProgress | None
-    ) -> tuple[PotentialModel | FamilyModel, dict[str, float]]:
+    ) -> tuple[PotentialModel, dict[str, float]]:
         """Fit to the stable states of ``data``; nothing is random, and nothing takes long enough to be resumed."""
         if data.inputs.parameters:
             return self._train_family(data, on_progress)
@@ -87,7 +86,7 @@ class PolynomialSurrogate(ModelSurrogate):
 
     def _train_family(
         self, data: TrainingSet, on_progress: OnProgress | None
-    ) -> tuple[FamilyModel, dict[str, float]]:
+    ) -> tuple[PotentialModel, dict[str, float]]:
         model, found, known = family_model(data, Weights(), self.degree)
         if on_progress is not None:
             on_progress(TrainingProgress(1, 1, found.error**2))

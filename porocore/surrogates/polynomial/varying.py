@@ -169,10 +169,17 @@ class BoundPolynomial:
     def entries(self, t: Array, *, second: bool = True) -> tuple[Array, list[Entry], list[Entry]]:
         """Return values (o, n) and derivatives by t that are not zero everywhere; see :meth:`Polynomial.entries`."""
         given, first, *pairs = self._derivatives(t, (0, 1, 2) if second else (0, 1))
-        values = np.zeros((len(self.whole.polynomial.coefficients), t.shape[1]))
+        return self._filled(given, t.shape[1]), first, pairs[0] if second else []
+
+    def evaluate(self, t: Array) -> Array:
+        """Return the values (o, n) alone."""
+        return self._filled(self._derivatives(t, (0,))[0], t.shape[1])
+
+    def _filled(self, given: list[Entry], n: int) -> Array:
+        values = np.zeros((len(self.whole.polynomial.coefficients), n))
         for (o,), row in given:
             values[o] = row
-        return values, first, pairs[0] if second else []
+        return values
 
     def gradients(self, t: Array) -> list[Entry]:
         """Return the first derivatives by t alone that are not zero everywhere."""

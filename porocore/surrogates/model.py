@@ -1,12 +1,22 @@
-"""Model of the potential W(ln U, p; θ) of a family: responses, tangents, slopes by θ, flags.
+"""Model of the potential W(ln U, p; θ) and of ⟨∇u¹⟩_s (PotentialModel): responses, tangents, slopes by θ, flags.
 
-W = E λ³ [W₂(y; θ) + M(θ) R(y, θ̂)] with y = (ln U − ln λ I, p/E), W₂ the expansion at rest
-(:class:`porocore.surrogates.family.rest.RestModel`), which is exact for every θ, and R a polynomial, or one and a
-network, that begins at third order in y.
+A cell without parameters is a family with none, of θ̂ without components. With Young's modulus E of the solid and its
+swelling stretch λ as parameters,
+
+    W = E λ³ [W₂(y; θ) + M(θ) R(y, θ̂)],   y = (ln U − ln λ I, p/E),
+
+W₂ the exact expansion at rest (:class:`porocore.surrogates.rest.Rest`) and R a sum of polynomials and maybe a network
+that begins at third order in y. So W, P_E and their gradients are exact at rest for every θ; P_E and −φ are derivatives
+of one function, so that a closed cycle does no work; and W depends on F through U only, so it is objective.
+
+A polynomial of high degree, or a network, means nothing outside its training states and soon loses convexity. So only
+W₂ and a polynomial of low degree are continued there; all finer parts are evaluated at variables that follow y inside
+the sampled box and saturate a little beyond it.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,31 +24,34 @@ import numpy as np
 import numpy.typing as npt
 
 from porocore.core.inputs import Coordinates, SampledRange
-from porocore.states import Array, CellResponse, CellSlopes, CellTangent, MacroState, Status
+from porocore.states import Array, CellResponse, CellSlopes, CellTangent, IntArray, MacroState, Status
 from porocore.surrogates.error_estimate.estimate import ErrorEstimate
-from porocore.surrogates.family.derivatives import Scaling
+from porocore.surrogates.family.coordinates import Scaling
 from porocore.surrogates.family.joint import BoundParts, JointPolynomial, Latest, summed
-from porocore.surrogates.family.rest import RestModel, RestValues
 from porocore.surrogates.network.network import Derivatives
 from porocore.surrogates.network.separable import SeparableNetwork
-from porocore.surrogates.polynomial.monomials import VARIABLES, Polynomial
+from porocore.surrogates.polynomial.monomials import VARIABLES, Entry, Polynomial
 from porocore.surrogates.polynomial.varying import BoundPolynomial, VaryingPolynomial
 from porocore.surrogates.potential import TrainingBox, variables
+from porocore.surrogates.rest import Rest, RestValues
 from porocore.surrogates.stretch import LogStretch
+
+#: Derivatives of Rᵀ⟨∇u¹⟩_s by its component and the variable; one number may be for all points.
+Slopes = dict[tuple[int, int], Array]
 
 
 @dataclass(frozen=True, eq=False)
-class FamilyModel:
-    """Model of W and ⟨∇u¹⟩_s of every member of a family, for any state.
+class PotentialModel:
+    """Model of W and ⟨∇u¹⟩_s of a cell, or of every member of a family, for any state.
 
     Attributes
     ----------
     rest
-        The undeformed members.
+        The undeformed cells.
     coarse
         Part of R that is continued beyond the sampled states; None where nothing was learned.
     fine
-        Part that comes to rest where they end; None where there is none.
+        Part that saturates where they end; None where there is none.
     mean_grad
         Polynomial in the variables ``active`` and θ̂: Rᵀ⟨∇u¹⟩_s beyond its linear limit, 9 outputs.
     active
@@ -47,63 +60,76 @@ class FamilyModel:
         Hull of the training states, parameters included.
     training_box
         Their box in the variables y.
+    network
+        Another part that saturates where they end; None where there is none.
     estimate
         Estimate of its errors, which flags states; None: those beyond the hull are flagged.
-    network
-        Another part that comes to rest where they end; None where there is none.
     """
 
-    rest: RestModel
+    rest: Rest
     coarse: JointPolynomial | None
     fine: JointPolynomial | None
     mean_grad: Polynomial
     active: tuple[int, ...]
     sampled: SampledRange
     training_box: TrainingBox
-    estimate: ErrorEstimate | None = None
     network: SeparableNetwork | None = None
+    estimate: ErrorEstimate | None = None
 
     # ---- the potential ---------------------------------------------------------------------------
 
-    def potential(self, y: Array, at: RestValues) -> Derivatives:
-        """Return w (n,), ∂w/∂y (7, n) and ∂²w/∂y² (7, 7, n) at y (7, n) of a cell of unit modulus."""
-        return self._potential(y, at, rest_gradient(y, at))
+    def potential(self, y: Array, at: RestValues | None = None) -> Derivatives:
+        """Return w (n,), ∂w/∂y (7, n) and ∂²w/∂y² (7, 7, n) at y (7, n) of a cell of unit modulus.
 
-    def _potential(self, y: Array, at: RestValues, at_rest: Array) -> Derivatives:
-        """Return the same, given ∂W₂/∂y (7, n)."""
-        gradient, hessian = at_rest.copy(), rest_hessian(at, y.shape[1])
-        value = at.value + ((gradient + at.gradient) / 2 * y).sum(axis=0)
+        ``at`` are the undeformed members; None for a cell without parameters.
+        """
+        at = self.rest.together(None) if at is None else at
+        return self._start(y, at, at.potential_gradient(y))()
+
+    def _start(self, y: Array, at: RestValues, at_rest: Array) -> Callable[[], Derivatives]:
+        """Start the evaluation of the same, given ∂W₂/∂y (7, n), in the background if a network can."""
         parts = self._latest.of(at, lambda: self._parts_at(at.coordinates, at.scale))
-        self._add_beyond(y, parts, (value, gradient, hessian))
-        return value, gradient, hessian
+        add = self._start_beyond(y, parts)
+
+        def finish() -> Derivatives:
+            gradient, hessian = at_rest.copy(), at.potential_hessian(y.shape[1])
+            value = at.value + ((gradient + at.gradient) / 2 * y).sum(axis=0)
+            add((value, gradient, hessian))
+            return value, gradient, hessian
+
+        return finish
 
     def beyond_rest(self, y: Array, x: Array) -> Derivatives:
-        """Return R and its derivatives by y, as :meth:`potential`, at θ̂ (l, n)."""
+        """Return R and its derivatives by y, as :meth:`potential`, at θ̂ (l, n); (l, 1) is that of all points."""
         n = y.shape[1]
         found = np.zeros(n), np.zeros((VARIABLES, n)), np.zeros((VARIABLES, VARIABLES, n))
-        self._add_beyond(y, self._parts_at(Coordinates(x)), found)
+        self._start_beyond(y, self._parts_at(Coordinates(x)))(found)
         return found
 
-    def _add_beyond(self, y: Array, parts: BoundParts, found: Derivatives) -> None:
-        """Add all parts of R and their derivatives by y to ``found``, in place."""
-        nowhere = parts.fine is None and parts.network is None
-        beyond = np.zeros(0, dtype=np.int64) if nowhere else self.training_box.beyond(y)
-        if not len(beyond):
-            parts.add(y, found, parts.whole, parts.network)
-            return
-        before = [array[..., beyond].copy() for array in found]
-        parts.add(y, found, parts.whole, parts.network)
-        near, count = parts.take(beyond), len(beyond)
-        z, first, second = self.training_box.saturated(y[:, beyond])
-        there = np.zeros(count), np.zeros((VARIABLES, count)), np.zeros((VARIABLES, VARIABLES, count))
-        parts.add(z, there, near.fine, near.network)
-        _, g, h = there
-        h *= first[:, None] * first[None]
-        h[range(VARIABLES), range(VARIABLES)] += second * g
-        g *= first
-        parts.add(y[:, beyond], there, near.coarse, None)
-        for array, start, more in zip(found, before, there, strict=True):
-            array[..., beyond] = start + more
+    def _start_beyond(self, y: Array, parts: BoundParts) -> Callable[[Derivatives], None]:
+        """Start all parts of R; the returned function adds them and their derivatives by y in place."""
+        pending = parts.start(y, parts.whole, parts.network)
+
+        def add(found: Derivatives) -> None:
+            nowhere = parts.fine is None and parts.network is None
+            beyond = np.zeros(0, dtype=np.int64) if nowhere else self.training_box.beyond(y)
+            before = [array[..., beyond].copy() for array in found] if len(beyond) else []
+            pending(*found)
+            if not len(beyond):
+                return
+            near, count = parts.take(beyond), len(beyond)
+            z, first, second = self.training_box.saturated(y[:, beyond])
+            there = np.zeros(count), np.zeros((VARIABLES, count)), np.zeros((VARIABLES, VARIABLES, count))
+            parts.start(z, near.fine, near.network)(*there)
+            _, g, h = there
+            h *= first[:, None] * first[None]
+            h[range(VARIABLES), range(VARIABLES)] += second * g
+            g *= first
+            parts.start(y[:, beyond], near.coarse, None)(*there)
+            for array, start, more in zip(found, before, there, strict=True):
+                array[..., beyond] = start + more
+
+        return add
 
     @cached_property
     def _latest(self) -> Latest[RestValues, BoundParts]:
@@ -127,16 +153,17 @@ class FamilyModel:
 
     def predict(self, states: MacroState, *, tangent: bool) -> CellResponse:
         """Return all responses of n states and, if ``tangent``, their exact derivatives by (H, p)."""
-        _, stretch, y, at, scaling = self.at_states(states)
-        at_rest = rest_gradient(y, at)
-        value, gradient, hessian = self._potential(y, at, at_rest)
+        stretch, y, at, scaling = self.at_states(states)
+        at_rest = at.potential_gradient(y)
+        pending = self._start(y, at, at_rest)
+        mean_grad, derivatives = self._mean_grad(stretch, y, at, scaling, tangent)
+        value, gradient, hessian = pending()
         outside = self._outside(states, y, at, gradient - at_rest)
         if not scaling.trivial:
             by, c = scaling.variables, scaling.factor
             value, gradient = value * c, gradient * by * c
             hessian *= by * c
             hessian *= by[:, None]
-        mean_grad, derivatives = self._mean_grad(stretch, y, at, scaling, tangent)
         found = None
         if not tangent:
             stress = stretch.stress(gradient[:6])
@@ -162,49 +189,44 @@ class FamilyModel:
 
     def at_states(
         self, states: MacroState, slopes: bool = False
-    ) -> tuple[Array, LogStretch, Array, RestValues, Scaling]:
+    ) -> tuple[LogStretch, Array, RestValues, Scaling]:
         self.sampled.inputs.require_parameters(states)
-        theta = states.parameters
-        assert theta is not None
         stretch = LogStretch.from_gradient(states.grad_u)
-        scaling = Scaling.from_parameters(self.rest.parameters, theta)
+        scaling = self.rest.scaling(states.parameters)
         y = scaling.inner(variables(stretch, states.p))
-        at = self.rest.together(theta, slopes=slopes)
-        return theta, stretch, y, at, scaling
+        return stretch, y, self.rest.together(states.parameters, slopes=slopes), scaling
 
-    def mean_part(
-        self, y: Array, at: RestValues, by_coordinates: bool = False
-    ) -> tuple[Array, dict[tuple[int, int], Array]]:
-        """Return Rᵀ⟨∇u¹⟩ (9, n) and its derivatives by component and variable at a stretch λ of 1, rest left alone.
+    def mean_part(self, y: Array, at: RestValues) -> tuple[Array, Slopes]:
+        """Return Rᵀ⟨∇u¹⟩ (9, n) and its derivatives by component and variable, θ̂ last, at a stretch λ of 1."""
+        active, x = list(self.active), np.broadcast_to(at.x, (len(at.x), y.shape[1]))
+        t, beyond, steepness = self._saturated(y[active])
+        found, first, _ = self.mean_grad.entries(np.concatenate([t, x]), second=False)
+        found += at.mean_part(y)
+        return found, self._mean_slopes(at, first, beyond, steepness)
 
-        With ``by_coordinates`` θ̂ follow the seven variables.
-        """
-        active = list(self.active)
-        t, steepness = y[active], None
-        beyond = self.training_box.beyond_active(t)
+    def _saturated(self, t: Array) -> tuple[Array, IntArray, Array | None]:
+        """Return t (d, n), saturated in place beyond the box; which are beyond it, and derivatives there."""
+        beyond, steepness = self.training_box.beyond_active(t), None
         if len(beyond):
             t[:, beyond], steepness, _ = self.training_box.saturated_active(t[:, beyond])
-        if by_coordinates:
-            x = np.broadcast_to(at.x, (len(at.x), y.shape[1]))
-            found, first, _ = self.mean_grad.entries(np.concatenate([t, x]), second=False)
-        else:
-            bound = self._latest_means.of(at, lambda: self._mean_by_y.at(at.coordinates))
-            found, first, _ = bound.entries(t, second=False)
-        found += at.mean_value
+        return t, beyond, steepness
+
+    def _mean_slopes(
+        self, at: RestValues, first: list[Entry], beyond: IntArray, steepness: Array | None
+    ) -> Slopes:
+        """Return the derivatives of Rᵀ⟨∇u¹⟩ from those of its polynomial."""
         slopes = dict(at.mean_linear)
-        for (o, a), slope in at.mean_linear.items():
-            found[o] += slope * y[a]
         for (o, i), row in first:
-            if i >= len(active):
-                slopes[o, VARIABLES + i - len(active)] = row
+            if i >= len(self.active):
+                slopes[o, VARIABLES + i - len(self.active)] = row
                 continue
             if steepness is not None:
                 row[beyond] *= steepness[i]
-            place = o, active[i]
+            place = o, self.active[i]
             if place in slopes:
                 row += slopes[place]
             slopes[place] = row
-        return found, slopes
+        return slopes
 
     @cached_property
     def _mean_by_y(self) -> VaryingPolynomial:
@@ -218,14 +240,22 @@ class FamilyModel:
         self, stretch: LogStretch, y: Array, at: RestValues, scaling: Scaling, tangent: bool
     ) -> tuple[Array, tuple[Array, Array]]:
         n, R = y.shape[1], stretch.rotations
-        unrotated, slopes = self.mean_part(y, at)
+        t, beyond, steepness = self._saturated(y[list(self.active)])
+        bound = self._latest_means.of(at, lambda: self._mean_by_y.at(at.coordinates))
+        if tangent:
+            unrotated, first, _ = bound.entries(t, second=False)
+        else:
+            unrotated, first = bound.evaluate(t), []
+        unrotated += at.mean_part(y)
         if not scaling.trivial:
             unrotated *= scaling.stretch
-            slopes = {at: row * scaling.variables[at[1]] * scaling.stretch for at, row in slopes.items()}
         turned = np.ascontiguousarray(unrotated.T).reshape(n, 3, 3)
         turned = turned if R is None else R @ turned
         if not tangent:
             return turned, (turned, turned)
+        slopes = self._mean_slopes(at, first, beyond, steepness)
+        if not scaling.trivial:
+            slopes = {at: row * scaling.variables[at[1]] * scaling.stretch for at, row in slopes.items()}
         by_p = np.zeros((n, 3, 3))
         for o in range(9):
             if (o, 6) in slopes:
@@ -239,9 +269,9 @@ class FamilyModel:
         """Return the estimated error of n states, a share of the range of stress or fluid volume; NaN without one."""
         if self.estimate is None:
             return np.full(len(states), np.nan)
-        _, _, y, at, _ = self.at_states(states)
-        at_rest = rest_gradient(y, at)
-        found = self._judged(at, self._potential(y, at, at_rest)[1] - at_rest)
+        _, y, at, _ = self.at_states(states)
+        at_rest = at.potential_gradient(y)
+        found = self._judged(at, self._start(y, at, at_rest)()[1] - at_rest)
         return self.estimate.error(_with_coordinates(y, at), found)
 
     def _outside(self, states: MacroState, y: Array, at: RestValues, beyond: Array) -> npt.NDArray[np.bool_]:
@@ -269,36 +299,20 @@ class FamilyModel:
 
 def _with_coordinates(y: Array, at: RestValues) -> Array:
     """Return y and θ̂ (7 + l, n)."""
-    return np.concatenate([y, np.broadcast_to(at.x, (len(at.x), y.shape[1]))])
+    return np.concatenate([y, np.broadcast_to(at.x, (len(at.x), y.shape[1]))]) if len(at.x) else y
 
 
-def rest_gradient(y: Array, at: RestValues) -> Array:
-    """Return ∂W₂/∂y (7, n)."""
-    if at.matrix.shape[2] == 1:
-        return at.gradient + at.matrix[:, :, 0] @ y
-    gradient = at.gradient.copy()
-    for (a, b), entry in at.linear.items():
-        gradient[a] += entry * y[b]
-    return gradient
-
-
-def rest_hessian(at: RestValues, n: int) -> Array:
-    """Return ∂²W₂/∂y² (7, 7, n), of which most entries are zero."""
-    hessian = np.zeros((VARIABLES, VARIABLES, n))
-    for place, entry in at.linear.items():
-        hessian[place] = entry
-    return hessian
-
-
-def family_slopes(model: FamilyModel, states: MacroState) -> CellSlopes:
+def slopes_by_parameters(model: PotentialModel, states: MacroState) -> CellSlopes:
     """Return the derivatives of all responses but the conductivity by the m parameters, at fixed (H, p)."""
-    theta, stretch, y, at, scaling = model.at_states(states, slopes=True)
-    parameters, n = model.rest.parameters, len(states)
+    stretch, y, at, scaling = model.at_states(states, slopes=True)
+    parameters, theta, n = model.rest.parameters, states.parameters, len(states)
+    assert parameters is not None
+    assert theta is not None
     m = len(parameters.kinds)
     value, gradient, hessian = model.potential(y, at)
     by, c = scaling.variables, scaling.factor
     W, T = np.zeros((m, n)), np.zeros((7, m, n))
-    mean, rows = model.mean_part(y, at, by_coordinates=True)
+    mean, rows = model.mean_part(y, at)
     mean_slopes = np.zeros((9, VARIABLES + len(at.x), n))
     for place, row in rows.items():
         mean_slopes[place] = row
@@ -326,7 +340,9 @@ def family_slopes(model: FamilyModel, states: MacroState) -> CellSlopes:
     )
 
 
-def _learned(model: FamilyModel, y: Array, at: RestValues, mean_slopes: Array) -> tuple[Array, Array, Array]:
+def _learned(
+    model: PotentialModel, y: Array, at: RestValues, mean_slopes: Array
+) -> tuple[Array, Array, Array]:
     """Return the derivatives of w (l, n), ∂w/∂y (7, l, n) and Rᵀ⟨∇u¹⟩ (9, l, n) by the learned parameters."""
     s, l = at.slopes, len(at.x)
     assert s is not None
