@@ -46,7 +46,7 @@ def benchmark_picture(folder: RunFolder) -> Figure:
 
 def _shade(axes: Axes, history: History) -> None:
     """Grey from the time on at which every point asks the surrogate outside the states it was trained on."""
-    outside = np.flatnonzero(history.outside_training_range > 0.999)
+    outside = np.flatnonzero(history.flagged > 0.999)
     if len(outside):
         start = float(history.time[outside[0]])
         axes.axvspan(start, float(history.time[-1]), color="0.93", lw=0, zorder=0)

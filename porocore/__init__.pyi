@@ -72,6 +72,7 @@ from porocore.states import CellExtrema as CellExtrema
 from porocore.states import CellResponse as CellResponse
 from porocore.states import CellSlopes as CellSlopes
 from porocore.states import CellTangent as CellTangent
+from porocore.states import Doubt as Doubt
 from porocore.states import MacroState as MacroState
 from porocore.states import Status as Status
 from porocore.study.api.solved import CellProblem as CellProblem

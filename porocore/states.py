@@ -8,7 +8,7 @@ pressures and energies are in units of the reference modulus E (Young's modulus 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from enum import IntEnum
+from enum import IntEnum, IntFlag
 from functools import partial
 from typing import TypeAlias
 
@@ -57,6 +57,36 @@ class Status(IntEnum):
     def stable(self) -> bool:
         """True where the equilibrium is stable; a surrogate learns from these only."""
         return self in (Status.converged, Status.contact)
+
+
+class Doubt(IntFlag):
+    """Reasons not to rely on a state that was predicted; a state may have several, and 0 is none.
+
+    Examples
+    --------
+    >>> from porocore import Doubt
+    >>> found = Doubt(6)
+    >>> Doubt.error in found, Doubt.outside in found
+    (True, False)
+    """
+
+    #: Beyond the sampled states: far from all of them, or outside their hull where errors are not estimated.
+    outside = 1
+    #: The estimated error exceeds the tolerance.
+    error = 2
+    #: The cell is in an unstable equilibrium.
+    unstable = 4
+    #: Pore walls touch in sampled states nearby, and there is no conductivity.
+    closed = 8
+    #: A component moves that was not sampled.
+    not_sampled = 16
+
+    @classmethod
+    def where(cls, **reasons: npt.NDArray[np.bool_] | None) -> IntArray:
+        """Return the doubts (n,) from which rows have which of them, (n,) bool each; None: no row."""
+        found = [np.where(rows, int(cls[name]), 0) for name, rows in reasons.items() if rows is not None]
+        total: IntArray = np.sum(found, axis=0, dtype=np.int64)
+        return total
 
 
 @dataclass(frozen=True, eq=False)
@@ -333,13 +363,13 @@ class CellResponse(Batch):
     )
     tangent: CellTangent | None = field(default=None, metadata=rows_of(CellTangent))
     extrema: CellExtrema | None = field(default=None, metadata=rows_of(CellExtrema, name="peaks"))
-    outside_training_range: npt.NDArray[np.bool_] | None = field(
+    doubt: IntArray | None = field(
         default=None,
         metadata=row(
             "-",
-            "For a surrogate: the state lies outside the range it was trained on.",
+            "Reasons not to rely on the row, :class:`Doubt` as a number; 0: none.",
             flag="surrogate",
-            dtype=np.bool_,
+            dtype=np.int64,
         ),
     )
     conductivity: Array | None = field(
@@ -367,6 +397,11 @@ class CellResponse(Batch):
 
     def __len__(self) -> int:
         return len(self.status)
+
+    @property
+    def flagged(self) -> npt.NDArray[np.bool_]:
+        """Rows that are not to be relied on, for whatever reason, (n,) bool."""
+        return np.zeros(len(self), bool) if self.doubt is None else self.doubt != 0
 
     @property
     def valid(self) -> npt.NDArray[np.bool_]:

@@ -18,7 +18,7 @@ from porocore.core.echo import cut, did_you_mean, joined
 from porocore.core.models.bounds import LARGEST_GRADIENT, LARGEST_PRESSURE
 from porocore.core.units import spoken
 from porocore.errors import ConfigurationError
-from porocore.states import Array, IntArray, MacroState
+from porocore.states import Array, Doubt, IntArray, MacroState
 
 #: Values that are told apart at most; of more, the farthest.
 MOST = 200
@@ -405,10 +405,15 @@ class SampledRange:
 
     def outside(self, states: MacroState) -> npt.NDArray[np.bool_]:
         """Return which states (n,) lie outside, or vary a component that was not sampled."""
+        outside: npt.NDArray[np.bool_] = self.doubt(states) != 0
+        return outside
+
+    def doubt(self, states: MacroState) -> IntArray:
+        """Return the :class:`~porocore.Doubt` of states (n,) that lie outside, or vary a component not sampled."""
         return self._beyond(states, self._planes, 1e-9)
 
-    def far(self, states: MacroState) -> npt.NDArray[np.bool_]:
-        """Return which states (n,) lie ``FAR`` outside, or vary a component that was not sampled.
+    def far(self, states: MacroState) -> IntArray:
+        """Return the :class:`~porocore.Doubt` of states (n,) that lie ``FAR`` outside, or vary a component not sampled.
 
         In more than ``CORNERED`` inputs the faces of the box count only: the corners that an even design leaves
         empty lie outside its hull, and a surrogate may know them well.
@@ -417,14 +422,13 @@ class SampledRange:
         faces = np.count_nonzero(self.normals, axis=1) == 1
         return self._beyond(states, self._planes if few else self._planes[faces], FAR)
 
-    def _beyond(self, states: MacroState, planes: Array, by: float) -> npt.NDArray[np.bool_]:
+    def _beyond(self, states: MacroState, planes: Array, by: float) -> IntArray:
         self.inputs.require_parameters(states)
         rows = components(states)
         outside = np.logical_not(_within(planes, rows[list(self.inputs.columns)].T, by))
-        outside |= self.inputs.others_move(rows)
         if self.inputs.used and states.parameters is not None:
             outside |= self._not_used(states.parameters)
-        return outside
+        return Doubt.where(outside=outside, not_sampled=self.inputs.others_move(rows))
 
     def _not_used(self, parameters: Array) -> npt.NDArray[np.bool_]:
         """Return which parameters (n, m) are away from those that are used; the last answer is kept."""

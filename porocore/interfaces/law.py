@@ -12,7 +12,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +20,7 @@ import numpy.typing as npt
 from porocore.core.fields import Batch
 from porocore.core.files.plain_data import stable_hash
 from porocore.errors import ConfigurationError
-from porocore.states import Array, CellResponse, CellSlopes, MacroState
+from porocore.states import Array, CellResponse, CellSlopes, IntArray, MacroState
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,8 +220,8 @@ class MacroResponse(Batch):
         det F̄, by which the drained volume is divided (1 in a linear law).
     transformed_conductivity : (n, 3, 3)
         K_t = K_ref/det F̄ with q = −K_ref ∇_X p (K in a linear law).
-    outside_training_range : (n,) bool
-        The cell law was asked outside the range that it was trained on.
+    doubt : (n,)
+        Reasons not to rely on the cell law, :class:`~porocore.Doubt` as a number; 0: none.
     """
 
     stress: Array
@@ -231,8 +231,14 @@ class MacroResponse(Batch):
     deformation: Array
     volume_ratio: Array
     transformed_conductivity: Array
-    outside_training_range: npt.NDArray[Any]
+    doubt: IntArray
     tangent: MacroTangent | None = None
+
+    @property
+    def flagged(self) -> npt.NDArray[np.bool_]:
+        """Points that are not to be relied on, (n,) bool."""
+        flagged: npt.NDArray[np.bool_] = self.doubt != 0
+        return flagged
 
 
 class MacroLaw(ABC):

@@ -13,7 +13,7 @@ from porocore.core.hdf5 import Contents, atomic_hdf5, link_to, name_of_link, num
 from porocore.core.units import ResultUnits
 from porocore.errors import DataError
 from porocore.interfaces.cell import ElementCells
-from porocore.states import Array, MacroState
+from porocore.states import Array, Doubt, MacroState
 
 #: Fields of a solution that map names to values against time, with the shape of one value.
 SERIES: dict[str, tuple[int, ...]] = {
@@ -56,6 +56,14 @@ class StepReport:
     displacement: float = 0.0
 
 
+#: Until version 4 the shares that are flagged were not told apart by their reason.
+FORMAT, VERSION = "porocore-solution", 5
+
+
+def _not_given() -> Array:
+    return np.zeros(0)
+
+
 @dataclass(frozen=True, eq=False)
 class History:
     """Scalars against time, all (steps,); the first row is the state at rest."""
@@ -71,8 +79,8 @@ class History:
     drained: Array
     #: The paper's measure of it: ∫∫ (1/det F̄) ∇·(Ḡw) dV dt.
     drained_paper: Array
-    #: Volume share of the points at which the cell law was asked outside its sampled range.
-    outside_training_range: Array
+    #: Volume share of the points that are flagged, for whatever reason.
+    flagged: Array
     #: Largest deviation of the element means of P_E,22 from their average over the body.
     stress_spread: Array
     #: Newton iterations of the step.
@@ -83,6 +91,18 @@ class History:
     pressure_min: Array
     #: Largest magnitude of the displacement u.
     displacement: Array
+    #: Volume shares of the points that are flagged for each reason of :class:`~porocore.Doubt`; zeros if not given.
+    flagged_outside: Array = field(default_factory=_not_given)
+    flagged_error: Array = field(default_factory=_not_given)
+    flagged_unstable: Array = field(default_factory=_not_given)
+    flagged_closed: Array = field(default_factory=_not_given)
+    flagged_not_sampled: Array = field(default_factory=_not_given)
+
+    def __post_init__(self) -> None:
+        """Fill the shares for each reason that are not given with zeros."""
+        for each in Doubt:
+            if not len(getattr(self, f"flagged_{each.name}")):
+                object.__setattr__(self, f"flagged_{each.name}", np.zeros(len(self.time)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +119,7 @@ class Profile:
     stress: Array  #: (elements, 3, 3)  P_E
     flux: Array  #: (elements, 3)  Ḡw
     element_p: Array  #: (elements,)
-    outside_training_range: Array  #: (elements,)  share of the element's points outside the sampled range
+    flagged: Array  #: (elements,)  share of the element's points that are flagged
 
     @property
     def reference_conductivity(self) -> Array:
@@ -115,22 +135,13 @@ class Profile:
         return k
 
 
-#: Names in files of the fields that have another one in Python.
-_FILE_NAMES = {"outside_training_range": "outside"}
-
-
-def file_name(field: str) -> str:
-    """Return the name in files of a field of a history or a profile."""
-    return _FILE_NAMES.get(field, field)
-
-
 #: Shapes of the fields of a profile; all but the time.
 PROFILE_SHAPES: dict[str, tuple[str | int, ...]] = {
     "u": ("nodes", 3),
     "p": ("nodes",),
     **{name: ("elements", 3, 3) for name in ("grad_u", "mean_grad", "deformation", "conductivity", "stress")},
     "flux": ("elements", 3),
-    **{name: ("elements",) for name in ("element_p", "outside_training_range")},
+    **{name: ("elements",) for name in ("element_p", "flagged")},
 }
 
 
@@ -226,7 +237,7 @@ class MacroSolution:
     def save(self, path: Path) -> None:
         """Write one HDF5 file, atomically."""
         with atomic_hdf5(path) as file:
-            file.attrs.update(format="porocore-solution", version=4, law=self.law, load=self.load)
+            file.attrs.update(format=FORMAT, version=VERSION, law=self.law, load=self.load)
             file.attrs.update(
                 backend=self.backend, copies=float(self.copies), linear_solver=self.linear_solver
             )
@@ -234,13 +245,13 @@ class MacroSolution:
                 file.attrs["units"] = self.units.as_text()
             file["points"], file["cells"] = self.points, self.cells
             for f in fields(History):
-                file[f"history/{file_name(f.name)}"] = getattr(self.history, f.name)
+                file[f"history/{f.name}"] = getattr(self.history, f.name)
             for kind in SERIES:
                 for name, values in getattr(self, kind).items():
                     file[f"{kind}/{link_to(name)}"] = values
             for i, profile in enumerate(self.profiles):
                 for f in fields(Profile):
-                    file[f"profiles/{i}/{file_name(f.name)}"] = getattr(profile, f.name)
+                    file[f"profiles/{i}/{f.name}"] = getattr(profile, f.name)
             if self.element_cells is not None:
                 self.element_cells.save(file)
 
@@ -254,13 +265,12 @@ class MacroSolution:
             The file is truncated or foreign.
         """
         with opened(path, "porocore solution", "solve again") as file:
-            if not file.is_of("porocore-solution", 4):
+            if not file.is_of(FORMAT, VERSION):
                 raise DataError(
-                    f"{path}: expected a porocore solution of version 4; move it elsewhere and solve again"
+                    f"{path}: expected a porocore solution of version {VERSION}; move it elsewhere and solve again"
                 )
             history = {
-                f.name: file.array(f"history/{file_name(f.name)}", "steps", kind="number")
-                for f in fields(History)
+                f.name: file.array(f"history/{f.name}", "steps", kind="number") for f in fields(History)
             }
             points = file.array("points", "nodes", 3)
             cells = file.array("cells", "elements", "nodes of an element", kind="int")
@@ -298,7 +308,6 @@ def _text(file: Contents, name: str) -> str:
 def read_profile(file: Contents, group: str) -> Profile:
     """Return the profile in a group of an open file."""
     arrays = {
-        name: file.array(f"{group}/{file_name(name)}", at, *shape)
-        for name, (at, *shape) in PROFILE_SHAPES.items()
+        name: file.array(f"{group}/{name}", at, *shape) for name, (at, *shape) in PROFILE_SHAPES.items()
     }
     return Profile(time=float(file.array(f"{group}/time")), **arrays)

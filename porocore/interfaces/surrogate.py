@@ -183,7 +183,7 @@ class Surrogate(CellLaw):
 
     @abstractmethod
     def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
-        """Return responses and exact derivatives of n states; ``outside_training_range`` flags those not to be trusted.
+        """Return responses and exact derivatives of n states; ``doubt`` says which not to rely on.
 
         These are states whose error is estimated to exceed the tolerance of the training set, and those far from all
         that was sampled.

@@ -8,9 +8,17 @@ from pathlib import Path
 
 from porocore.core.files.plain_data import write_csv
 from porocore.core.units import ResultUnits
-from porocore.interfaces.solution import History, MacroSolution, file_name
+from porocore.interfaces.solution import History, MacroSolution
 from porocore.states import Array
 
+#: Words for each reason of :class:`~porocore.Doubt`.
+DOUBTS = {
+    "outside": "beyond the sampled states",
+    "error": "estimated error beyond the tolerance",
+    "unstable": "unstable cell",
+    "closed": "next to states whose pore walls touch",
+    "not_sampled": "a component moves that was not sampled",
+}
 #: Of the fields of a history: the quantity ('' is a plain number), and in words.
 HISTORY = {
     "time": ("time", "time"),
@@ -19,12 +27,13 @@ HISTORY = {
     "pressure_max": ("pressure", "largest pore pressure"),
     "drained": ("volume", "drained volume, what has left through the boundary"),
     "drained_paper": ("volume", "the paper's measure of the drained volume"),
-    "outside_training_range": ("", "share of the body that is flagged"),
+    "flagged": ("", "share of the body that is flagged"),
     "stress_spread": ("stress", "largest deviation of P_E,22 from its mean over the body"),
     "iterations": ("", "Newton iterations of the step"),
     "heave": ("displacement", "largest displacement along +y, max(u_2)"),
     "pressure_min": ("pressure", "least pore pressure"),
     "displacement": ("displacement", "largest size of the displacement max|u|"),
+    **{f"flagged_{name}": ("", f"share that is flagged: {words}") for name, words in DOUBTS.items()},
 }
 #: Of the components of a probe.
 PROBE = (("u_1", "displacement"), ("u_2", "displacement"), ("u_3", "displacement"), ("p", "pressure"))
@@ -64,7 +73,7 @@ def all_series(solution: MacroSolution) -> Iterator[Series]:
     """Yield the history, then probes, forces and inflows; time comes first."""
     for field in fields(History):
         quantity, words = HISTORY[field.name]
-        yield Series(file_name(field.name), quantity, words, getattr(solution.history, field.name))
+        yield Series(field.name, quantity, words, getattr(solution.history, field.name))
     for name, values in solution.probes.items():
         for i, (component, quantity) in enumerate(PROBE):
             yield Series(f"{name}: {component}", quantity, f"{component} at the probe {name}", values[:, i])

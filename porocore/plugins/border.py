@@ -352,9 +352,7 @@ def check_prediction(law: object, response: Any, states: MacroState) -> CellResp
         raise refuse(law, fault)
     if fault := number_fault(response):
         finite = np.isfinite(states.grad_u).all(axis=(1, 2)) & np.isfinite(states.p)
-        known = (
-            finite if response.outside_training_range is None else finite & ~response.outside_training_range
-        )
+        known = finite & ~response.flagged
         if not known.all():
             fault = number_fault(response[known])
         if fault:

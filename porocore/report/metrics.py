@@ -9,7 +9,7 @@ import numpy as np
 
 from porocore.interfaces.solution import History, MacroSolution
 from porocore.report.format import number
-from porocore.states import Array
+from porocore.states import Array, Doubt
 
 #: A run whose largest displacement still moves by more than this share of its largest value in the last tenth of the
 #: time has not reached the steady state.
@@ -248,9 +248,10 @@ def solution_metrics(solution: MacroSolution) -> dict[str, Any]:
         "drained_paper": float(history.drained_paper[-1]),
         "largest_drained": largest_value(history.drained),
         "time_of_largest_drained": time_of_largest(history.time, history.drained),
-        "flagged_end": float(history.outside_training_range[-1]),
-        "flagged_largest": float(history.outside_training_range.max()),
-        "flagged_time_mean": time_mean(history.time, history.outside_training_range),
+        "flagged_end": float(history.flagged[-1]),
+        "flagged_largest": float(history.flagged.max()),
+        "flagged_time_mean": time_mean(history.time, history.flagged),
+        "flagged_reasons": _reasons(history),
         "flagged_first_time": _first_time(history, 0.0),
         "flagged_all_time": _first_time(history, 1 - 1e-9),
         "stress_spread": float(history.stress_spread.max()),
@@ -260,9 +261,15 @@ def solution_metrics(solution: MacroSolution) -> dict[str, Any]:
     }
 
 
+def _reasons(history: History) -> dict[str, float]:
+    """Return the largest share of the body that is flagged for each reason of :class:`~porocore.Doubt`, if any is."""
+    found = {each.name or "": float(getattr(history, f"flagged_{each.name}").max()) for each in Doubt}
+    return {name: share for name, share in found.items() if share > 0}
+
+
 def _first_time(history: History, share: float) -> float | None:
     """Return the first time at which more than ``share`` of the body is flagged; None: never."""
-    beyond = np.flatnonzero(history.outside_training_range > share)
+    beyond = np.flatnonzero(history.flagged > share)
     return float(history.time[beyond[0]]) if len(beyond) else None
 
 

@@ -25,7 +25,7 @@ FIELDS = {
     "P_E": ("stress", "stress"),
     "flux": ("flux", "velocity"),
     "element_p": ("element_p", "pressure"),
-    "outside": ("outside_training_range", ""),
+    "flagged": ("flagged", ""),
 }
 
 

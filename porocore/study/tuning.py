@@ -197,7 +197,7 @@ def held_out_errors(predicted: CellResponse, truth: CellResponse, data: Training
 
     Only those components of the stress count that do work on the sampled inputs; the others are not learned.
     """
-    beyond = predicted.outside_training_range
+    beyond = predicted.flagged
     inside = np.ones(len(truth), dtype=bool) if beyond is None or beyond.all() else ~beyond
     moved = [column for column in data.inputs.columns if column < 9]
     errors = {}

@@ -19,7 +19,7 @@ from porocore.core.inputs import SampledRange
 from porocore.core.tensors import exponential, logarithm, symmetric_exponential, symmetric_logarithm
 from porocore.errors import DataError
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.states import Array, IntArray, MacroState
+from porocore.states import Array, Doubt, IntArray, MacroState
 from porocore.surrogates.error_estimate.estimate import ErrorEstimate
 from porocore.surrogates.error_estimate.fit import Equations, draw, estimate, monomials
 from porocore.surrogates.family.coordinates import Scaling
@@ -129,23 +129,23 @@ class ConductivityModel:
         z, at = self._inputs(states)
         return self.estimate.error(z, self.beyond_rest(z, at))
 
-    def outside(self, states: MacroState) -> npt.NDArray[np.bool_]:
-        """Return which of n states are flagged: far from all that have a conductivity, or by the estimated error."""
-        unrotated, judge = self.sampled.inputs.without_rotation(states), self.estimate
+    def doubt(self, states: MacroState) -> IntArray:
+        """Return the doubts (n,) of states: far from all that have a conductivity, or by the estimated error.
+
+        Those within all ranges beside which pores are closed in sampled states have a doubt of their own.
+        """
+        inputs, judge = self.sampled.inputs, self.estimate
+        unrotated = inputs.without_rotation(states)
+        found = self.sampled.far(unrotated) if judge and not self.closing else self.sampled.doubt(unrotated)
+        if self.closing:
+            unit = inputs.to_unit(inputs.gather(unrotated))
+            near = ((unit >= 0) & (unit <= 1)).all(axis=1) & (found == int(Doubt.outside))
+            found = np.where(near, int(Doubt.closed), found)
         if judge is None:
-            return self.sampled.outside(unrotated)
-        strange = (self.sampled.outside if self.closing else self.sampled.far)(unrotated)
+            return found
         z, at = self._inputs(states)
         members = self._latest_members.of(at, lambda: judge.at(at.coordinates)) if len(at.x) else None
-        return strange | judge.flagged(z, self.beyond_rest(z, at), members)
-
-    def next_to_closed(self, states: MacroState) -> npt.NDArray[np.bool_]:
-        """Return which of n states within all ranges are flagged since pores are closed in sampled states there."""
-        inputs = self.sampled.inputs
-        unrotated = inputs.without_rotation(states)
-        unit = inputs.to_unit(inputs.gather(unrotated))
-        near: npt.NDArray[np.bool_] = ((unit >= 0) & (unit <= 1)).all(axis=1) & self.closing
-        return near & self.sampled.outside(unrotated)
+        return found | Doubt.where(error=judge.flagged(z, self.beyond_rest(z, at), members))
 
     def beyond_rest(self, z: Array, at: RestValues | None = None) -> Array:
         """Return the upper triangle (6, n) of S less its value at rest, at active variables and θ̂ z (d + l, n).

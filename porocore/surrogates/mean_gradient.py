@@ -10,13 +10,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from porocore.core.files.plain_data import stable_hash
 from porocore.core.inputs import InputSpace, SampledRange, flatten
 from porocore.errors import DataError
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
+from porocore.states import Array, CellResponse, CellTangent, Doubt, IntArray, MacroState, Status
 from porocore.surrogates.error_estimate.estimate import ErrorEstimate
 from porocore.surrogates.network.network import Evaluator
 
@@ -116,7 +115,7 @@ class AnchoredModel:
             mean_grad=mean_grad.reshape(n, 3, 3),
             status=np.full(n, int(Status.converged), dtype=np.int64),
             tangent=derivatives,
-            outside_training_range=self._outside(states, flat, mean_grad),
+            doubt=self._doubt(states, flat, mean_grad),
         )
 
     def beyond_linear(self, x: Array) -> Array:
@@ -131,13 +130,14 @@ class AnchoredModel:
         x = self.scaling.scale(flatten(states)[:, self.sampled.inputs.columns])
         return self.estimate.error((x - self.scaling.rest).T, self.beyond_linear(x))
 
-    def _outside(self, states: MacroState, flat: Array, mean_grad: Array) -> npt.NDArray[np.bool_]:
-        """Return which states are flagged, (n,): far from all known ones, or by the estimated error."""
+    def _doubt(self, states: MacroState, flat: Array, mean_grad: Array) -> IntArray:
+        """Return the doubts (n,) of states: far from all known ones, or by the estimated error."""
         if self.estimate is None:
-            return self.sampled.outside(states)
+            return self.sampled.doubt(states)
         found = (mean_grad - flat @ self.linear.T)[:, list(self.components)].T
         x = self.scaling.scale(flat[:, self.sampled.inputs.columns])
-        return self.sampled.far(states) | self.estimate.flagged((x - self.scaling.rest).T, found)
+        flagged = self.estimate.flagged((x - self.scaling.rest).T, found)
+        return self.sampled.far(states) | Doubt.where(error=flagged)
 
 
 #: A component of <∇u¹>_s whose remainder stays below this, or below this share of the largest one, is not learned.

@@ -21,10 +21,9 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from porocore.core.inputs import Coordinates, SampledRange
-from porocore.states import Array, CellResponse, CellSlopes, CellTangent, IntArray, MacroState, Status
+from porocore.states import Array, CellResponse, CellSlopes, CellTangent, Doubt, IntArray, MacroState, Status
 from porocore.surrogates.error_estimate.estimate import ErrorEstimate
 from porocore.surrogates.family.coordinates import Scaling
 from porocore.surrogates.family.joint import BoundParts, JointPolynomial, Latest, summed
@@ -158,7 +157,7 @@ class PotentialModel:
         pending = self._start(y, at, at_rest)
         mean_grad, derivatives = self._mean_grad(stretch, y, at, scaling, tangent)
         value, gradient, hessian = pending()
-        outside = self._outside(states, y, at, gradient - at_rest)
+        doubt = self._doubt(states, y, at, gradient - at_rest)
         if not scaling.trivial:
             by, c = scaling.variables, scaling.factor
             value, gradient = value * c, gradient * by * c
@@ -184,7 +183,7 @@ class PotentialModel:
             stress=stress,
             fluid_volume=-gradient[6],
             tangent=found,
-            outside_training_range=outside,
+            doubt=doubt,
         )
 
     def at_states(
@@ -274,17 +273,17 @@ class PotentialModel:
         found = self._judged(at, self._start(y, at, at_rest)()[1] - at_rest)
         return self.estimate.error(_with_coordinates(y, at), found)
 
-    def _outside(self, states: MacroState, y: Array, at: RestValues, beyond: Array) -> npt.NDArray[np.bool_]:
-        """Return which states are flagged, (n,): far from all known ones, or by the estimated error.
+    def _doubt(self, states: MacroState, y: Array, at: RestValues, beyond: Array) -> IntArray:
+        """Return the doubts (n,) of states: far from all known ones, or by the estimated error.
 
         ``beyond`` are the derivatives (7, n) of w less those of W₂.
         """
         unrotated, estimate = self.sampled.inputs.without_rotation(states), self.estimate
         if estimate is None:
-            return self.sampled.outside(unrotated)
+            return self.sampled.doubt(unrotated)
         members = self._latest_members.of(at, lambda: estimate.at(at.coordinates))
         flagged = estimate.flagged(_with_coordinates(y, at), self._judged(at, beyond), members)
-        return self.sampled.far(unrotated) | flagged
+        return self.sampled.far(unrotated) | Doubt.where(error=flagged)
 
     def _judged(self, at: RestValues, beyond: Array) -> Array:
         """Return the quantities that the estimate judges, (c, n)."""

@@ -15,7 +15,7 @@ from porocore.core.parallel.memory import exactly_one_blas_thread
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import UndeformedCells
 from porocore.interfaces.surrogate import OnProgress, Surrogate, TrainingSet
-from porocore.states import CELL_FIELDS, Array, CellResponse, CellSlopes, MacroState
+from porocore.states import CELL_FIELDS, Array, CellResponse, CellSlopes, Doubt, MacroState
 from porocore.surrogates.conductivity import ConductivityModel, fit_conductivity
 from porocore.surrogates.error_estimate.estimate import ERROR_END, reasons
 from porocore.surrogates.family.rest import RestModel
@@ -129,10 +129,10 @@ class ModelSurrogate(Surrogate):
         gradients = response.tangent
         if gradients is not None:
             gradients = replace(gradients, conductivity_grad_u=by_H, conductivity_p=by_p)
-        outside = self.conductivity.outside(states)
-        if response.outside_training_range is not None:
-            outside = outside | response.outside_training_range
-        return replace(response, conductivity=K, tangent=gradients, outside_training_range=outside)
+        doubt = self.conductivity.doubt(states)
+        if response.doubt is not None:
+            doubt = doubt | response.doubt
+        return replace(response, conductivity=K, tangent=gradients, doubt=doubt)
 
     def undeformed(self, parameters: Array) -> UndeformedCells | None:
         """Return porosity and conductivity of the undeformed members; None for a cell without parameters.
@@ -176,13 +176,13 @@ class ModelSurrogate(Surrogate):
             found = self._named(found, states, model.estimate.tolerance)
         if self.conductivity is None:
             return found
-        closed = self.conductivity.next_to_closed(states)
+        closed = (self.conductivity.doubt(states) & Doubt.closed) != 0
         return [f"{said}, {CLOSED}" if near else said for said, near in zip(found, closed, strict=True)]
 
     def _named(self, found: list[str], states: MacroState, tolerance: float) -> list[str]:
         """Return the reasons with the quantities whose estimated errors exceed the tolerance, and what stays good."""
         model, mechanics = self._fitted(), MECHANICS[self.model]
-        errors, strange = model.error(states), model.predict(states, tangent=False).outside_training_range
+        errors, strange = model.error(states), model.predict(states, tangent=False).flagged
         flows = errors * np.nan if self.conductivity is None else self.conductivity.error(states)
         named = []
         for n, said in enumerate(found):

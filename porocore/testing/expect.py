@@ -190,12 +190,8 @@ def assert_identical(found: CellResponse, expected: CellResponse, state: str) ->
 
 def assert_alike(found: CellResponse, expected: CellResponse, state: str, value: Check, slope: Check) -> None:
     """Check values and slopes, given name, found, expected and state; flags are alike to the last bit."""
-    same(
-        "outside_training_range",
-        require("outside_training_range", found.outside_training_range, state),
-        require("outside_training_range", expected.outside_training_range, state),
-        state,
-    )
+    doubts = [require("doubt", each.doubt, state) for each in (found, expected)]
+    same("doubt", doubts[0], doubts[1], state)
     for name in RESPONSES:
         if getattr(expected, name) is not None:
             value(name, getattr(found, name), getattr(expected, name), state)

@@ -62,7 +62,7 @@ class Learning(AnisotropicCell):
         outside = np.full(len(states), self.flagged and bool(np.abs(states.grad_u).max() > 0.02))
         # Before it has learned, its fluid is wrong by a constant and a factor.
         wrong = 1.02 if self.flagged else 1.0
-        return replace(found, outside_training_range=outside, fluid_volume=wrong * found.fluid_volume)
+        return replace(found, doubt=outside.astype(np.int64), fluid_volume=wrong * found.fluid_volume)
 
 
 def learning(*parameters):

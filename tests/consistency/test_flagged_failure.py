@@ -7,8 +7,9 @@ import pytest
 
 from porocore.errors import SolveError
 from porocore.interfaces.law import MacroLaw
+from porocore.states import Doubt
 from porocore.testing.macro_laws.runs import NONLINEAR
-from porocore.testing.synthetic.response import confined_column
+from porocore.testing.synthetic.response import AlteredLaw, confined_column
 
 TIME = {"ramp_increments": 4, "ramp_step": 1.0, "smallest_step": 0.5, "step": 1.0, "end": 5.0, "profiles": ()}
 
@@ -25,10 +26,26 @@ class Departed(MacroLaw):
         response = NONLINEAR.respond(states, grad_p, memory, tangent=tangent)
         stress = np.where(states.grad_u[:, 1:2, 1:2] > -0.04, response.stress, np.nan)
         outside = np.full(len(states), self.flagged) & (np.abs(states.grad_u[:, 1, 1]) > 1e-3)
-        return replace(response, stress=stress, outside_training_range=outside)
+        return replace(response, stress=stress, doubt=outside.astype(np.int64))
 
     def reasons(self, states):
         return [f"H22 = {H[1, 1]:.3f}, which was not sampled" for H in states.grad_u]
+
+
+def test_the_history_has_the_share_of_each_reason(macro_solver, load):
+    """Half of a homogeneous block is doubted for two reasons at once, and none of it for others."""
+    problem = confined_column(4, load=-0.01, time=TIME)
+
+    def respond(response, states, memory):
+        doubt = np.where(np.arange(len(states)) % 2, Doubt.error | Doubt.closed, Doubt.closed)
+        return replace(response, doubt=np.where(states.p > -1, doubt, 0).astype(np.int64))
+
+    solver = load("macro solver", macro_solver)
+    history = solver.solve(solver.prepare(problem), AlteredLaw(NONLINEAR, respond)).history
+    found = {each.name: getattr(history, f"flagged_{each.name}")[-1] for each in Doubt}
+    assert found.pop("closed") == pytest.approx(1.0, abs=1e-12) == history.flagged[-1]
+    assert 0.2 < found.pop("error") < 0.8
+    assert set(found.values()) == {0.0}
 
 
 def failure(solver, flagged):

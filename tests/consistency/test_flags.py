@@ -51,8 +51,8 @@ def test_nine_of_ten_errors_are_flagged_and_one_of_ten_of_the_others(solved, inp
     wrong = error > TOLERANCE
     assert wrong.sum() >= 5
     assert (~wrong).sum() >= 5
-    assert predicted.outside_training_range[wrong].mean() >= 0.9
-    assert predicted.outside_training_range[~wrong].mean() <= 0.1
+    assert predicted.flagged[wrong].mean() >= 0.9
+    assert predicted.flagged[~wrong].mean() <= 0.1
 
 
 @pytest.mark.slow
@@ -63,7 +63,7 @@ def test_flags_of_the_deformed_pore_follow_the_error_of_its_conductivity(solved,
     model, _ = fit_conductivity(replace(data, symmetry=group))
     known, there = logarithm(data.responses.conductivity), logarithm(exact.conductivity)
     error = share_of_range(logarithm(model.predict(states, tangent=False)[0]), there, known)
-    flagged, by_hull = model.outside(states), model.sampled.outside(states)
+    flagged, by_hull = (model.doubt(states) != 0), model.sampled.outside(states)
     good = error <= TOLERANCE
     assert good.sum() >= 5
     assert flagged[error > 2 * TOLERANCE].all()

@@ -239,7 +239,7 @@ def test_weights_of_what_a_run_does_not_have_are_refused(given, naming):
 def flagged(cell, states, *, tangent=True):
     """Responses of a cell that is not to be trusted."""
     found = PorousFamilyLaw.predict(cell, states, tangent=tangent)
-    return replace(found, outside_training_range=np.ones(len(states), bool))
+    return replace(found, doubt=np.ones(len(states), np.int64))
 
 
 @pytest.mark.parametrize("name", ["potential", "mean-gradient", "linear", "linear of a family"])

@@ -321,7 +321,7 @@ def test_a_law_that_learns_within_a_step_is_followed(make_solver):
 def flagged(cell, limit, states, *, tangent=True):
     """Responses of a cell that is not to be trusted below a strain."""
     found = PorousFamilyLaw.predict(cell, states, tangent=tangent)
-    return replace(found, outside_training_range=states.grad_u[:, 1, 1] < limit)
+    return replace(found, doubt=(states.grad_u[:, 1, 1] < limit).astype(np.int64))
 
 
 # ---- fields and axes that change in time -----------------------------------------------------------

@@ -34,7 +34,7 @@ def fitted(load):
 def errors(surrogate, data):
     """Largest error of each response in the trained range, over the span of the component that varies most."""
     predicted = surrogate.predict(data.states, tangent=False)
-    inside = ~predicted.outside_training_range
+    inside = ~predicted.flagged
     assert inside.sum() > 0.5 * len(inside)
     return {
         name: np.abs(getattr(predicted, name) - getattr(data.responses, name))[inside].max()
@@ -54,7 +54,7 @@ def test_two_agree_within_their_errors(surrogate_pair, fitted):
     one, other = map(fitted, surrogate_pair)
     measured = errors(one, UNSEEN), errors(other, UNSEEN)
     a, b = (each.predict(BETWEEN.states, tangent=False) for each in (one, other))
-    inside = ~(a.outside_training_range | b.outside_training_range)
+    inside = ~(a.flagged | b.flagged)
     for name in measured[0].keys() & measured[1].keys():
         span = np.ptp(getattr(BETWEEN.responses, name), axis=0).max()
         difference = np.abs(getattr(a, name) - getattr(b, name))[inside].max() / span
@@ -76,7 +76,7 @@ def test_the_trained_range_is_the_same_for_all(surrogate, fitted):
     states = INPUTS.scatter(x)
     states.grad_u[4, 0, 2] = 0.02
     found = fitted(surrogate).predict(states, tangent=False)
-    assert found.outside_training_range.tolist() == [False, True, True, False, True]
+    assert found.flagged.tolist() == [False, True, True, False, True]
     assert (found.status == 0).all()
     assert found.tangent is None
 

@@ -6,7 +6,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import porocore
-from porocore.interfaces.solution import History, file_name
+from porocore.interfaces.solution import History
 from porocore.macro.laws.closure import ClosureError
 from porocore.macro.series import PROBE
 from porocore.report.context import AdaptiveSurrogateCost, DirectCost
@@ -73,7 +73,7 @@ def written():
 
 def test_every_column_and_every_key_is_explained():
     known = set(re.findall(r"`(?:NAME: )?([^`]+)`", PAGE))
-    columns = [file_name(field.name) for field in fields(History)] + [name for name, _ in PROBE]
+    columns = [field.name for field in fields(History)] + [name for name, _ in PROBE]
     costs = [field.name for each in (DirectCost, AdaptiveSurrogateCost) for field in fields(each)]
     keys = [*columns, *costs, *ClosureError(0, 0, 0, 0).for_json(), *SHARES, *written()]
     keys += [*OF_CELL, *OF_SETTLEMENT, *OF_ALL, *OF_FORCES]

@@ -195,7 +195,7 @@ def other_interface(reader):
 
 
 def outside(reader):
-    shares = {"flagged_largest": 0.2, "flagged_end": 0.1, "flagged_time_mean": 0.1}
+    shares = {"flagged_reasons": {}, "flagged_largest": 0.2, "flagged_end": 0.1, "flagged_time_mean": 0.1}
     nonlinear = {**shares, "flagged_first_time": 0.2, "flagged_all_time": None, "steady_drift": 0.02}
     found = case_warnings(
         {"load": -0.2, "nonlinear": nonlinear, "linear": {"steady_drift": None}},

@@ -85,7 +85,7 @@ def test_the_law_is_that_of_the_solved_body(study, a_copy, kind):
     np.testing.assert_allclose(found.stress[:, 1, 1], profile.stress[:, 1, 1], rtol=1e-3)
     K_ref = profile.conductivity if kind == "linear" else profile.reference_conductivity
     np.testing.assert_allclose(found.conductivity, K_ref, rtol=1e-3, atol=1e-3)
-    assert not found.outside_training_range.any()
+    assert not found.flagged.any()
 
 
 def test_a_finished_run_that_is_read_stays_finished(study, a_copy):

@@ -75,7 +75,7 @@ def test_it_rises_and_takes_up_fluid_as_the_cell_does_that_is_held_sideways(in_t
     np.testing.assert_allclose(rise, HEIGHT * strain, rtol=1e-4)
     taken_up = (upright(strain).fluid_volume[0] - dry.fluid_volume[0]) * HEIGHT * AREA
     assert -in_time.history.drained[-1] == pytest.approx(taken_up, abs=1e-4 * HEIGHT * AREA)
-    assert not in_time.history.outside_training_range.any()
+    assert not in_time.history.flagged.any()
 
 
 @pytest.mark.slow

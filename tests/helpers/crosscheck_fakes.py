@@ -119,7 +119,7 @@ def surrogates():
             return CellResponse(
                 mean_grad=value.reshape(n, 3, 3),
                 status=np.zeros(n, dtype=int),
-                outside_training_range=~self.range.contains(x),
+                doubt=(~self.range.contains(x)).astype(np.int64),
                 tangent=derivatives if tangent else None,
             )
 

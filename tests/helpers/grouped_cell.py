@@ -98,7 +98,7 @@ class GroupedCell:
         return replace(
             found,
             conductivity=K,
-            outside_training_range=None,
+            doubt=None,
             min_fluid_jacobian=np.ones(len(states)),
             tangent=replace(found.tangent, conductivity_grad_u=by_H, conductivity_p=by_p),
         )

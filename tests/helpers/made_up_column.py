@@ -86,7 +86,7 @@ def make_column(
         pressure_max=0.9 * abs(load) * np.minimum(1, time / 0.5) * np.exp(-rate * time),
         drained_paper=0.98 * WIDTH**2 * settled * 1.12,
         drained=0.98 * WIDTH**2 * settled,
-        outside_training_range=outside,
+        flagged=outside,
         stress_spread=np.full(len(time), 1e-9),
         iterations=np.where(time > 0, 3, 0),
         heave=np.zeros(len(time)),

@@ -48,9 +48,7 @@ class Sized(Surrogate):
         truth = respond(states)
         wrong = truth.mean_grad * (1 + known_error(self.hidden, self.activation))
         nothing = dict.fromkeys(("potential", "stress", "fluid_volume", "tangent"))
-        return replace(
-            truth, mean_grad=wrong, outside_training_range=np.zeros(len(states), dtype=bool), **nothing
-        )
+        return replace(truth, mean_grad=wrong, doubt=np.zeros(len(states), np.int64), **nothing)
 
     def save(self, path):
         path.write_text("")

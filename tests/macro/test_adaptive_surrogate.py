@@ -98,9 +98,9 @@ def solve(law):
 def test_the_column_settles_as_with_the_cell_itself(fallback, dataset):
     exact = solve(ClosedLaw(Cell(), CLOSURE))
     plain = solve(ClosedLaw(fresh().fit(base(), seed=0), CLOSURE))
-    assert plain.outside_training_range.max() == pytest.approx(1)
+    assert plain.flagged.max() == pytest.approx(1)
     learned = solve(law_of(fallback))
-    assert learned.outside_training_range.max() == 0
+    assert learned.flagged.max() == 0
     assert np.abs(learned.settlement[1:] / exact.settlement[1:] - 1).max() < 5e-3
     assert np.abs(learned.pressure_max - exact.pressure_max).max() < 5e-3 * exact.pressure_max.max()
     work = fallback.work
@@ -119,7 +119,7 @@ def test_cells_are_solved_until_the_estimated_errors_are_within_the_tolerance(da
         learned = solve(law)
         assert law.refine(data.states[:3]) is None
     exact = solve(ClosedLaw(Cell(), CLOSURE))
-    assert learned.outside_training_range.max() == 0
+    assert learned.flagged.max() == 0
     assert np.abs(learned.settlement[1:] / exact.settlement[1:] - 1).max() < 5e-3
     assert 0 < refine.work.solves < 40
 
@@ -129,7 +129,7 @@ def test_the_paper_closure_learns_as_well(fallback):
     closure = MeanGradientClosure(SOLID_FRACTION, NeoHookean(), CONDUCTIVITY)
     exact = solve(ClosedLaw(Cell(), closure))
     learned = solve(law_of(fallback, closure))
-    assert learned.outside_training_range.max() == 0
+    assert learned.flagged.max() == 0
     assert np.abs(learned.settlement[1:] / exact.settlement[1:] - 1).max() < 5e-3
 
 
@@ -140,7 +140,7 @@ def test_what_was_solved_is_known_the_next_time(fallback, dataset):
     with CellPool(make) as pool:
         again = AdaptiveSurrogate(pool, Dataset.open(dataset.path), base(), fresh, 0)
         repeated = solve(law_of(again))
-    assert repeated.outside_training_range.max() == 0
+    assert repeated.flagged.max() == 0
     assert again.work.reused == solved
     assert again.work.solves < solved / 4
 
@@ -150,7 +150,7 @@ def test_cells_that_are_no_stable_equilibrium_are_kept_and_not_learned_from(fall
     history = solve(law_of(fallback))
     numbers = fallback.work.numbers()
     assert numbers["learned"] < numbers["solves"] == len(dataset)
-    assert history.outside_training_range[-1] > 0  # flagged: nothing could be learned there
+    assert history.flagged[-1] > 0  # flagged: nothing could be learned there
     assert numbers["solves"] - numbers["learned"] < 12  # and it does not try again and again
 
 
@@ -167,9 +167,9 @@ def test_a_law_that_changes_moves_no_fluid(fallback):
     states = INPUTS.scatter(np.array([[-0.1, 0.05]]))
     memory = law.initial(1)
     response = law.respond(states, np.zeros((1, 3)), memory)
-    assert response.outside_training_range.all()
+    assert response.flagged.all()
     memory = law.before_accept(response, response.memory)
     assert memory is not None
     still = law.respond(states, np.zeros((1, 3)), memory)
     assert still.storage == pytest.approx(0, abs=1e-15)
-    assert not still.outside_training_range.any()
+    assert not still.flagged.any()

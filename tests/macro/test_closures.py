@@ -42,7 +42,7 @@ class QuadraticCellLaw(CellLaw):
         return CellResponse(
             mean_grad=first.mean_grad + scalar * direction,
             status=first.status,
-            outside_training_range=states.p > 0.05,
+            doubt=(states.p > 0.05).astype(np.int64),
             tangent=CellTangent(
                 mean_grad_grad_u=first.tangent.mean_grad_grad_u + grad,
                 mean_grad_p=first.tangent.mean_grad_p + self.b * direction + scalar * self.c,
@@ -146,7 +146,7 @@ def test_many_points_are_treated_by_parts(law, points, monkeypatch):
 
 def test_flags_of_the_cell_law_are_passed_on(law, points):
     states, grad_p, memory = points
-    outside = law.respond(states, grad_p, memory).outside_training_range
+    outside = law.respond(states, grad_p, memory).flagged
     assert outside.tolist() == (states.p > 0.05).tolist()
     assert set(outside.tolist()) == {False, True}
 

@@ -187,7 +187,7 @@ def test_a_cell_without_solution_is_nan_in_its_row_and_is_counted(law, diary):
     diary.edge = -0.3
     got = law.predict(along(-0.1, -0.35, -0.28))
     assert got.status.tolist() == [Status.converged, Status.overlap, Status.unstable]
-    assert got.outside_training_range.tolist() == [False, False, True]
+    assert got.flagged.tolist() == [False, False, True]
     assert np.isnan(got.stress[1]).all()
     assert np.isfinite(got.stress[[0, 2]]).all()
     assert law.work.failed == 1

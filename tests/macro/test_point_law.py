@@ -38,7 +38,7 @@ class MadeUp(CellLaw):
     def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
         self.asked += 1
         found = replace(
-            respond(states), conductivity=conductivity(states), outside_training_range=states.p > 0.1
+            respond(states), conductivity=conductivity(states), doubt=(states.p > 0.1).astype(np.int64)
         )
         assert found.tangent is not None
         by_H = np.zeros((len(states), 3, 3, 3, 3))
@@ -87,7 +87,7 @@ def test_it_is_the_law_of_the_macro_solver(macro: MacroLaw) -> None:
     there = macro.respond(MacroState(H, P), GRADIENT, begun.memory)
     np.testing.assert_array_equal(found.stress, there.stress)
     np.testing.assert_array_equal(found.deformation, there.deformation)
-    np.testing.assert_array_equal(found.outside_training_range, there.outside_training_range)
+    np.testing.assert_array_equal(found.flagged, there.flagged)
     np.testing.assert_allclose(
         found.fluid_volume - before.fluid_volume, there.storage, rtol=1e-12, atol=1e-15
     )
@@ -145,7 +145,7 @@ def test_the_surrogate_is_asked_once_for_n_states() -> None:
     asked = cell.asked
     found = law.response(H, [0.0, 0.2, 0.0, 0.2, 0.0])
     assert cell.asked == asked + 1
-    assert found.outside_training_range.tolist() == [False, True, False, True, False]
+    assert found.flagged.tolist() == [False, True, False, True, False]
     assert law.reasons(H[:2], [0.0, 0.2]) == ["", "p"]
     assert len(found[1:3]) == 2
     assert found[1:3].tangent.conductivity_grad_u.shape == (2, 3, 3, 3, 3)  # type: ignore[union-attr]

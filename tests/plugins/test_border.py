@@ -197,11 +197,11 @@ def test_what_is_right_comes_through_as_it_is():
 def test_beyond_its_range_a_surrogate_may_say_anything():
     """And so it may where Newton's iteration asks for what is no state."""
     nothing = replace(changed("stress", 1, np.nan), extrema=None)
-    flagged = replace(nothing, outside_training_range=np.array([False, True, False]))
+    flagged = replace(nothing, doubt=np.array([0, 1, 0]))
     assert prediction_of(Says(flagged), STATES) is flagged
     no_state = MacroState(STATES.grad_u, np.array([0.0, np.nan, 0.0]))
     assert prediction_of(Says(nothing), no_state) is nothing
-    other = replace(nothing, outside_training_range=np.array([True, False, True]))
+    other = replace(nothing, doubt=np.array([1, 0, 2]))
     assert "stress: row 0" in refused(prediction_of, Says(other), STATES)
 
 

@@ -83,12 +83,12 @@ def test_profile_flags_what_lies_beyond_the_sampled_range(pair):
     nonlinear, linear = pair
     figure = profile_figure(nonlinear, linear, "H22", times=(10.0,))
     profile = nonlinear.profiles[1]
-    flagged = profile.outside_training_range > 0
+    flagged = profile.flagged > 0
     assert 0 < flagged.sum() < len(flagged)
     full = next(line for line in figure.axes[0].get_lines() if line.get_label() == "$t$ = 10")
     np.testing.assert_array_equal(np.isnan(full.get_ydata()), flagged)
     assert "flagged" in legend(figure)
-    inside = replace(nonlinear, profiles=(replace(profile, outside_training_range=np.zeros(len(flagged))),))
+    inside = replace(nonlinear, profiles=(replace(profile, flagged=np.zeros(len(flagged))),))
     assert "flagged" not in legend(profile_figure(inside, linear, "H22", times=(10.0,)))
 
 
@@ -97,8 +97,8 @@ def test_line_through_a_box_of_several_elements_across(column):
     line = ColumnAxis.from_solution(solution)
     np.testing.assert_allclose(line.node_y, np.linspace(0, 7.5, 11), rtol=0, atol=1e-12)
     np.testing.assert_allclose(line.element_y, 7.5 * (np.arange(5) + 0.5) / 5, rtol=0, atol=1e-12)
-    profile = replace(solution.profiles[0], outside_training_range=np.zeros(30))
-    profile.outside_training_range[line.elements[1]] = 0.1  # y from 1.5 to 3: nodes 2, 3, 4
+    profile = replace(solution.profiles[0], flagged=np.zeros(30))
+    profile.flagged[line.elements[1]] = 0.1  # y from 1.5 to 3: nodes 2, 3, 4
     _, _, nodes = line.series(profile, PROFILE_FIELDS["p"])
     _, _, elements = line.series(profile, PROFILE_FIELDS["H22"])
     np.testing.assert_array_equal(np.flatnonzero(nodes), [2, 3, 4])

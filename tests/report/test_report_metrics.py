@@ -71,9 +71,7 @@ def test_flagged_shares(column):
     solution = column()
     time = solution.history.time
     outside = np.where(time > 75, 0.2, np.where(time > 50, 0.6, 0.0))
-    metrics = solution_metrics(
-        replace(solution, history=replace(solution.history, outside_training_range=outside))
-    )
+    metrics = solution_metrics(replace(solution, history=replace(solution.history, flagged=outside)))
     assert metrics["flagged_end"] == 0.2
     assert metrics["flagged_largest"] == 0.6
     assert metrics["flagged_time_mean"] == pytest.approx((25 * 0.6 + 25 * 0.2) / 100, rel=1e-12)
@@ -108,7 +106,7 @@ def test_a_share_that_is_zero_in_words_is_no_warning(column):
     solution, linear = column(beyond=None), column(law="linear", beyond=None)
     for share, warns in ((4e-4, 0), (6e-4, 1)):
         outside = np.where(solution.history.time > 50, share, 0.0)
-        found = replace(solution, history=replace(solution.history, outside_training_range=outside))
+        found = replace(solution, history=replace(solution.history, flagged=outside))
         said = case_warnings(case_metrics(LoadCase(found, linear)))
         assert len(said) == warns
     assert said[0].endswith("No stored profile shows the place. Add the time 50.5 to macro.time.profiles.")
@@ -172,9 +170,7 @@ def test_says_when_the_body_leaves_the_sampled_range(column):
     solution = column()
     time = solution.history.time
     outside = np.where(time > 75, 1.0, np.where(time > 50, 0.6, 0.0))
-    metrics = solution_metrics(
-        replace(solution, history=replace(solution.history, outside_training_range=outside))
-    )
+    metrics = solution_metrics(replace(solution, history=replace(solution.history, flagged=outside)))
     assert metrics["flagged_first_time"] == time[time > 50][0]
     assert metrics["flagged_all_time"] == time[time > 75][0]
     first, all_of_it = (f"{time[time > t][0]:.3g}" for t in (50, 75))
@@ -182,7 +178,14 @@ def test_says_when_the_body_leaves_the_sampled_range(column):
         "Over time the flagged share is at most 100.0 % of the body and on average 40.0 %; at the end of the run it is "
         f"100.0 %. The first points are flagged at t = {first}, and the whole body is flagged at t = {all_of_it}."
     )
-    within = replace(solution, history=replace(solution.history, outside_training_range=np.zeros_like(time)))
+    known = {"flagged": outside, "flagged_error": outside, "flagged_closed": outside / 4}
+    metrics = solution_metrics(replace(solution, history=replace(solution.history, **known)))
+    assert metrics["flagged_reasons"] == {"error": 1.0, "closed": 0.25}
+    assert flagged_shares(metrics).endswith(
+        "The reasons are: estimated error beyond the tolerance (100.0 % of the body), next to states whose pore walls "
+        "touch (25.0 % of the body)."
+    )
+    within = replace(solution, history=replace(solution.history, flagged=np.zeros_like(time)))
     assert solution_metrics(within)["flagged_first_time"] is None
 
 

@@ -67,8 +67,8 @@ def test_says_that_the_linear_law_carries_a_follower_too(context):
 
 def replace_outside(context, share):
     solution = context.cases[0].nonlinear
-    outside = np.full_like(solution.history.outside_training_range, share)
-    return replace(solution, history=replace(solution.history, outside_training_range=outside))
+    outside = np.full_like(solution.history.flagged, share)
+    return replace(solution, history=replace(solution.history, flagged=outside))
 
 
 def test_says_how_far_the_conductivity_rises(context, page):
@@ -174,7 +174,7 @@ def test_shows_the_porosity_of_the_image_beside_that_of_the_mesh(context):
 
 def test_says_where_no_held_out_state_lies_in_the_sampled_range(context, unpictured):
     (check,) = context.surrogate.outputs
-    beyond = replace(check, outside_training_range=np.ones(len(check.outside_training_range), bool))
+    beyond = replace(check, flagged=np.ones(len(check.flagged), bool))
     other = replace(context, surrogate=replace(context.surrogate, outputs=(beyond,)))
     (warning,) = [text for text in all_warnings(other) if "held-out" in text]
     assert warning.startswith("None of the 40 held-out states lies within the range")

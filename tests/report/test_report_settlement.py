@@ -32,7 +32,7 @@ def unloaded(solution, left, peak=2.0, rate=1.0):
         displacement=peak * np.abs(shape),
         drained=0.1 * peak * shape,
         drained_paper=0.1 * peak * shape + 1e-5,
-        outside_training_range=0 * time,
+        flagged=0 * time,
     )
     return replace(solution, history=history)
 

@@ -39,7 +39,7 @@ def test_fields_come_back(solution, tmp_path):
             "P_E": profile.stress,
             "flux": profile.flux,
             "element_p": profile.element_p,
-            "outside": profile.outside_training_range,
+            "flagged": profile.flagged,
         }.items():
             np.testing.assert_array_equal(cells.pop(name), expected.reshape(len(expected), -1).squeeze())
         assert not cells
@@ -110,7 +110,7 @@ def test_with_scales_places_times_and_fields_have_units(solution, tmp_path):
     path = write_vtu_series(tmp_path, "column", replace(solution, profiles=(profile,)), units)
     assert 'timestep="0.3"' in path.read_text(encoding="utf-8")
     names = {"H", "mean_grad", "deformation", "K_t [mm²/(mmHg min)]", "P_E [mmHg]", "flux [mm/min]"}
-    assert set(mesh.cell_data) == names | {"element_p [mmHg]", "outside"}
+    assert set(mesh.cell_data) == names | {"element_p [mmHg]", "flagged"}
 
 
 def test_a_body_of_many_cells_has_regions_parameters_and_axes(solution, tmp_path):

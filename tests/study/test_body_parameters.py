@@ -205,4 +205,4 @@ def test_a_surrogate_of_such_states_flags_others_and_is_read_back(tmp_path: Any)
             [[-0.04, 0.02, 0.22, 0.3], [-0.04, 0.02, 0.22, 0.4], [-0.04, 0.02, 0.29, 0.3]]
         )
         for each in (fitted, again):
-            assert each.predict(states).outside_training_range.tolist() == [False, True, True]
+            assert each.predict(states).flagged.tolist() == [False, True, True]

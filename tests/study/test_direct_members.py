@@ -102,7 +102,7 @@ def test_states_beyond_the_samples_are_solved_with_their_parameters(tmp_path: Pa
     for theta, flagged in (((0.225, 0.35), False), ((0.225, 0.31), True), ((0.25, 0.35), True)):
         bound = law.at(dict(zip(law.parameters, theta, strict=True)))
         for grad_u in (H, 0 * H):
-            assert bound.response(grad_u, 0.0).outside_training_range.tolist() == [flagged]
+            assert bound.response(grad_u, 0.0).flagged.tolist() == [flagged]
 
 
 @pytest.mark.slow

@@ -239,9 +239,7 @@ def test_lines_of_a_warning_take_in_all_points_of_a_wedge_under_a_follower(tmp_p
     ranges = {name: (-0.1, 0.1) for name in ("H11", "H22", "H33")} | {"p": (-0.05, 0.05)}
     config = study(tmp_path, boundary, ranges, body, ramp_step=0.02, end=1.0)
     (solution,) = linear_reach.linear_solutions(config, coefficients(K=2.0, cubic=0.1))
-    flagged = tuple(
-        replace(p, outside_training_range=np.ones_like(p.outside_training_range)) for p in solution.after_rest
-    )
+    flagged = tuple(replace(p, flagged=np.ones_like(p.flagged)) for p in solution.after_rest)
     solution, inputs = replace(solution, profiles=flagged), InputSpace.from_ranges(ranges)
     said = flagged_place(solution, Surrogate(inputs), objective=True)
     assert said.startswith("Beyond what was sampled: H12 = −")
@@ -275,7 +273,7 @@ class OfTheBox(Surrogate):
         unit = self.inputs.to_unit(self.inputs.gather(states))
         outside = self.inputs.moves_other(states) | (np.abs(unit - 0.5) > 0.5).any(axis=1)
         none = np.zeros((len(states), 3, 3))
-        return CellResponse(none, np.zeros(len(states), int), outside_training_range=outside)
+        return CellResponse(none, np.zeros(len(states), int), doubt=outside.astype(np.int64))
 
 
 @pytest.mark.parametrize(("tolerance", "remark"), [(0.05, True), (0.02, False)])
@@ -304,9 +302,9 @@ def test_a_shear_that_alone_flags_a_body_is_weighed(tmp_path, tolerance, remark)
     # A box that is left, and a body that is flagged most between the kept times, are no such case.
     narrow = OfTheBox(InputSpace.from_ranges(ranges | {"H22": (-0.02, 0.2)}))
     assert left_out_shear(flagged_by(narrow, solution), narrow, tolerance) is None
-    outside = solution.history.outside_training_range.copy()
+    outside = solution.history.flagged.copy()
     outside[1] = 2 * outside.max()
-    history = replace(solution.history, outside_training_range=outside)
+    history = replace(solution.history, flagged=outside)
     early = replace(solution, profiles=solution.profiles[-1:], history=history)
     assert left_out_shear(early, surrogate, tolerance) is None
 
@@ -316,13 +314,13 @@ def flagged_by(surrogate, solution):
     mesh, profiles = BodyMesh(solution.points, solution.cells), []
     for profile in solution.profiles:
         states = point_states(mesh, profile.u, profile.p, np.arange(len(mesh.cells)))
-        flagged = surrogate.predict(surrogate.inputs.without_rotation(states)).outside_training_range
+        flagged = surrogate.predict(surrogate.inputs.without_rotation(states)).flagged
         share = flagged.reshape(len(mesh.cells), -1).mean(axis=1)
-        profiles.append(replace(profile, outside_training_range=share))
+        profiles.append(replace(profile, flagged=share))
     at = [profile.time for profile in profiles]
-    shares = np.interp(solution.history.time, at, [p.outside_training_range.mean() for p in profiles])
+    shares = np.interp(solution.history.time, at, [p.flagged.mean() for p in profiles])
     return replace(
         solution,
         profiles=tuple(profiles),
-        history=replace(solution.history, outside_training_range=shares),
+        history=replace(solution.history, flagged=shares),
     )

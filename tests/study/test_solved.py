@@ -41,16 +41,16 @@ def solution(column):
     )
 
 
-def test_the_flag_keeps_its_name_in_files(solution, tmp_path):
+def test_the_shares_that_are_flagged_are_in_files(solution, tmp_path):
     solution.save(tmp_path / "s.h5")
     with h5py.File(tmp_path / "s.h5") as file:
-        assert "outside" in file["history"]
-        assert "outside" in file["profiles/0"]
-        assert not [name for name in (*file["history"], *file["profiles/0"]) if "range" in name]
+        assert "flagged" in file["profiles/0"]
+        kept = {name for name in file["history"] if name.startswith("flagged")}
+    assert kept == {"flagged", *(f"flagged_{each.name}" for each in porocore.Doubt)}
     read = type(solution).load_file(tmp_path / "s.h5")
-    flags = "outside_training_range"
-    np.testing.assert_array_equal(getattr(read.history, flags), getattr(solution.history, flags))
-    assert "outside" in {each.name for each in all_series(solution)}
+    for name in kept:
+        np.testing.assert_array_equal(getattr(read.history, name), getattr(solution.history, name))
+    assert kept <= {each.name for each in all_series(solution)}
 
 
 def test_a_file_of_a_solution_knows_the_units_of_its_study(solution, tmp_path):

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from porocore.core.inputs import InputSpace
 from porocore.core.tensors import CUBIC, TRIVIAL, logarithm
-from porocore.states import MacroState
+from porocore.states import Doubt, MacroState
 from porocore.surrogates.conductivity import fit_conductivity
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.surrogates.portable import CLOSED, NumpySurrogate
@@ -44,14 +44,14 @@ def study(request):
 def test_flags_follow_the_error(study):
     data, model = study
     states = held_out(data.inputs)
-    assert_follows(model.outside(states), beyond(data, model, states), data.tolerance)
+    assert_follows(model.doubt(states) != 0, beyond(data, model, states), data.tolerance)
 
 
 def test_the_hull_does_not(study):
     """What was flagged before."""
     data, model = study
     states = held_out(data.inputs)
-    flagged = replace(model, estimate=None).outside(states)
+    flagged = replace(model, estimate=None).doubt(states) != 0
     assert (flagged == model.sampled.outside(states)).all()
     with pytest.raises(AssertionError):
         assert_follows(flagged, beyond(data, model, states), data.tolerance)
@@ -62,18 +62,18 @@ def test_in_the_safe_box_no_estimate_is_near_the_tolerance(study):
     none = np.full_like(model.estimate.safe, np.nan)
     everywhere = replace(model, estimate=replace(model.estimate, safe=none))
     states = held_out(data.inputs)
-    assert (everywhere.outside(states) == model.outside(states)).all()
+    assert ((everywhere.doubt(states) != 0) == (model.doubt(states) != 0)).all()
 
 
 def test_far_states_are_flagged_whatever_is_estimated(study):
     data, _ = study
     model = fit_conductivity(replace(data, tolerance=1.0))[0]
     low, high = np.array(data.inputs.lower), np.array(data.inputs.upper)
-    assert not model.outside(data.inputs.scatter([low, high])).any()
+    assert not (model.doubt(data.inputs.scatter([low, high])) != 0).any()
     far = data.inputs.scatter([low - 0.3 * (high - low), high + 0.3 * (high - low)])
-    assert model.outside(far).all()
+    assert (model.doubt(far) != 0).all()
     inside_out = MacroState(np.array([np.diag([0.0, -1.2, 0.0])]), np.zeros(1))
-    assert model.outside(inside_out).all()
+    assert (model.doubt(inside_out) != 0).all()
 
 
 def test_a_rotation_is_no_reason(study):
@@ -83,16 +83,16 @@ def test_a_rotation_is_no_reason(study):
     R = Rotation.from_rotvec([0.4, -0.3, 0.8]).as_matrix()
     turned = MacroState(R @ (np.eye(3) + states.grad_u) - np.eye(3), states.p)
     for one in (model, replace(model, estimate=None)):
-        flagged = one.outside(states)
+        flagged = one.doubt(states) != 0
         assert 0 < flagged.sum() < len(states) or one.estimate is None
-        assert (one.outside(turned) == flagged).all()
+        assert ((one.doubt(turned) != 0) == flagged).all()
 
 
 def test_a_component_that_was_not_sampled_is_flagged():
     model = fit_conductivity(training("four"))[0]
     H = np.zeros((2, 3, 3))
     H[1, 0, 1] = 0.01
-    assert model.outside(MacroState(H, np.full(2, 0.1))).tolist() == [False, True]
+    assert (model.doubt(MacroState(H, np.full(2, 0.1))) != 0).tolist() == [False, True]
 
 
 def test_beyond_the_hull_of_pores_that_close_all_is_flagged():
@@ -105,12 +105,12 @@ def test_beyond_the_hull_of_pores_that_close_all_is_flagged():
     closing = replace(data, responses=replace(data.responses, conductivity=K))
     states = held_out(inputs)[:400]
     H22 = states.grad_u[:, 1, 1]
-    flagged = fit_conductivity(closing)[0].outside(states)
+    flagged = fit_conductivity(closing)[0].doubt(states) != 0
     assert flagged[H22 < -0.08].all()
     assert flagged[H22 > -0.04].mean() < 0.5
-    assert not fit_conductivity(data)[0].outside(states)[H22 < -0.08].all()
+    assert not (fit_conductivity(data)[0].doubt(states) != 0)[H22 < -0.08].all()
     surrogate = PolynomialSurrogate().fit(closing, seed=0)
-    near = surrogate.conductivity.next_to_closed(states)
+    near = surrogate.conductivity.doubt(states) == Doubt.closed
     assert near[H22 < -0.08].all()
     assert not near[H22 > -0.04].all()
     assert [said.endswith(CLOSED) for said in surrogate.reasons(states)] == near.tolist()
@@ -119,17 +119,14 @@ def test_beyond_the_hull_of_pores_that_close_all_is_flagged():
 def test_a_surrogate_flags_by_it_and_its_file_carries_it(tmp_path):
     data = training("four")
     surrogate, states = PolynomialSurrogate().fit(data, seed=0), held_out(data.inputs)
-    flagged = surrogate.predict(states, tangent=False).outside_training_range
-    own = surrogate.conductivity.outside(states)
-    assert (
-        flagged
-        == own | replace(surrogate._fitted_model).predict(states, tangent=False).outside_training_range
-    ).all()
+    flagged = surrogate.predict(states, tangent=False).flagged
+    own = surrogate.conductivity.doubt(states) != 0
+    assert (flagged == own | replace(surrogate._fitted_model).predict(states, tangent=False).flagged).all()
     assert 0 < own.mean() < 1
     surrogate.save(tmp_path / "surrogate.h5")
     read = NumpySurrogate.load(tmp_path / "surrogate.h5")
-    assert (read.conductivity.outside(states) == own).all()
-    assert (read.predict(states, tangent=False).outside_training_range == flagged).all()
+    assert ((read.conductivity.doubt(states) != 0) == own).all()
+    assert (read.predict(states, tangent=False).flagged == flagged).all()
     assert read.reasons(states[:5]) == surrogate.reasons(states[:5])
 
 
@@ -151,7 +148,7 @@ def test_where_the_conductivity_alone_is_at_fault_stress_is_called_good():
     states = held_out(data.inputs)
     model, tolerance = surrogate._fitted_model, surrogate.conductivity.estimate.tolerance
     bad = surrogate.conductivity.error(states) > tolerance
-    good = ~model.predict(states, tangent=False).outside_training_range
+    good = ~model.predict(states, tangent=False).flagged
     assert (bad & good).any()
     assert all("forces and displacements in equilibrium" in s for s in surrogate.reasons(states[bad & good]))
     assert not any("can be relied on" in said for said in surrogate.reasons(states[~good | ~bad]))

@@ -137,7 +137,7 @@ def test_states_without_conductivity_are_left_out_and_flagged(general):
     H = np.zeros((2, 3, 3))
     H[0, 0, 0], H[1, 0, 0] = 0.02, 0.09
     response = surrogate.predict(MacroState(H, np.full(2, 0.05)))
-    assert response.outside_training_range.tolist() == [False, True]
+    assert response.flagged.tolist() == [False, True]
     assert np.isfinite(response.conductivity).all()
     few[:] = np.nan
     with pytest.raises(DataError, match="only 0 of 60 stable states have a conductivity"):
@@ -158,7 +158,7 @@ def test_the_file_carries_it(surrogate, tmp_path):
     a, b = surrogate.predict(there), read.predict(there)
     assert (a.conductivity == b.conductivity).all()
     assert (a.tangent.conductivity_grad_u == b.tangent.conductivity_grad_u).all()
-    assert (a.outside_training_range == b.outside_training_range).all()
+    assert (a.flagged == b.flagged).all()
     assert read.accuracy == surrogate.accuracy
     assert 0 < read.accuracy["cross-validated ln K"] < 0.05
 

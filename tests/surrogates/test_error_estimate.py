@@ -52,7 +52,7 @@ def test_flags_follow_the_error_of_a_potential(study):
     states = held_out(data.inputs)
     predicted = surrogate.predict(states, tangent=False)
     error = share_of_range(predicted, respond(states), data, "stress", "fluid_volume")
-    assert_follows(predicted.outside_training_range, error, data.tolerance)
+    assert_follows(predicted.flagged, error, data.tolerance)
 
 
 def test_the_hull_does_not(study):
@@ -62,12 +62,11 @@ def test_the_hull_does_not(study):
     surrogate = PolynomialSurrogate().fit(replace(data, tolerance=None), seed=0)
     predicted = surrogate.predict(states, tangent=False)
     assert (
-        predicted.outside_training_range
-        == SampledRange.around(inputs, inputs.gather(data.states)).outside(states)
+        predicted.flagged == SampledRange.around(inputs, inputs.gather(data.states)).outside(states)
     ).all()
     error = share_of_range(predicted, respond(states), data, "stress", "fluid_volume")
     with pytest.raises(AssertionError):
-        assert_follows(predicted.outside_training_range, error, data.tolerance)
+        assert_follows(predicted.flagged, error, data.tolerance)
 
 
 @pytest.mark.parametrize("study", STUDIES)
@@ -85,9 +84,7 @@ def test_flags_follow_the_error_of_a_network(study):
     model = AnchoredModel(scaled.linear, scaled.components, scaled.output_scale, network, sampled)
     states = held_out(data.inputs)
     predicted = with_mean_gradient_error(model, data).predict(states, tangent=False)
-    assert_follows(
-        predicted.outside_training_range, share_of_range(predicted, respond(states), data, "mean_grad"), 0.05
-    )
+    assert_follows(predicted.flagged, share_of_range(predicted, respond(states), data, "mean_grad"), 0.05)
 
 
 def test_in_the_safe_box_no_estimate_is_near_the_tolerance(study):
@@ -95,8 +92,8 @@ def test_in_the_safe_box_no_estimate_is_near_the_tolerance(study):
     model = replace(surrogate._fitted_model)
     states = held_out(data.inputs)
     asked = replace(model, estimate=replace(model.estimate, safe=np.zeros((2, 7))))
-    flagged = surrogate.predict(states, tangent=False).outside_training_range
-    assert (flagged == asked.predict(states, tangent=False).outside_training_range).all()
+    flagged = surrogate.predict(states, tangent=False).flagged
+    assert (flagged == asked.predict(states, tangent=False).flagged).all()
 
 
 def test_far_states_are_flagged_whatever_is_estimated(study):
@@ -105,20 +102,20 @@ def test_far_states_are_flagged_whatever_is_estimated(study):
     inputs = data.inputs
     low, high = np.array(inputs.lower), np.array(inputs.upper)
     within = surrogate.predict(inputs.scatter([low, high]), tangent=False)
-    assert not within.outside_training_range.any()
+    assert not within.flagged.any()
     beyond = inputs.scatter([low - 0.3 * (high - low), high + 0.3 * (high - low)])
-    assert surrogate.predict(beyond, tangent=False).outside_training_range.all()
+    assert surrogate.predict(beyond, tangent=False).flagged.all()
     turned_inside_out = MacroState(np.array([np.diag([0.0, -1.2, 0.0])]), np.zeros(1))
-    assert surrogate.predict(turned_inside_out, tangent=False).outside_training_range.all()
+    assert surrogate.predict(turned_inside_out, tangent=False).flagged.all()
 
 
 def test_the_file_carries_it(study, tmp_path):
     data, surrogate = study
     surrogate.save(tmp_path / "surrogate.h5")
     read, states = NumpySurrogate.load(tmp_path / "surrogate.h5"), held_out(data.inputs)
-    flagged = surrogate.predict(states, tangent=False).outside_training_range
+    flagged = surrogate.predict(states, tangent=False).flagged
     assert 0 < flagged.mean() < 1
-    assert (read.predict(states, tangent=False).outside_training_range == flagged).all()
+    assert (read.predict(states, tangent=False).flagged == flagged).all()
     assert read.reasons(states[:5]) == surrogate.reasons(states[:5])
 
 
@@ -139,7 +136,7 @@ class Profile:
     """Two elements, of which the upper one has the gradient H."""
 
     def __init__(self, time, outside, H):
-        self.time, self.outside_training_range = time, np.array(outside)
+        self.time, self.flagged = time, np.array(outside)
         self.grad_u = np.stack([np.zeros((3, 3)), H])
         self.element_p = np.full(2, 0.1)
         self.u = np.maximum(Solution.points - [0, 2, 0], 0) @ np.transpose(H)
@@ -205,9 +202,7 @@ def test_it_looks_at_the_points_of_an_element(column):
     H = np.zeros((1, 3, 3))
     H[:, 1, 1] = -0.13
     p = np.full(len(u), 0.1)
-    bent = replace(
-        last, u=u, p=p, grad_u=H, element_p=np.array([0.1]), outside_training_range=np.array([1 / 3])
-    )
+    bent = replace(last, u=u, p=p, grad_u=H, element_p=np.array([0.1]), flagged=np.array([1 / 3]))
     said = flagged_place(replace(solution, profiles=(bent,)), surrogate)
     assert said.startswith("Beyond what was sampled: H22 = −0.231 at ")
     assert said.endswith("H22: {range: [-0.27, 0.1]}.")

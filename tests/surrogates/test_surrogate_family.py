@@ -227,7 +227,7 @@ def test_the_estimate_of_one_member_or_few_is_that_of_all_together():
     for theta in (states.parameters[0], states.parameters[np.arange(90) % 3], states.parameters):
         asked = states.with_parameters(theta)
         np.testing.assert_allclose(model.error(asked), plain.error(asked), rtol=1e-9)
-        flags = [each.predict(asked, tangent=False).outside_training_range for each in (model, plain)]
+        flags = [each.predict(asked, tangent=False).flagged for each in (model, plain)]
         np.testing.assert_array_equal(*flags)
 
 
@@ -243,7 +243,7 @@ def test_flags_of_the_conductivity_of_a_family_follow_its_error(inputs):
         respond(states, inputs.parameters).conductivity
     )
     error = np.abs(wrong).reshape(400, -1).max(axis=1) / model.estimate.spread.max()
-    flagged, beyond = model.outside(states), error > tolerance
+    flagged, beyond = (model.doubt(states) != 0), error > tolerance
     assert beyond.sum() >= 4
     assert flagged[beyond].all()
     assert flagged[~beyond].mean() <= 0.02

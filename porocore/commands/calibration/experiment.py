@@ -535,7 +535,7 @@ class ExperimentModel:
                 if number.kind == "time_shift":
                     mine[:, j] = unit * factor * at.rates(series)
             slopes.append(mine)
-        flagged = bool((solution.history.outside_training_range > 0).any())
+        flagged = bool((solution.history.flagged > 0).any())
         return CurvePrediction(np.concatenate(rows), np.concatenate(slopes), flagged)
 
 

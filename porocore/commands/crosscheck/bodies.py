@@ -363,9 +363,9 @@ def _compare_surrogates(
 
 def _inside(predicted: CellResponse) -> npt.NDArray[np.bool_]:
     """Rows within the range that the surrogate was trained on."""
-    if predicted.outside_training_range is None:
+    if predicted.flagged is None:
         return np.ones(len(predicted), dtype=bool)
-    return ~predicted.outside_training_range
+    return ~predicted.flagged
 
 
 def _largest(difference: Array, span: float) -> float:

@@ -68,7 +68,7 @@ class ClayLaw(MacroLaw):
             deformation=F,
             volume_ratio=J,
             transformed_conductivity=pulled / J[:, None, None],
-            outside_training_range=np.zeros(n, bool),
+            doubt=np.zeros(n, np.int64),
             tangent=self._tangent(states, grad_p, F, J, cof, s, pulled, flux) if tangent else None,
         )
 

@@ -134,7 +134,7 @@ class LinearisedLaw(MacroLaw):
             deformation=np.eye(3) + states.grad_u,
             volume_ratio=np.ones(n),
             transformed_conductivity=c.conductivity,
-            outside_training_range=np.zeros(n, bool),
+            doubt=np.zeros(n, np.int64),
             tangent=MacroTangent(
                 stress_grad_u=c.stiffness.reshape(n, 3, 3, 3, 3),
                 stress_p=-c.biot.reshape(n, 3, 3),

@@ -19,14 +19,14 @@ from porocore.core.files.plain_data import stable_hash
 from porocore.core.hdf5 import Contents, atomic_hdf5, numbered, opened
 from porocore.errors import DataError
 from porocore.interfaces.law import Integrand, LawMemory, MacroLaw, MacroResponse
-from porocore.interfaces.solution import History, MacroSolution, Profile, StepWork, file_name, read_profile
+from porocore.interfaces.solution import History, MacroSolution, Profile, StepWork, read_profile
 from porocore.macro.boundary.conditions import Loads
 from porocore.macro.boundary.probes import interpolation
 from porocore.macro.composition.body_fields import EVERYWHERE_ALIKE, BodyFields, CellsAtPoints, kept_cells
 from porocore.macro.integration.discretisation import Discretisation
 from porocore.macro.integration.newton import Predictor, Step
 from porocore.macro.integration.stepping import ErrorControl, Stepper
-from porocore.states import Array, MacroState
+from porocore.states import Array, Doubt, MacroState
 
 HISTORY = tuple(f.name for f in fields(History))
 PROFILE = tuple(f.name for f in fields(Profile))
@@ -69,7 +69,7 @@ class HistoryRecorder:
         """Add the initial state, t = 0."""
         d, whole = self.d, self.d.to_mesh(x)
         start = dict.fromkeys(HISTORY, 0.0)
-        start |= {"outside_training_range": _outside(d, response), "stress_spread": _spread(d, response)}
+        start |= {**_flagged(d, response), "stress_spread": _spread(d, response)}
         start |= self._extremes(whole)
         sums = np.zeros(3 * len(d.boundary.supports) + len(d.boundary.drains) + len(WORK))
         self.rows.append((*(start[name] for name in HISTORY), *(self.probe @ whole), *sums))
@@ -86,7 +86,7 @@ class HistoryRecorder:
             "ramp": d.problem.ramp(time),
             "drained_paper": last["drained_paper"] + squeezed,
             "drained": last["drained"] + self.outflow(step.residual.values, loads, dt),
-            "outside_training_range": _outside(d, response),
+            **_flagged(d, response),
             "stress_spread": _spread(d, response),
             "iterations": float(step.iterations),
         }
@@ -137,7 +137,7 @@ class HistoryRecorder:
                 stress=d.all_means(response.stress),
                 flux=d.all_means(response.flux),
                 element_p=d.all_means(states.p),
-                outside_training_range=d.all_means(response.outside_training_range.astype(float)),
+                flagged=d.all_means(response.flagged.astype(float)),
             )
         )
 
@@ -187,11 +187,14 @@ def extremes(x: Array, n_u: int) -> dict[str, tuple[int, float]]:
     }
 
 
-def _outside(d: Discretisation, response: MacroResponse) -> float:
-    volume, outside = d.communicator.sum(
-        np.array([d.weights.sum(), d.weights[response.outside_training_range].sum()])
+def _flagged(d: Discretisation, response: MacroResponse) -> dict[str, float]:
+    """Return the share of the body that is flagged, and that for each reason."""
+    rows = {"flagged": response.flagged}
+    rows |= {f"flagged_{each.name}": (response.doubt & each) != 0 for each in Doubt}
+    volume, *parts = d.communicator.sum(
+        np.array([d.weights.sum(), *(d.weights[flagged].sum() for flagged in rows.values())])
     )
-    return float(outside / volume)
+    return {name: float(part / volume) for name, part in zip(rows, parts, strict=True)}
 
 
 def _spread(d: Discretisation, response: MacroResponse) -> float:
@@ -202,7 +205,7 @@ def _spread(d: Discretisation, response: MacroResponse) -> float:
     return d.communicator.max(float(np.abs(means - mean).max(initial=0.0)))
 
 
-FORMAT, VERSION = "porocore-macro-checkpoint", 7
+FORMAT, VERSION = "porocore-macro-checkpoint", 8
 #: What is kept of the time stepping.
 STEPPER: dict[str, Any] = {"time": float, "halvings": int, "streak": int, "proposed": float}
 #: No step is halved more often: 2 to this power is still a number.
@@ -324,7 +327,7 @@ class CheckpointFile:
                 file["history"] = np.array(record.rows)
                 for i, profile in enumerate(record.profiles):
                     for name in PROFILE:
-                        file[f"profiles/{i}/{file_name(name)}"] = getattr(profile, name)
+                        file[f"profiles/{i}/{name}"] = getattr(profile, name)
 
         d.communicator.on_root(write)
         self._written = monotonic()

@@ -248,7 +248,7 @@ def _flagged_points(d: Discretisation, law: MacroLaw, memory: LawMemory, x: Arra
     """
     states, grad_p = d.states(x)
     states = replace(states, parameters=memory.states.parameters, place=memory.states.place)
-    outside = law.respond(states, grad_p, memory, tangent=False).outside_training_range
+    outside = law.respond(states, grad_p, memory, tangent=False).flagged
     count, points = (int(n) for n in d.communicator.sum(np.array([outside.sum(), len(outside)])))
     if not count:
         return ""

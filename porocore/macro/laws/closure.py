@@ -356,7 +356,6 @@ class Closure(ABC):
         self, at: ClosurePoints, pore: PulledBack, stress: Array, storage: Array, tangent: MacroTangent | None
     ) -> MacroResponse:
         """Return stress and storage with all that a closure takes from the pulled-back pore and the cell."""
-        outside = at.cell.outside_training_range
         return MacroResponse(
             stress=stress,
             storage=storage,
@@ -365,7 +364,7 @@ class Closure(ABC):
             deformation=pore.F,
             volume_ratio=pore.J,
             transformed_conductivity=pore.transformed,
-            outside_training_range=np.zeros(len(at.states), bool) if outside is None else outside,
+            doubt=np.zeros(len(at.states), np.int64) if at.cell.doubt is None else at.cell.doubt,
             tangent=tangent,
         )
 

@@ -21,7 +21,7 @@ from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.samplers.candidates import distances
-from porocore.states import Array, CellResponse, IntArray, MacroState, Status
+from porocore.states import Array, CellResponse, Doubt, IntArray, MacroState, Status
 
 
 @dataclass
@@ -169,7 +169,7 @@ class DirectCellLaw(CellLaw):
     solved like others.
 
     A cell without solution gives NaN, so that the macro step is refused and halved. Cells in an unstable
-    equilibrium keep their values and are flagged as ``outside_training_range``.
+    equilibrium keep their values and are flagged (``Doubt.unstable``).
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ class DirectCellLaw(CellLaw):
         response = _moved(response, states, places[inverse, :COMPONENTS] * GRID)
         unstable = response.status == int(Status.unstable)
         return replace(
-            response, outside_training_range=unstable, tangent=response.tangent if tangent else None
+            response, doubt=Doubt.where(unstable=unstable), tangent=response.tangent if tangent else None
         )
 
     def undeformed(self, parameters: Array) -> UndeformedCells | None:
@@ -328,7 +328,7 @@ def _moved(response: CellResponse, states: MacroState, solved: Array) -> CellRes
 
 
 def _lean(response: CellResponse) -> CellResponse:
-    return replace(response, slopes=None, extrema=None, outside_training_range=None)
+    return replace(response, slopes=None, extrema=None, doubt=None)
 
 
 #: States outside that are solved at a time, the farthest apart.

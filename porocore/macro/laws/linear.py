@@ -218,7 +218,7 @@ class LinearPoroelasticity(MacroLaw):
             deformation=np.eye(3) + states.grad_u,
             volume_ratio=np.ones(n),
             transformed_conductivity=np.broadcast_to(c.conductivity, (n, 3, 3)),
-            outside_training_range=np.zeros(n, bool),
+            doubt=np.zeros(n, np.int64),
             tangent=self._tangent(n) if tangent else None,
         )
 
@@ -276,7 +276,7 @@ class LinearCellLaw(CellLaw):
         return CellResponse(
             mean_grad=mean_grad.reshape(n, 3, 3) + states.p[:, None, None] * self.Q,
             status=np.full(n, int(Status.converged)),
-            outside_training_range=np.zeros(n, bool),
+            doubt=np.zeros(n, np.int64),
             tangent=CellTangent(
                 mean_grad_grad_u=np.broadcast_to(self.M, (n, 3, 3, 3, 3)),
                 mean_grad_p=np.broadcast_to(self.Q, (n, 3, 3)),

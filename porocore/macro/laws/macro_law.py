@@ -31,7 +31,7 @@ from porocore.macro.composition.bound_law import BoundLaw
 from porocore.macro.laws.cell_changes import cell_changes
 from porocore.macro.laws.closure import Closure, ClosurePoints
 from porocore.plugins.border import check_prediction, prediction_of
-from porocore.states import Array, CellResponse, MacroState
+from porocore.states import Array, CellResponse, IntArray, MacroState
 
 #: Points that a closure treats at once, whose tensors stay in the cache: 80,000 points take 0.30 s in place of 0.49.
 CHUNK = 5_000
@@ -252,7 +252,7 @@ class AdaptiveLaw(ClosedLaw):
 
     def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
         """Refine the surrogate where the step left its range; see :class:`~porocore.interfaces.law.MacroLaw`."""
-        outside = np.flatnonzero(response.outside_training_range)
+        outside = np.flatnonzero(response.flagged)
         if not len(outside) or self._round >= self._rounds:
             self._round = 0
             return None
@@ -263,7 +263,7 @@ class AdaptiveLaw(ClosedLaw):
         self._round += 1
         self.cell_law, self._known = refined, []
         self._begin()
-        known = replace(prediction_of(refined, memory.states, tangent=False), outside_training_range=None)
+        known = replace(prediction_of(refined, memory.states, tangent=False), doubt=None)
         return self.closure.memory(memory.states, known, memory.fluid_volume)
 
 
@@ -309,8 +309,8 @@ class LawResponse(Batch):
         K_ref, with which q = −K_ref ∇_X p is the flux through reference area; K in the linear law.
     deformation : (n, 3, 3)
         F̄ = I + H + <∇u¹>_s/φ_s (I + H in the linear law).
-    outside_training_range : (n,) bool
-        The state is flagged: the surrogate is not to be trusted there.
+    doubt : (n,) int
+        Reasons not to rely on the state, :class:`~porocore.Doubt` as a number; 0: none.
     memory
         State of the law, from which a further response counts the fluid.
     tangent
@@ -321,12 +321,18 @@ class LawResponse(Batch):
     fluid_volume: Array
     conductivity: Array
     deformation: Array
-    outside_training_range: npt.NDArray[np.bool_]
+    doubt: IntArray
     memory: LawMemory
     tangent: LawTangent | None = None
 
     def __len__(self) -> int:
         return len(self.fluid_volume)
+
+    @property
+    def flagged(self) -> npt.NDArray[np.bool_]:
+        """States that are not to be relied on, (n,) bool."""
+        flagged: npt.NDArray[np.bool_] = self.doubt != 0
+        return flagged
 
 
 class Law:
@@ -356,7 +362,7 @@ class Law:
     >>> found = law.response(pressed, p=[0.002, 0.0])
     >>> found.stress[:, 1, 1].round(5), found.fluid_volume.round(5), found.conductivity[0].diagonal()
     (array([-0.00603, -0.00888]), array([0.40506, 0.39644]), array([1.94, 1.94, 1.94]))
-    >>> found.tangent.stress_grad_u.shape, found.outside_training_range
+    >>> found.tangent.stress_grad_u.shape, found.flagged
     ((2, 3, 3, 3, 3), array([False, False]))
 
     A law with parameters:
@@ -484,7 +490,7 @@ class Law:
             fluid_volume=first.memory.fluid_volume,
             conductivity=first.transformed_conductivity * first.volume_ratio[:, None, None],
             deformation=first.deformation,
-            outside_training_range=first.outside_training_range,
+            doubt=first.doubt,
             memory=first.memory,
             tangent=_tangent(tangents) if tangents else None,
         )

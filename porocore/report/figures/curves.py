@@ -267,7 +267,7 @@ class ColumnAxis:
 
     def series(self, profile: Profile, quantity: ProfileField) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
         """Return positions, values and flags (outside the training range), each (k,) or (e,)."""
-        flagged = profile.outside_training_range[self.elements] > 0
+        flagged = profile.flagged[self.elements] > 0
         if not quantity.nodal:
             return self.element_y, quantity.take(profile)[self.elements], flagged
         slack = 1e-9 * float(self.node_y[-1] - self.node_y[0])

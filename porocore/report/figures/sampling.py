@@ -262,7 +262,7 @@ def parity_figure(checks: Sequence[OutputCheck]) -> Figure:
         parity.plot(ends, ends, color=GREY, lw=1.0)
         deviation = 100 * (check.predicted - check.solved) / check.span
         for axes, y in ((parity, predicted), (error, deviation)):
-            beyond = check.outside_training_range
+            beyond = check.flagged
             if beyond.any():
                 axes.plot(solved[beyond], y[beyond], "o", ms=4, mfc="white", mec=GREY, mew=0.9)
             axes.plot(solved[~beyond], y[~beyond], "o", ms=4, mfc=BLUE, mec="white", mew=0.4)
@@ -333,7 +333,7 @@ def tuning_figure(
 
 
 def _error_text(check: OutputCheck) -> str:
-    rms, worst, beyond = rms_percent(check), worst_percent(check), int(check.outside_training_range.sum())
+    rms, worst, beyond = rms_percent(check), worst_percent(check), int(check.flagged.sum())
     if rms is None or worst is None:
         text = "no held-out states"
     else:

@@ -28,7 +28,7 @@ class OutputCheck:
         Values of the cell solver and of the surrogate.
     span
         Range of the output over the training states, to which errors are referred.
-    outside_training_range : (m,) bool
+    flagged : (m,) bool
         Held-out states beyond the sampled range; shown, but not counted in the error unless all of them are.
     quantity
         Of :data:`porocore.core.units.QUANTITIES`; '' is a plain number.
@@ -43,7 +43,7 @@ class OutputCheck:
     solved: Array
     predicted: Array
     span: float
-    outside_training_range: npt.NDArray[np.bool_]
+    flagged: npt.NDArray[np.bool_]
     quantity: str = ""
     in_body: tuple[float, float] | None = None
     parameters: Array | None = None
@@ -66,12 +66,12 @@ class OutputCheck:
     @property
     def all_outside(self) -> bool:
         """True if there are held-out states and all lie beyond the sampled range."""
-        return len(self.outside_training_range) > 0 and bool(self.outside_training_range.all())
+        return len(self.flagged) > 0 and bool(self.flagged.all())
 
     @property
     def counted(self) -> npt.NDArray[np.bool_]:
         """(m,) Held-out states that the error is over: those within the sampled range, or all where none is."""
-        return self.outside_training_range if self.all_outside else ~self.outside_training_range
+        return self.flagged if self.all_outside else ~self.flagged
 
 
 def rms_percent(check: OutputCheck) -> float | None:

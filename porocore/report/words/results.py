@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from porocore.core.units import spoken
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.series import DOUBTS
 from porocore.report.context import SamplingSummary
 from porocore.report.format import difference, measured, number, percent, plain
 from porocore.report.metrics import REMNANT, STEADY_TOLERANCE, LeftOut, goes_back, is_gone
@@ -308,9 +309,14 @@ def flagged_shares(metrics: dict[str, Any]) -> str:
         f"it is {end}. The first points are flagged at t = {spoken().text(metrics['flagged_first_time'], 'time', 3)}"
     )
     whole = metrics["flagged_all_time"]
-    if whole is None:
-        return f"{words}."
-    return f"{words}, and the whole body is flagged at t = {spoken().text(whole, 'time', 3)}."
+    words += (
+        "." if whole is None else f", and the whole body is flagged at t = {spoken().text(whole, 'time', 3)}."
+    )
+    reasons = sorted(metrics["flagged_reasons"].items(), key=lambda each: -each[1])
+    if not reasons:
+        return words
+    parts = ", ".join(f"{DOUBTS[name]} ({percent(share)} of the body)" for name, share in reasons)
+    return f"{words} {'The reason is' if len(reasons) == 1 else 'The reasons are'}: {parts}."
 
 
 def case_warnings(

@@ -20,7 +20,7 @@ from porocore.core.inputs import given_states
 from porocore.core.units import ResultUnits
 from porocore.errors import ConfigurationError, PluginError
 from porocore.interfaces.cell import CellSolver
-from porocore.interfaces.solution import MacroSolution, Profile, file_name
+from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.macro.laws.linear import EffectiveProperties
 from porocore.macro.reference import CellReference, porosity_at_rest, require_solved
 from porocore.macro.series import HISTORY
@@ -188,7 +188,7 @@ class Solved:
             raise _missing("xarray") from error
         s, history = self.solution, self.solution.history
         found: dict[str, Any] = {
-            file_name(name): self._variable(("time",), getattr(history, name), quantity, words)
+            name: self._variable(("time",), getattr(history, name), quantity, words)
             for name, (quantity, words) in HISTORY.items()
             if name != "time"
         }
@@ -254,7 +254,7 @@ class Solved:
             ("P_E", profile.stress, stress),
             ("K_t", profile.conductivity, self.units.factor("conductivity")),
             ("flux", profile.flux, self.units.factor("velocity")),
-            ("outside", profile.outside_training_range, 1.0),
+            ("flagged", profile.flagged, 1.0),
         ):
             grid.cell_data[name] = values.reshape(count, -1) * factor if values.ndim > 1 else values * factor
         grid.field_data["time"] = np.array([self.units.value(profile.time, "time")])

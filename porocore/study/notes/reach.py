@@ -152,7 +152,7 @@ def flagged_place(
         What gives more states.
     """
     units = units or ResultUnits()
-    shares = [float(profile.outside_training_range.max(initial=0.0)) for profile in solution.profiles]
+    shares = [float(profile.flagged.max(initial=0.0)) for profile in solution.profiles]
     if not max(shares, default=0.0) > 0:
         return ""
     states, where = visited(solution, units, flagged=True)
@@ -163,7 +163,7 @@ def flagged_place(
         return f"Beyond what was sampled: {advice(reached, units)}."
     latest = len(shares) - 1 - int(np.argmax(shares[::-1]))
     profile = solution.profiles[latest]
-    element = int(np.argmax(profile.outside_training_range))
+    element = int(np.argmax(profile.flagged))
     why = surrogate.reasons(_worst(solution, latest, element, surrogate))[0]
     example = (
         f"An example is the element {_place(solution, element, profile.time, units)}{why and ': ' + why}"
@@ -197,8 +197,8 @@ def left_out_shear(
     """
     units, inputs = units or ResultUnits(), surrogate.inputs
     history, kept = solution.history, [profile.time for profile in solution.profiles]
-    at_kept = np.interp(kept, history.time, history.outside_training_range) if kept else np.zeros(1)
-    if at_kept.max() < max(KEPT_SHARE * history.outside_training_range.max(), ROUND_OFF):
+    at_kept = np.interp(kept, history.time, history.flagged) if kept else np.zeros(1)
+    if at_kept.max() < max(KEPT_SHARE * history.flagged.max(), ROUND_OFF):
         return None
     states, where = visited(solution, units, flagged=True)
     if not len(states):
@@ -208,7 +208,7 @@ def left_out_shear(
     if not reached or set(shears(NAMES)).isdisjoint(each.name for each in reached):
         return None
     plain = turned.grad_u * np.eye(3)
-    flagged = prediction_of(surrogate, replace(turned, grad_u=plain), tangent=False).outside_training_range
+    flagged = prediction_of(surrogate, replace(turned, grad_u=plain), tangent=False).flagged
     if flagged is None or flagged.any():
         return None
     worst = max((each for each in reached if each.name in shears(NAMES)), key=lambda each: abs(each.value))
@@ -220,7 +220,7 @@ def left_out_shear(
 def _worst(solution: MacroSolution, i: int, element: int, surrogate: Surrogate) -> MacroState:
     """Return the first state of an element that the surrogate flags; its mean where it flags none of the points."""
     points = _point_states(solution, BodyMesh(solution.points, solution.cells), i, np.array([element]))
-    flagged = prediction_of(surrogate, points, tangent=False).outside_training_range
+    flagged = prediction_of(surrogate, points, tangent=False).flagged
     if flagged is None or not flagged.any():
         return solution.cell_states(i)[[element]]
     return points[flagged][:1]
@@ -255,7 +255,7 @@ def visited(
 
 
 def _wanted(profile: Profile, flagged: bool) -> npt.NDArray[np.bool_]:
-    share = profile.outside_training_range
+    share = profile.flagged
     return share > 0 if flagged else np.full(len(share), profile.time > 0)
 
 

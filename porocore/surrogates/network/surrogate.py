@@ -32,7 +32,7 @@ class NetworkSurrogate(ModelSurrogate):
     squared error. It follows Dehghani & Zilian but for the anchor: the linear limit M:H + Q p of the cell is added
     exactly and the network describes only what goes beyond it
     (:class:`porocore.surrogates.mean_gradient.AnchoredModel`). A component of H that was not
-    sampled enters through M only, and a state that moves such a component is flagged as ``outside_training_range``.
+    sampled enters through M only, and a state that moves such a component is flagged (``Doubt.not_sampled``).
 
     ``potential`` is a network for W(ln U, p), trained with L-BFGS on W and its first derivatives; stress, fluid volume
     and all tangents are its derivatives (:class:`porocore.surrogates.potential.PotentialModel`). It learns cells

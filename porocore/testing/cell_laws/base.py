@@ -131,7 +131,7 @@ class Calls(CellSuite):
         holds(not status.has_values, state, "a status without values", status.name)
         for holder in (response, response.tangent, response.extrema):
             for name, values in vars(holder).items() if holder is not None else ():
-                if isinstance(values, np.ndarray) and name not in ("status", "outside_training_range"):
+                if isinstance(values, np.ndarray) and name not in ("status", "doubt"):
                     lost = np.isnan(np.asarray(values[1], dtype=float)).all()
                     holds(lost, state, f"NaN for {name} of the failed row", values[1])
         for row in (0, 2):

@@ -489,18 +489,18 @@ class Histories(Solving):
 
     def test_share_outside_the_trained_range_is_a_volume(self) -> None:
         narrow = AlteredLaw(
-            LINEAR, lambda r, states, memory: replace(r, outside_training_range=states.p > 5e-4)
+            LINEAR, lambda r, states, memory: replace(r, doubt=(states.p > 5e-4).astype(np.int64))
         )
         solution = self.solve(confined_column(40, load=-1e-3, time=SHORT), narrow)
         layer = Terzaghi.from_coefficients(COEFFICIENTS, 7.5, 1e-3)
         y = np.linspace(0, 7.5, 4001)
         share = (layer.pressure(y, 6.0 - 0.1) > 5e-4).mean()
-        state, found = "a law that flags p > 5e-4", solution.history.outside_training_range
-        near("outside", found[-1], share, state, within=0.02)
+        state, found = "a law that flags p > 5e-4", solution.history.flagged
+        near("flagged", found[-1], share, state, within=0.02)
         near(
             "outside, the mean of the profile,",
             found[-1],
-            solution.profiles[-1].outside_training_range.mean(),
+            solution.profiles[-1].flagged.mean(),
             state,
             within=1e-12,
         )

@@ -27,7 +27,7 @@ import pytest
 
 from porocore.errors import ConfigurationError, DataError
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
-from porocore.states import Array, CellResponse, MacroState
+from porocore.states import Array, CellResponse, Doubt, MacroState
 from porocore.testing import other_process
 from porocore.testing.expect import (
     RESPONSES,
@@ -155,7 +155,7 @@ class SurrogateSuite(Files, Trainings, Parameters):
         response = fitted.predict(unseen.states)
         n, state = len(unseen.states), states_text(unseen.states)
         same("status", response.status, np.zeros(n), state)
-        shapes = {"outside_training_range": (n,), "mean_grad": (n, 3, 3)}
+        shapes = {"doubt": (n,), "mean_grad": (n, 3, 3)}
         for name, slopes in with_derivatives(response):
             value = getattr(response, name)
             for what, slope, shape in (("H", slopes[0], (*value.shape, 3, 3)), ("p", slopes[1], value.shape)):
@@ -313,22 +313,24 @@ class SurrogateSuite(Files, Trainings, Parameters):
         x = np.array([[-0.1, 0.1], [-0.2001, 0.1], [-0.1, 0.2401], [0.0, 0.0], [0.1, 0.3]])
         states = INPUTS.scatter(x)
         states.grad_u[3, 0, 1] = 0.01
-        outside = require(
-            "outside_training_range",
-            fitted.predict(states, tangent=False).outside_training_range,
-            states_text(states),
-        )
+        doubt = require("doubt", fitted.predict(states, tangent=False).doubt, states_text(states))
         for row, flagged in enumerate([False, True, True, True, True]):
             state = state_text(states.grad_u[row], states.p[row])
             holds(
-                bool(outside[row]) == flagged,
+                (doubt[row] != 0) == flagged,
                 state,
-                f"outside_training_range = {flagged}",
-                bool(outside[row]),
+                "a doubt" if flagged else "no doubt",
+                f"doubt = {doubt[row]}",
             )
-        trained = fitted.predict(data.states, tangent=False).outside_training_range
-        count = int(require("outside_training_range", trained, "the states of the training").sum())
-        holds(not count, "the states of the training", "none outside", f"{count} outside")
+        holds(
+            bool(doubt[3] & Doubt.not_sampled),
+            state_text(states.grad_u[3], states.p[3]),
+            "Doubt.not_sampled",
+            f"doubt = {doubt[3]}",
+        )
+        trained = fitted.predict(data.states, tangent=False).doubt
+        count = np.count_nonzero(require("doubt", trained, "the states of the training"))
+        holds(not count, "the states of the training", "none flagged", f"{count} flagged")
 
     def test_invalid_options_are_refused(self) -> None:
         for given in self.invalid_options:

@@ -20,7 +20,7 @@ READ = ("load", "loads")
 def arrays(response: CellResponse) -> dict[str, Array]:
     """Return what a surrogate predicts, with the derivatives, by names."""
     found = {name: getattr(response, name) for name in RESPONSES if getattr(response, name) is not None}
-    found["outside_training_range"] = np.asarray(response.outside_training_range, float)
+    found["doubt"] = np.asarray(response.doubt, float)
     for name, (by_H, by_p) in with_derivatives(response):
         found |= {f"d{name} by H": by_H, f"d{name} by p": by_p}
     return found

@@ -125,11 +125,11 @@ class Parameters(Fitting):
             ):
                 theta = inside.copy()
                 theta[k] = value
-                asked = of_family.predict(states.with_parameters(theta), tangent=False).outside_training_range
-                flagged = bool(require("outside_training_range", asked, f"{parameter} {end} its range")[0])
+                asked = of_family.predict(states.with_parameters(theta), tangent=False).doubt
+                flagged = bool(require("doubt", asked, f"{parameter} {end} its range")[0])
                 holds(flagged, f"{parameter} = {value:.4g}, {end} its range", "a flag", "none")
-        asked = of_family.predict(states, tangent=False).outside_training_range
-        flagged = bool(require("outside_training_range", asked, "the middle of the ranges")[0])
+        asked = of_family.predict(states, tangent=False).doubt
+        flagged = bool(require("doubt", asked, "the middle of the ranges")[0])
         holds(not flagged, "the middle of the ranges", "no flag", "one")
 
     def test_every_member_is_exact_at_rest(self, of_family: Surrogate) -> None:

@@ -203,7 +203,7 @@ class ColumnMacroSolver(MacroSolver):
             float(max(*x[column.n + 1 :], *column.ends_of_p(x, time))),
             last[4] + dt * column.area * float(column.outflow),
             last[5] - volume * float((response.storage[cells] / response.volume_ratio[cells]).sum()),
-            float(response.outside_training_range[cells].mean()),
+            float(response.flagged[cells].mean()),
             float(np.abs(stress - stress.mean()).max()),
             float(iterations),
             float(x[: column.n + 1].max()),
@@ -235,7 +235,7 @@ class ColumnMacroSolver(MacroSolver):
             stress=response.stress[layer],
             flux=flux,
             element_p=states.p[layer],
-            outside_training_range=response.outside_training_range[layer].astype(float),
+            flagged=response.flagged[layer].astype(float),
         )
 
 

@@ -56,7 +56,7 @@ class KernelSurrogate(Surrogate):
             mean_grad=np.einsum("nk,kc->nc", value, self._weights).reshape(n, 3, 3),
             status=np.zeros(n, dtype=np.int64),
             tangent=slope if tangent else None,
-            outside_training_range=self._sampled.outside(states),
+            doubt=self._sampled.doubt(states),
         )
 
     def save(self, path):

@@ -124,9 +124,7 @@ class TestFlagsAllWhereAnyIsOutside(Law):
                 law,
                 lambda r, states, memory: replace(
                     r,
-                    outside_training_range=np.full_like(
-                        r.outside_training_range, r.outside_training_range.any()
-                    ),
+                    doubt=np.full_like(r.doubt, r.flagged.any()),
                 ),
             )
 
@@ -137,4 +135,4 @@ class TestNoFlags(Law):
 
     class solver(Altered):
         def solution(self, solution):
-            return with_history(solution, outside_training_range=np.zeros_like)
+            return with_history(solution, flagged=np.zeros_like)

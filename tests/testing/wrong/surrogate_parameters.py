@@ -89,8 +89,8 @@ class TestTakesAnyParameters(Law):
             low, high = self.inputs.parameter_ranges.T
             within = states.with_parameters(np.clip(states.parameters, low, high))
             found = super().predict(states, tangent=tangent)
-            flags = super().predict(within, tangent=False).outside_training_range
-            return replace(found, outside_training_range=flags)
+            flags = super().predict(within, tangent=False).doubt
+            return replace(found, doubt=flags)
 
 
 class TestRestOfTheMiddle(Law):

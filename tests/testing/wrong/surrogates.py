@@ -103,7 +103,7 @@ class TestNeverOutside(Law):
 
     class surrogate(Altered):
         def alter(self, response, states):
-            return replace(response, outside_training_range=np.zeros(len(states), dtype=bool))
+            return replace(response, doubt=np.zeros(len(states), np.int64))
 
 
 class TestSwallowsOptions(Law):

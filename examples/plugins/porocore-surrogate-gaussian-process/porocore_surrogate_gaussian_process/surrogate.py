@@ -111,7 +111,7 @@ class GaussianProcessSurrogate(Surrogate):
             mean_grad=self._linear(states) + bend,
             status=np.zeros(n, dtype=np.int64),
             tangent=derivatives,
-            outside_training_range=self._sampled.outside(states),
+            doubt=self._sampled.doubt(states),
         )
 
     def uncertainty(self, states: MacroState):
