@@ -81,8 +81,8 @@ def study(folder: Path, sampler: str, parameters: str, count: int) -> Study:
 def states_of_the_body(of: Study) -> MacroState:
     """States of the column, some of each eighth of its height."""
     one = of.config
-    data = training_set(of.folder, one)
-    visited = MacroExplorer(one, load_reference(of.folder, one))(data, elements=8, steps=20).states
+    data = training_set(of.folder)
+    visited = MacroExplorer(one, load_reference(of.folder))(data, elements=8, steps=20).states
     moved = np.flatnonzero(np.abs(visited.grad_u[:, 1, 1]) > 1e-4)
     visited = visited[moved]
     assert visited.parameters is not None

@@ -109,10 +109,10 @@ def recorded(config: RunConfig, laws: Sequence[Any]) -> list[dict[str, Any]]:
         tempfile.TemporaryDirectory() as folder,
         RunFolder.claim(Path(folder) / "run", config) as claimed,
     ):
-        pipeline.solve_reference(claimed, config, console=console)
-        pipeline.sample(claimed, config, console=console)
-        pipeline.train(claimed, config, console=console)
-        pipeline.solve(claimed, config, console=console, laws=laws)
+        pipeline.solve_reference(claimed, console=console)
+        pipeline.sample(claimed, console=console)
+        pipeline.train(claimed, console=console)
+        pipeline.solve(claimed, console=console, laws=laws)
     return console.tasks
 
 

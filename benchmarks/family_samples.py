@@ -137,7 +137,7 @@ def main() -> None:
     for name in arguments.inputs or INPUTS:
         cells = study(name, arguments.cache)
         cells.sample()
-        data = training_set(cells.folder, cells.config)
+        data = training_set(cells.folder)
         held_out = Dataset.open(cells.folder.test_dataset)
         kept = np.flatnonzero(held_out.responses().stable)
         states, truth = held_out.states()[kept], held_out.responses()[kept]

@@ -28,11 +28,11 @@ COMPRESSION = np.linspace(-0.19, 0.02, 60)
 
 def carried_and_solved(folder: RunFolder) -> tuple[np.ndarray, np.ndarray]:
     """K_ref/K (states, 3, 3) along a drained compression: of the undeformed pore carried along, and of the deformed."""
-    reference = load_reference(folder, folder.config)
+    reference = load_reference(folder)
     H = np.zeros((len(COMPRESSION), 3, 3))
     H[:, 1, 1] = COMPRESSION
     states = MacroState(H, np.zeros(len(H)))
-    cell = load_surrogate(folder, folder.config).predict(states, tangent=False)
+    cell = load_surrogate(folder).predict(states, tangent=False)
     K = reference.conductivity
     carried = PulledBack.from_states(
         states, cell.mean_grad, np.zeros((len(H), 3)), reference.solid_fraction, K

@@ -76,7 +76,7 @@ def run(
     with interruptible(again), located(path), folder:
         from porocore.study.stages import pipeline
 
-        report_path = pipeline.run(folder, settings, console=Console(), laws=laws, store=kept)
+        report_path = pipeline.run(folder, console=Console(), laws=laws, store=kept)
     typer.echo(report_path)
 
 
@@ -112,7 +112,7 @@ def sample(
             )
         folder = RunFolder.open(target)
         path = target / CONFIG
-        settings = folder.config.with_executor(executor, scheduler)
+        folder = folder.with_config(folder.config.with_executor(executor, scheduler))
     else:
         path, settings = read_config(target, fem)
         settings = settings.with_executor(executor, scheduler)
@@ -127,10 +127,10 @@ def sample(
     with interruptible(again), located(path), folder:
         from porocore.study.stages import pipeline
 
-        pipeline.solve_reference(folder, settings, console=console, store=kept)
-        pipeline.sample(folder, settings, console=console, retry_lost=retry_lost, store=kept)
+        pipeline.solve_reference(folder, console=console, store=kept)
+        pipeline.sample(folder, console=console, retry_lost=retry_lost, store=kept)
     console.note(f"next: {command('train', folder.path)}")
-    for files, _ in folder.of_each_cell(settings):
+    for files in folder.of_each_cell:
         typer.echo(files.dataset)
 
 
@@ -150,16 +150,16 @@ def train(
 
     folder, kept = _open(run), chosen_store(store, no_store)
     require_samples(folder)
-    config = backends.with_closure(folder.config, closure)
-    backends.check("surrogate", config)
+    folder = folder.with_config(backends.with_closure(folder.config, closure))
+    backends.check("surrogate", folder.config)
     console = Console()
     with interruptible(command("train", run, closure=closure, store=store, no_store=no_store)), folder:
         from porocore.study.stages import pipeline
 
-        pipeline.train(folder, config, console=console, store=kept)
+        pipeline.train(folder, console=console, store=kept)
     console.note(f"next: {command('solve', run, closure=closure)}")
-    for files, one in folder.of_each_cell(config):
-        typer.echo(files.surrogate_of(one))
+    for files in folder.of_each_cell:
+        typer.echo(files.surrogate)
 
 
 def solve(
@@ -190,9 +190,10 @@ def solve(
     require_samples(folder)
     laws = with_fallback(tuple(kind.value for kind in law) if law else USUAL_LAWS, fallback)
     own = backends.with_closure(folder.config, closure)
+    folder = folder.with_config(own)
     direct_closure = closure or "potential"
     if "surrogate" in laws or "fallback" in laws:
-        require_surrogates(folder, own)
+        require_surrogates(folder)
     backend = macro or fem
     solver = _shared_solver(own.with_backends(macro=backend), laws)
     rank, _ = parallel.launched()
@@ -210,12 +211,12 @@ def solve(
             from porocore.study.stages import pipeline
 
             pipeline.solve(
-                folder, own, console=console, solver=solver, backend=backend, laws=laws,
+                folder, console=console, solver=solver, backend=backend, laws=laws,
                 direct_closure=direct_closure, store=kept,
             )  # fmt: skip
         console.note(f"next: {command('report', run)}")
     if rank == 0:
-        for path in folder.solutions(*law_names(own, laws, direct_closure)):
+        for path in folder.solutions(*law_names(own.closure, laws, direct_closure)):
             typer.echo(path)
 
 
@@ -254,15 +255,15 @@ def report(run: RunArgument) -> None:
 
     folder = _open(run)
     require_samples(folder)
-    config = folder.config.with_closure(folder.shown_closure)
-    require_surrogates(folder, config)
-    for path in folder.solutions(config.closure):
+    shown = folder.with_config(folder.config.with_closure(folder.shown_closure))
+    require_surrogates(shown)
+    for path in folder.solutions(shown.config.closure):
         _require_no_series(folder, path)
         folder.require(path, "solve")
     with interruptible(command("report", run)), folder:
         from porocore.study.stages import pipeline
 
-        pipeline.report(folder, folder.config, console=Console())
+        pipeline.report(folder, console=Console())
     typer.echo(folder.report)
 
 

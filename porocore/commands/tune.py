@@ -68,8 +68,8 @@ def tune(
         from porocore.study.stages import pipeline
 
         if not target.is_dir():
-            pipeline.solve_reference(folder, folder.config, console=console, store=kept)
-            pipeline.sample(folder, folder.config, console=console, store=kept)
+            pipeline.solve_reference(folder, console=console, store=kept)
+            pipeline.sample(folder, console=console, store=kept)
         found = tuning.tune(
             folder, config, grid, console=console, margin=margin / 100, workers=workers, store=kept
         )

@@ -57,6 +57,10 @@ class RunFiles:
     written
         Configuration that the run began with, which names the files: a run that continues with another closure
         keeps the solutions of each, and one surrogate for each model.
+    surrogate, training_curve, training_checkpoint
+        The surrogate that ``config`` needs, the table of its losses against epochs, and the checkpoint of a training
+        that was interrupted. ``surrogate.h5`` belongs to the closure that the run began with; another model of
+        surrogate lies beside it as ``surrogate-MODEL.h5``.
     reference, dataset, test_dataset
         The undeformed cell, and the data sets of the states to learn from and of the held-out ones.
     undeformed
@@ -93,30 +97,35 @@ class RunFiles:
         self.timings = path / "timings.json"
         self._lock: int | None = None
 
-    def of_body(self, name: str, config: RunConfig) -> Self:
-        """Return the same files with the solutions of another body, in a folder ``name`` below that of the run."""
+    def with_config(self, config: RunConfig, body: str = "") -> Self:
+        """Return the files of the same run that goes on with other settings.
+
+        With another ``body`` its solutions are in a folder of this name below that of the run.
+        """
         other = copy(self)
-        other.config, other.body = config, self.path / name
+        other.config, other.body = config, self.body / body
+        if self.whole is self:
+            other.whole = other
         return other
 
-    def surrogate_of(self, config: RunConfig) -> Path:
-        """Return the file of the surrogate that ``config`` needs.
+    @property
+    def surrogate(self) -> Path:
+        """See :class:`RunFiles`."""
+        return self.path / f"surrogate{self._suffix}.h5"
 
-        ``surrogate.h5`` belongs to the closure that the run began with; another model of surrogate lies beside it as
-        ``surrogate-MODEL.h5``.
-        """
-        return self.path / f"surrogate{self._suffix(config)}.h5"
+    @property
+    def training_curve(self) -> Path:
+        """See :class:`RunFiles`."""
+        return self.path / f"training{self._suffix}.csv"
 
-    def training_curve_of(self, config: RunConfig) -> Path:
-        """Return the table of losses against epochs of that surrogate."""
-        return self.path / f"training{self._suffix(config)}.csv"
+    @property
+    def training_checkpoint(self) -> Path:
+        """See :class:`RunFiles`."""
+        return self.path / "checkpoints" / f"training{self._suffix}.h5"
 
-    def training_checkpoint_of(self, config: RunConfig) -> Path:
-        """Return the checkpoint of an interrupted training of that surrogate."""
-        return self.path / "checkpoints" / f"training{self._suffix(config)}.h5"
-
-    def _suffix(self, config: RunConfig) -> str:
-        model = config.surrogate_model
+    @property
+    def _suffix(self) -> str:
+        model = self.config.surrogate_model
         return "" if model == self.written.surrogate_model else f"-{model}"
 
     def stage_of_cell(self, stage: str) -> str:
@@ -363,9 +372,10 @@ class RunFolder(RunFiles):
         folder.cell, folder.whole, folder.written = name, self.whole, self.written.of_cell(name)
         return folder
 
-    def of_each_cell(self, config: RunConfig) -> list[tuple[RunFolder, RunConfig]]:
-        """Return files and configuration of every cell, as :meth:`of_cell` does, that of the rest of the body first."""
-        return [(self.of_cell(name), config.of_cell(name)) for name in config.cell_names]
+    @property
+    def of_each_cell(self) -> list[RunFolder]:
+        """Files of every cell, as :meth:`of_cell` returns them, that of the rest of the body first."""
+        return [self.of_cell(name) for name in self.config.cell_names]
 
     def __enter__(self) -> Self:
         """Take the lock; the system releases it when the process ends, however it ends."""

@@ -242,7 +242,7 @@ class TuningSeries(RunSeries[Result]):
     def __init__(self, folder: RunFolder, config: RunConfig, store: ResultStore | None) -> None:
         super().__init__({})
         # No candidate may leave out the states that it flags.
-        self._data = replace(training_set(folder, config), tolerance=None)
+        self._data = replace(training_set(folder.with_config(config)), tolerance=None)
         self._held_out, self._config, self._store = _held_out(folder, config), config, store
         self._measured = arrays_hash(*self._held_out)
         stages = with_options(config, {}).stages

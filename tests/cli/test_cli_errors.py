@@ -44,8 +44,8 @@ def pipeline(monkeypatch):
     fake.calls = []
 
     def stage(name, files):
-        def call(folder, config, *, console, **others):
-            fake.calls.append((name, folder.path, config))
+        def call(folder, *, console, **others):
+            fake.calls.append((name, folder.path, folder.config))
             for file in files(folder):
                 file.parent.mkdir(exist_ok=True)
                 file.write_bytes(b"")
@@ -56,7 +56,7 @@ def pipeline(monkeypatch):
 
     stage("solve_reference", lambda folder: [])
     stage("sample", lambda folder: [folder.dataset, folder.test_dataset])
-    stage("train", lambda folder: [folder.surrogate_of(folder.config)])
+    stage("train", lambda folder: [folder.surrogate])
     stage("solve", lambda folder: folder.solutions())
     stage("report", lambda folder: [folder.report])
     stage("run", lambda folder: [folder.report])
@@ -209,7 +209,7 @@ def test_what_only_a_backend_can_tell_has_its_line_too(porocore_command, tmp_pat
 
 
 def test_an_error_of_a_stage_is_one_message(porocore_command, pipeline, tmp_path):
-    def fail(folder, config, **how):
+    def fail(folder, **how):
         raise SolveError("Newton's iteration fails at t = 1; take a smaller macro.time.step")
 
     pipeline.run = fail
@@ -222,7 +222,7 @@ def test_an_error_of_a_stage_is_one_message(porocore_command, pipeline, tmp_path
     ("code", "advice"), [(errno.ENOSPC, "make room"), (errno.EROFS, "--out"), (errno.EACCES, "--out")]
 )
 def test_a_disk_that_takes_no_more_is_explained(porocore_command, pipeline, tmp_path, code, advice):
-    def fail(folder, config, **how):
+    def fail(folder, **how):
         raise OSError(code, "the system's words", str(folder.dataset))
 
     pipeline.run = fail
@@ -241,7 +241,7 @@ def test_a_disk_that_takes_no_more_is_explained(porocore_command, pipeline, tmp_
     ],
 )
 def test_an_interruption_says_how_to_go_on(porocore_command, pipeline, tmp_path, words, advice):
-    def interrupt(folder, config, **how):
+    def interrupt(folder, **how):
         raise KeyboardInterrupt
 
     pipeline.run = pipeline.solve_reference = interrupt

@@ -80,7 +80,9 @@ def test_files_and_words_are_those_of_one_after_the_other(half_done, finished):
         stream = io.StringIO()
         sampling = config.sampling.model_copy(update={"workers": workers})
         with folder:
-            names = solve(folder, config.model_copy(update={"sampling": sampling}), console=Console(stream))
+            names = solve(
+                folder.with_config(config.model_copy(update={"sampling": sampling})), console=Console(stream)
+            )
         assert names == ["mean-gradient", "linear"]
         assert_the_same(folder, finished)
         texts[workers] = without_times(stream.getvalue())
@@ -98,7 +100,7 @@ def test_what_is_there_stays_and_is_told_in_order(half_done, finished):
     kept.write_bytes((finished / "solutions" / kept.name).read_bytes())
     before, stream = kept.stat().st_mtime_ns, io.StringIO()
     with folder:
-        solve(folder, config, console=Console(stream))
+        solve(folder.with_config(config), console=Console(stream))
     lines = stream.getvalue().splitlines()
     assert lines[0] == "solving: 3 solutions, 2 at a time"
     assert lines[-2] == f"solving: {kept.name} is there already"
@@ -109,7 +111,7 @@ def test_what_is_there_stays_and_is_told_in_order(half_done, finished):
 def test_an_interruption_keeps_checkpoints_and_times(half_done, finished):
     folder, config = half_done
     with pytest.raises(KeyboardInterrupt), folder:
-        solve(folder, config, console=Console(Interrupting("t = 240 of 240")))
+        solve(folder.with_config(config), console=Console(Interrupting("t = 240 of 240")))
     done = [path.name for path in folder.solutions() if path.exists()]
     assert folder.solution("mean-gradient", LOADS[0]).name in done
     times = json.loads(folder.timings.read_text())
@@ -117,7 +119,10 @@ def test_an_interruption_keeps_checkpoints_and_times(half_done, finished):
     assert not list(folder.path.rglob("*.part"))
     sampling = config.sampling.model_copy(update={"workers": 1})
     with folder:
-        solve(folder, config.model_copy(update={"sampling": sampling}), console=Console(io.StringIO()))
+        solve(
+            folder.with_config(config.model_copy(update={"sampling": sampling})),
+            console=Console(io.StringIO()),
+        )
     assert_the_same(folder, finished)
 
 
@@ -131,8 +136,7 @@ def test_a_solve_that_fails_says_so_as_in_this_process(half_done, monkeypatch):
         sampling = config.sampling.model_copy(update={"workers": workers})
         with pytest.raises(PorocoreError) as error, folder:
             solve(
-                folder,
-                config.model_copy(update={"sampling": sampling, "macro": macro}),
+                folder.with_config(config.model_copy(update={"sampling": sampling, "macro": macro})),
                 console=Console(io.StringIO()),
             )
         said.append((type(error.value), str(error.value)))
@@ -156,9 +160,9 @@ def test_a_process_that_dies_ends_the_run_with_its_checkpoint(half_done, finishe
             pytest.raises(PorocoreError, match="while it solved 'mean-gradient' under"),
             folder,
         ):
-            solve(folder, config, console=Console(io.StringIO()))
+            solve(folder.with_config(config), console=Console(io.StringIO()))
     with folder:
-        solve(folder, config, console=Console(io.StringIO()))
+        solve(folder.with_config(config), console=Console(io.StringIO()))
     assert_the_same(folder, finished)
 
 
@@ -176,7 +180,7 @@ def test_killed_with_its_processes_at_work_it_goes_on(half_done, finished, tmp_p
     finally:
         running.kill_all()
     with folder:
-        solve(folder, folder.config, console=Console(io.StringIO()))
+        solve(folder, console=Console(io.StringIO()))
     assert_the_same(folder, finished)
 
 

@@ -64,12 +64,13 @@ def test_the_samples_do_not_depend_on_the_closure(config):
 
 
 def test_each_model_has_its_own_files(tmp_path, config):
-    folder, other = RunFolder.claim(tmp_path, config), config.with_closure("potential")
-    for place in (folder.surrogate_of, folder.training_curve_of, folder.training_checkpoint_of):
-        assert place(config) != place(other)
-        assert "potential" in place(other).name
-    assert folder.surrogate_of(config) == tmp_path / "surrogate.h5"
-    assert folder.training_curve_of(config).name == "training.csv"
+    folder = RunFolder.claim(tmp_path, config)
+    other = folder.with_config(config.with_closure("potential"))
+    for place in ("surrogate", "training_curve", "training_checkpoint"):
+        assert getattr(folder, place) != getattr(other, place)
+        assert "potential" in getattr(other, place).name
+    assert folder.surrogate == tmp_path / "surrogate.h5"
+    assert folder.training_curve.name == "training.csv"
 
 
 def test_a_run_goes_on_with_another_closure_and_keeps_its_names(tmp_path, config):
@@ -79,8 +80,8 @@ def test_a_run_goes_on_with_another_closure_and_keeps_its_names(tmp_path, config
     with pytest.raises(RunFolderError, match="add --resume"):
         RunFolder.claim(tmp_path, other)
     folder = RunFolder.claim(tmp_path, other, resume=True)
-    assert folder.surrogate_of(folder.config).name == "surrogate-potential.h5"
-    assert folder.surrogate_of(config).name == "surrogate.h5"
+    assert folder.surrogate.name == "surrogate-potential.h5"
+    assert folder.with_config(config).surrogate.name == "surrogate.h5"
     assert (tmp_path / "config.yaml").read_bytes() == written
     assert RunFolder.open(tmp_path).config.closure == "mean-gradient"
     changed = other.model_copy(update={"cell": config.cell.model_copy(update={"viscosity": 2e-3})})

@@ -82,8 +82,8 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Study:
 def closed_form(study: Study) -> LayeredConsolidation:
     layers = []
     for name, height in (("clay", HEIGHTS[0]), (None, HEIGHTS[1])):
-        files, one = study.folder.of_cell(name), study.config.of_cell(name)
-        coefficients = linear_coefficients(load_reference(files, one), one)
+        files = study.folder.of_cell(name)
+        coefficients = linear_coefficients(files)
         layers.append(SoilLayer.from_coefficients(coefficients, height))
     time = study.config.macro.time
     return LayeredConsolidation(layers, LOAD, ramp=time.ramp_increments * time.ramp_step)
@@ -111,10 +111,10 @@ def test_each_cell_has_samples_and_a_surrogate_of_its_own(solved: Study) -> None
     assert not np.allclose(rest.responses.potential, clay.responses.potential, rtol=0.1)
     H = np.diag([0.0, -1e-4, 0.0])
     for name in (None, "clay"):
-        files, one = solved.folder.of_cell(name), solved.config.of_cell(name)
-        exact = linear_coefficients(load_reference(files, one), one)
+        files = solved.folder.of_cell(name)
+        exact = linear_coefficients(files)
         law = solved.law(cell=name)
-        assert law.porosity == load_reference(files, one).porosity
+        assert law.porosity == load_reference(files).porosity
         assert law.response([H]).stress[0, 1, 1] == pytest.approx(
             -1e-4 * exact.stiffness[1, 1, 1, 1], rel=0.01
         )
@@ -135,8 +135,8 @@ def test_the_report_shows_each_cell_where_the_body_has_it(solved: Study) -> None
     assert {"samples.png", "samples_clay.png"} <= {path.name for path in solved.folder.figures.iterdir()}
     clay = metrics["cells"]["clay"]
     for name, found in ((None, metrics), ("clay", clay)):
-        files, one = solved.folder.of_cell(name), solved.config.of_cell(name)
-        assert found["cell"]["porosity"] == load_reference(files, one).porosity
+        files = solved.folder.of_cell(name)
+        assert found["cell"]["porosity"] == load_reference(files).porosity
         assert found["sampling"]["states"] == 8
         assert max(found["surrogate"]["rms_error_percent_of_range"].values()) < 0.1
     assert clay["cell_states"][0][-1]["time"] == metrics["macro"][0]["cell_states"][-1]["time"] == 2.0
@@ -144,7 +144,7 @@ def test_the_report_shows_each_cell_where_the_body_has_it(solved: Study) -> None
 
 
 def test_results_of_a_cell_are_those_of_its_elements(solved: Study) -> None:
-    results = RunResults.load(solved.folder, solved.config)
+    results = RunResults.load(solved.folder)
     whole = results.solutions[-LOAD]["potential"]
     low, high = (results.by_cell[name].solutions[-LOAD]["potential"] for name in ("clay", None))
     for part, deep in ((low, True), (high, False)):
@@ -167,7 +167,7 @@ def test_a_body_beyond_the_samples_of_a_cell_is_told_of_that_cell(tmp_path: Path
     )
     assert told[0].endswith("write under 'sampling.cells.clay.inputs:'")
     study.solve()
-    results = RunResults.load(study.folder, study.config)
+    results = RunResults.load(study.folder)
     case = report_context(results).cases[0]
     assert case.flagged.startswith("cell clay: Beyond what was sampled: H22 = ")
     assert case.flagged.count("Beyond") == 1

@@ -169,7 +169,7 @@ def test_check_and_run_tell_numbers_without_a_unit_beside_values_with_one(tmp_pa
     assert note.endswith(" s; write '2000 s' if that is meant")
     conducts = SimpleNamespace(conductivity=np.eye(3))
     monkeypatch.setattr(reference, "load_reference", lambda *each: conducts)
-    reference.warn_of_loading(RunFolder(tmp_path, config), config, console=Console(said))
+    reference.warn_of_loading(RunFolder(tmp_path, config), console=Console(said))
     assert note.removeprefix("note: ") in " ".join(said.getvalue().split())
 
 

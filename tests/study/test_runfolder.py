@@ -253,8 +253,8 @@ def test_every_file_of_a_run_has_its_own_place_inside(tmp_path, config):
     files = [
         folder.dataset,
         folder.test_dataset,
-        folder.surrogate_of(folder.config),
-        folder.training_checkpoint_of(folder.config),
+        folder.surrogate,
+        folder.training_checkpoint,
         folder.fields,
         folder.timings,
         folder.metrics,

@@ -102,12 +102,12 @@ def test_a_change_of_any_cell_is_another_run(tmp_path: Path, config: RunConfig) 
 
 def test_a_run_folder_has_a_folder_for_each_named_cell(tmp_path: Path, config: RunConfig) -> None:
     folder = RunFolder.claim(tmp_path / "run", config)
-    (rest, own), (clay, one) = folder.of_each_cell(config)
+    rest, clay = folder.of_each_cell
     assert rest.dataset == folder.dataset == tmp_path / "run" / "samples.h5"
     assert clay.dataset == tmp_path / "run" / "cells" / "clay" / "samples.h5"
-    assert clay.surrogate_of(one) == clay.path / "surrogate.h5"
+    assert clay.surrogate == clay.path / "surrogate.h5"
     assert (rest.stage_of_cell("cell"), clay.stage_of_cell("cell")) == ("cell", "cell, clay")
-    assert own.stages.cell != one.stages.cell
+    assert rest.config.stages.cell != clay.config.stages.cell
     assert clay.whole is rest.whole is folder
     with pytest.raises(RunFolderError, match=f"make it first: porocore sample {tmp_path / 'run'}$"):
         clay.require(clay.dataset, "sample")

@@ -176,7 +176,7 @@ def test_a_value_is_the_body_of_the_law_with_it_bound(study: porocore.Study, swe
     """To round-off: the field of the sweep against the law with a constant in its place, in a body without fields."""
     problem = study.config.macro.problem(LOAD)
     with ExitStack() as stack:
-        laws = macro_laws(swept.folder, swept.plan.family, stack, ("surrogate", "linear"))
+        laws = macro_laws(swept.folder, stack, ("surrogate", "linear"))
         for kind, run in laws.items():
             law = BoundLaw(run.law, {"poisson_ratio": 0.3})
             solver = make_backend("macro solver", study.config)
@@ -262,10 +262,10 @@ def test_a_value_without_solution_is_an_empty_row(
 ) -> None:
     solve, failing = sweeping.SweepSeries.function, {0.24}
 
-    def fails(tell: Any, folder: Any, config: Any, laws: Any) -> str:
-        if config.macro.fields["poisson_ratio"] in failing:
+    def fails(tell: Any, folder: Any, laws: Any) -> str:
+        if folder.config.macro.fields["poisson_ratio"] in failing:
             raise SolveError("the step failed")
-        return solve(tell, folder, config, laws)
+        return solve(tell, folder, laws)
 
     monkeypatch.setattr(sweeping.SweepSeries, "function", fails)
     found = study.sweep("poisson_ratio", (0.2, 0.24, 0.26, 0.4))

@@ -69,7 +69,7 @@ class FamilyCells:
     def learn(self) -> None:
         """Solve and learn the cells that the folder does not hold."""
         with speaking(self.config.result_units):
-            pipeline.learn(self.folder, self.config, console=self._console, store=self._store)
+            pipeline.learn(self.folder, console=self._console, store=self._store)
 
     def keep_rounds(self, count: int) -> None:
         """Keep the further cells of so many rounds, and forget those of one that was not finished."""
@@ -115,7 +115,7 @@ class FamilyCells:
         with ExitStack() as stack:
             if self._known():
                 return _fixed(self._adaptive(stack)[1], self.identity)
-            (run,) = macro_laws(self.folder, self.config, stack, ("surrogate",)).values()
+            (run,) = macro_laws(self.folder, stack, ("surrogate",)).values()
             return run.law
 
     def at_rest(self) -> Callable[[Array], EffectiveProperties] | None:
@@ -126,7 +126,7 @@ class FamilyCells:
         config = self.config
         if config.cells:
             return None
-        reference = load_reference(self.folder, config)
+        reference = load_reference(self.folder)
         if not config.cell.is_family:
             return lambda parameters: reference.properties(config.cell, config.conductivity)
         law, names = self.law(), [each.name for each in config.cell.parameters]
@@ -144,7 +144,7 @@ class FamilyCells:
 
     def _adaptive(self, stack: ExitStack) -> tuple[RunLaw, AdaptiveLaw]:
         """Return the law that learns on the way, with its solves, and the same as what it is."""
-        (run,) = macro_laws(self.folder, self.config, stack, ("fallback",), store=self._store).values()
+        (run,) = macro_laws(self.folder, stack, ("fallback",), store=self._store).values()
         law = run.law
         if not isinstance(law, AdaptiveLaw):
             raise DataError(
@@ -161,7 +161,10 @@ class FamilyCells:
                 units, body = model.config.result_units, model.body(values)
                 stack.enter_context(speaking(units))
                 solver, problem = make_backend("macro solver", model.config), body.problem
-                prepared, name = prepared_body(solver, model.config, problem), model.experiment.name
+                prepared, name = (
+                    prepared_body(solver, model.config.macro_backend, problem),
+                    model.experiment.name,
+                )
                 title = f"further cells{f' of {name}' if name else ''}"
                 with body_progress(self._console, title, problem, units, scale=body.scales.factor) as (
                     show,

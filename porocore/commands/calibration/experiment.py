@@ -397,7 +397,7 @@ class ExperimentModel:
         def chosen() -> Array:
             found = steps
             if found is None:
-                prepared = prepared_body(self._solver, config, body.problem)
+                prepared = prepared_body(self._solver, config.macro_backend, body.problem)
                 solution = body_solution_of(self._solver, prepared, self.law, body.problem)
                 found = np.asarray(solution.history.time * body.scales.factor("time"))
             self.chosen_steps = found
@@ -446,7 +446,7 @@ class ExperimentModel:
         They are those of the values of the series, in the units of the run, for values (k,) of the unknowns.
         """
         body, solver = self.body(values), self._solver
-        problem, prepared = body.problem, prepared_body(solver, self.config, body.problem)
+        problem, prepared = body.problem, prepared_body(solver, self.config.macro_backend, body.problem)
         count = sum(map(len, self.experiment.curves))
         if not changes:
             plain = body_solution_of(solver, prepared, self.law, problem)

@@ -22,7 +22,6 @@ from porocore.study.config.config import RunConfig
 from porocore.study.notes.at_rest import MOST_TETRAHEDRA, tetrahedra_solved
 from porocore.study.notes.linear_reach import linear_solutions, too_large
 from porocore.study.stages.reference import undeformed
-from porocore.study.stages.stage_files import linear_coefficients
 
 #: Values so many times as large or as small as those of the study are noted; laws and unknowns explain less.
 FAR = 30.0
@@ -140,4 +139,4 @@ def _linear_law_of_cell(config: RunConfig) -> MacroLaw | None:
     if tetrahedra_solved(config.cell) > MOST_TETRAHEDRA:
         return None
     reference = undeformed(config.cell, config.fem, config.conductivity, None)
-    return LinearPoroelasticity(linear_coefficients(reference, config))
+    return LinearPoroelasticity(reference.coefficients(config.cell, config.conductivity))

@@ -215,11 +215,11 @@ def solve_samples(config: RunConfig, backend: str, console: Console) -> SharedSa
         TemporaryDirectory(prefix="porocore-crosscheck-") as scratch,
         RunFolder.claim(Path(scratch) / "run", settings) as folder,
     ):
-        solve_reference(folder, settings, console=console)
+        solve_reference(folder, console=console)
         began = time.perf_counter()
-        sample(folder, settings, console=console)
+        sample(folder, console=console)
         seconds = time.perf_counter() - began
-        training, reference = training_set(folder, settings), load_reference(folder, settings)
+        training, reference = training_set(folder), load_reference(folder)
         held_out = Dataset.open(folder.test_dataset)
         unseen, solved = held_out.states(), held_out.responses()
     if not (valid := np.flatnonzero(solved.valid)).size:

@@ -28,7 +28,7 @@ from porocore.study.run_folder import RunFolder, StageClock, timed
 from porocore.study.stages import pipeline
 from porocore.study.stages.reporting import figures_of_merit
 from porocore.study.stages.results import RunResults
-from porocore.study.stages.stage_files import linear_coefficients, prepare_cell
+from porocore.study.stages.stage_files import prepare_cell
 from porocore.study.stages.summary import report_context
 
 #: Loads of the published column.
@@ -131,14 +131,14 @@ class Results:
         run = RunFolder.claim(self.folder / "column", first, resume=True)
         with run:
             with self._stage("column"):
-                pipeline.solve_reference(run, first, console=self.console)
-                pipeline.sample(run, first, console=self.console)
+                pipeline.solve_reference(run, console=self.console)
+                pipeline.sample(run, console=self.console)
                 for config in (first, second):
-                    pipeline.train(run, config, console=self.console)
-                    pipeline.solve(run, config, console=self.console)
+                    pipeline.train(run.with_config(config), console=self.console)
+                    pipeline.solve(run.with_config(config), console=self.console)
                 if not run.report.exists():
-                    pipeline.report(run, first, console=self.console)
-            results = RunResults.load(run, first)
+                    pipeline.report(run, console=self.console)
+            results = RunResults.load(run)
             context = report_context(results)
         return Column(
             config=first,
@@ -199,12 +199,13 @@ class Results:
     @property
     def linear(self) -> LinearCoefficients:
         """Linear poroelasticity of the benchmark's cell."""
-        return linear_coefficients(self.reference, self.config)
+        return self.reference.coefficients(self.config.cell, self.config.conductivity)
 
     @property
     def linear_as_stated(self) -> LinearCoefficients:
         """Linear poroelasticity of the cell of the paper's text."""
-        return linear_coefficients(self.as_stated, self.as_stated_config)
+        config = self.as_stated_config
+        return self.as_stated.coefficients(config.cell, config.conductivity)
 
     def tangent_at_rest(self, name: str) -> float:
         """Return a component of :data:`TANGENTS` of the benchmark's undeformed cell."""

@@ -119,7 +119,7 @@ class Study:
     @property
     def _trained(self) -> bool:
         """True if the surrogates of all cells are there."""
-        return all(files.surrogate_of(one).exists() for files, one in self.folder.of_each_cell(self.config))
+        return all(files.surrogate.exists() for files in self.folder.of_each_cell)
 
     @contextmanager
     def _at_work(self) -> Iterator[RunFolder]:
@@ -174,10 +174,8 @@ class Study:
         """
         one = of_named_cell(self.config, cell)
         with self._at_work() as folder, located(self._document):
-            pipeline.solve_reference(folder, self.config, console=self._console, store=self._store)
-            pipeline.sample(
-                folder, self.config, console=self._console, retry_lost=retry_lost, store=self._store
-            )
+            pipeline.solve_reference(folder, console=self._console, store=self._store)
+            pipeline.sample(folder, console=self._console, retry_lost=retry_lost, store=self._store)
         dataset = Dataset.open(folder.of_cell(cell).dataset, identity=one.stages.sampling)
         return Samples(tuple(one.sampling.inputs), dataset.x(), dataset.states(), dataset.responses())
 
@@ -186,12 +184,12 @@ class Study:
 
         Of several ``cells`` that of the named ``cell`` is returned, by default that of the rest of the body.
         """
-        one = of_named_cell(self.config, cell)
+        of_named_cell(self.config, cell)
         if not self._trained:
             self.sample()
         with self._at_work() as folder:
-            pipeline.train(folder, self.config, console=self._console, store=self._store)
-        return load_surrogate(folder.of_cell(cell), one)
+            pipeline.train(folder, console=self._console, store=self._store)
+        return load_surrogate(folder.of_cell(cell))
 
     def tune(
         self,
@@ -245,7 +243,7 @@ class Study:
         if not self._trained:
             self.train()
         with self._at_work() as folder:
-            names = pipeline.solve(folder, self.config, console=self._console, laws=laws, store=self._store)
+            names = pipeline.solve(folder, console=self._console, laws=laws, store=self._store)
         return Solutions(
             {
                 load: LawsSolved({law: Solved(load_solution(folder, law, load), self.units) for law in names})
@@ -282,9 +280,9 @@ class Study:
         with self._at_work() as folder, ExitStack() as stack:
             files = folder.of_cell(cell)
             if not files.reference.exists():
-                pipeline.solve_reference(folder, self.config, console=self._console, store=self._store)
-            (run,) = macro_laws(files, one, stack, (kind,)).values()
-            porosity = porosity_of(run.law, load_reference(files, one))
+                pipeline.solve_reference(folder, console=self._console, store=self._store)
+            (run,) = macro_laws(files, stack, (kind,)).values()
+            porosity = porosity_of(run.law, load_reference(files))
             return Law(run.law, porosity, self.units, one.cell.parameters)
 
     def sweep(
@@ -333,4 +331,4 @@ class Study:
             )
         self.solve(laws)
         with self._at_work() as folder:
-            return pipeline.report(folder, self.config, console=self._console)
+            return pipeline.report(folder, console=self._console)

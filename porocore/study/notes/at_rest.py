@@ -33,7 +33,6 @@ from porocore.study.notes.linear_reach import predicted_reach, prescribed_reach
 from porocore.study.notes.magnitudes import run_times
 from porocore.study.notes.members import BodyMembers, linear_in_body
 from porocore.study.stages.reference import undeformed
-from porocore.study.stages.stage_files import linear_coefficients
 
 #: Tetrahedra of the part of the cell that is solved, and nodes of the body, beyond which a check would take long.
 MOST_TETRAHEDRA, MOST_NODES = 20_000, 40_000
@@ -98,7 +97,7 @@ def _cell_at_rest(
         return None
     reference = undeformed(one.cell, one.fem, one.conductivity, store)
     coefficients, found = (
-        linear_coefficients(reference, one),
+        reference.coefficients(one.cell, one.conductivity),
         reference.properties(one.cell, one.conductivity),
     )
     middle = ", in the middle of the ranges" if one.cell.is_family else ""

@@ -42,7 +42,7 @@ def rest_of_body(results: RunResults) -> LinearCoefficients | RestCoefficients:
     if cells is None:
         return results.coefficients
     with ExitStack() as stack:
-        law = macro_laws(results.folder, config, stack, ("surrogate",))[config.closure].law
+        law = macro_laws(results.folder, stack, ("surrogate",))[config.closure].law
         return coefficients_of_elements(law, cells)
 
 

@@ -13,7 +13,6 @@ from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
 from porocore.core.parallel.calls import Call, CallProcesses
 from porocore.plugins.registry import registry
-from porocore.study.config.config import RunConfig
 from porocore.study.notes.guess import processes_here, starts_early, trains_beside
 from porocore.study.run_folder import RunFolder, cut_short_timed
 from porocore.study.stages import reference, sampling, training
@@ -28,7 +27,6 @@ __all__ = ["learn", "report", "run", "sample", "solve", "solve_cell", "solve_ref
 
 def run(
     folder: RunFolder,
-    config: RunConfig,
     *,
     console: Console,
     laws: Sequence[LawKind] = USUAL_LAWS,
@@ -38,38 +36,32 @@ def run(
 
     What is finished and has not changed since stays, and what ``store`` holds is not computed again.
     """
-    solutions = folder.solutions(*law_names(config, laws, config.closure))
-    if all(path.exists() for path in solutions) and kept_report(folder, config, console=console):
+    solutions = folder.solutions(*law_names(folder.config.closure, laws))
+    if all(path.exists() for path in solutions) and kept_report(folder, console=console):
         console.note(f"the run is finished; to write its report again: porocore report {folder.path}")
         return folder.report
-    with CallProcesses(processes_here(config)) as processes:
-        first, *others = folder.of_each_cell(config)
-        for files, one in others:  # the body may be explored with the linear laws of all cells
-            reference.solve_reference(files, one, console=console, store=store)
-        for files, one in (first, *others):
-            _learn(files, one, config, console, store, processes)
-        solve(folder, config, console=console, laws=laws, store=store, processes=processes)
-        return report(folder, config, console=console, processes=processes)
+    with CallProcesses(processes_here(folder.config)) as processes:
+        first, *others = folder.of_each_cell
+        for files in others:  # the body may be explored with the linear laws of all cells
+            reference.solve_reference(files, console=console, store=store)
+        for files in (first, *others):
+            _learn(files, console, store, processes)
+        solve(folder, console=console, laws=laws, store=store, processes=processes)
+        return report(folder, console=console, processes=processes)
 
 
-def _learn(
-    folder: RunFolder,
-    config: RunConfig,
-    whole: RunConfig,
-    console: Console,
-    store: ResultStore | None,
-    processes: CallProcesses,
-) -> None:
-    """Solve one cell, undeformed and for all states, and train its surrogate; ``whole`` is the study of all cells."""
+def _learn(folder: RunFolder, console: Console, store: ResultStore | None, processes: CallProcesses) -> None:
+    """Solve one cell, undeformed and for all states, and train its surrogate."""
+    config = folder.config
     beside, begun = trains_beside(config), dict[str, Call]()
 
     def load_libraries() -> None:
-        if not (beside or folder.surrogate_of(config).exists()):
+        if not (beside or folder.surrogate.exists()):
             registry().get("surrogate", config.surrogate.backend).load_libraries()
 
     def sampled() -> None:
-        if beside and (call := begin_training(folder, config, processes, store)):
-            begun[training_stage(folder, config)] = call
+        if beside and (call := begin_training(folder, processes, store)):
+            begun[training_stage(folder)] = call
 
     with (
         cut_short_timed(folder.timings, begun, processes),
@@ -77,49 +69,42 @@ def _learn(
     ):
         begin = pool.start if starts_early(config) else load_libraries
         if folder.cell is None:
-            reference.solve_reference(folder, config, console=console, store=store, begin=begin)
-            reference.warn_of_loading(folder.whole, whole, console=console)
-        sampling.sample(folder, config, console=console, store=store, pool=pool, sampled=sampled)
-    training.train(folder, config, console=console, store=store, begun=next(iter(begun.values()), None))
+            reference.solve_reference(folder, console=console, store=store, begin=begin)
+            reference.warn_of_loading(folder.whole, console=console)
+        sampling.sample(folder, console=console, store=store, pool=pool, sampled=sampled)
+    training.train(folder, console=console, store=store, begun=next(iter(begun.values()), None))
 
 
-def learn(
-    folder: RunFolder, config: RunConfig, *, console: Console, store: ResultStore | None = None
-) -> None:
+def learn(folder: RunFolder, *, console: Console, store: ResultStore | None = None) -> None:
     """Solve the cells of a study and train their surrogates, unless the folder holds them."""
-    if all(files.surrogate_of(one).exists() for files, one in folder.of_each_cell(config)):
-        console.note(f"the cells are learned already: {folder.surrogate_of(config).name}")
+    if all(files.surrogate.exists() for files in folder.of_each_cell):
+        console.note(f"the cells are learned already: {folder.surrogate.name}")
         return
-    solve_reference(folder, config, console=console, store=store)
-    sample(folder, config, console=console, store=store)
-    train(folder, config, console=console, store=store)
+    solve_reference(folder, console=console, store=store)
+    sample(folder, console=console, store=store)
+    train(folder, console=console, store=store)
 
 
-def solve_reference(
-    folder: RunFolder, config: RunConfig, *, console: Console, store: ResultStore | None = None
-) -> None:
+def solve_reference(folder: RunFolder, *, console: Console, store: ResultStore | None = None) -> None:
     """Solve every undeformed cell of a study; see :func:`porocore.study.stages.reference.solve_reference`."""
-    for files, one in folder.of_each_cell(config):
-        reference.solve_reference(files, one, console=console, store=store)
-    reference.warn_of_loading(folder, config, console=console)
+    for files in folder.of_each_cell:
+        reference.solve_reference(files, console=console, store=store)
+    reference.warn_of_loading(folder, console=console)
 
 
 def sample(
     folder: RunFolder,
-    config: RunConfig,
     *,
     console: Console,
     retry_lost: bool = False,
     store: ResultStore | None = None,
 ) -> None:
     """Solve the states of every cell of a study; see :func:`porocore.study.stages.sampling.sample`."""
-    for files, one in folder.of_each_cell(config):
-        sampling.sample(files, one, console=console, retry_lost=retry_lost, store=store)
+    for files in folder.of_each_cell:
+        sampling.sample(files, console=console, retry_lost=retry_lost, store=store)
 
 
-def train(
-    folder: RunFolder, config: RunConfig, *, console: Console, store: ResultStore | None = None
-) -> None:
+def train(folder: RunFolder, *, console: Console, store: ResultStore | None = None) -> None:
     """Train the surrogate of every cell of a study; see :func:`porocore.study.stages.training.train`."""
-    for files, one in folder.of_each_cell(config):
-        training.train(files, one, console=console, store=store)
+    for files in folder.of_each_cell:
+        training.train(files, console=console, store=store)

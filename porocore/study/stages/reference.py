@@ -34,7 +34,6 @@ SLOPES = ("potential", "stress", "fluid_volume", "porosity", "conductivity")
 
 def solve_reference(
     folder: RunFolder,
-    config: RunConfig,
     *,
     console: Console,
     store: ResultStore | None = None,
@@ -44,6 +43,7 @@ def solve_reference(
 
     ``begin`` is called before it is solved.
     """
+    config = folder.config
     if not folder.reference.exists():
         with timed(folder.timings, "cell") as clock:
             remark = _solve_rest(
@@ -51,7 +51,7 @@ def solve_reference(
             )
         if remark:
             console.note(f"{folder.stage_of_cell('cell')}: {remark}")
-    reference = load_reference(folder, config)
+    reference = load_reference(folder)
     diagonal = config.result_units.texts(np.diag(reference.conductivity), "conductivity")
     which = " in the middle of the ranges" if config.cell.is_family else ""
     title = folder.stage_of_cell("cell") + which
@@ -64,15 +64,15 @@ def solve_reference(
         console.warn(folder.said_of_cell(warning))
 
 
-def warn_of_loading(folder: RunFolder, config: RunConfig, *, console: Console) -> None:
+def warn_of_loading(folder: RunFolder, *, console: Console) -> None:
     """Warn of numbers without a unit beside others with one, of a body that nothing loads, and of one undrained.
 
     The cells are solved.
     """
-    for warning in (*config.unit_notes, *unloaded(config)):
+    for warning in (*folder.config.unit_notes, *unloaded(folder.config)):
         console.warn(warning)
-    found = [load_reference(*each).conductivity for each in folder.of_each_cell(config)]
-    for warning in undrained(config.macro, np.max(found, axis=0)):
+    found = [load_reference(files).conductivity for files in folder.of_each_cell]
+    for warning in undrained(folder.config.macro, np.max(found, axis=0)):
         console.warn(warning)
 
 

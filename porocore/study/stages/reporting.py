@@ -39,13 +39,11 @@ from porocore.study.config.config import RunConfig
 from porocore.study.notes.at_rest import cell_length
 from porocore.study.notes.members import rest_of_body
 from porocore.study.run_folder import FinishedRun, RunFolder, timed
-from porocore.study.stages.results import RunResults
+from porocore.study.stages.results import RunResults, times_of_all_cells
 from porocore.study.stages.stage_files import finished, held_out_states
 
 
-def report(
-    folder: RunFolder, config: RunConfig, *, console: Console, processes: CallProcesses | None = None
-) -> Path:
+def report(folder: RunFolder, *, console: Console, processes: CallProcesses | None = None) -> Path:
     """Write metrics.json, histories as tables, files for ParaView, figures and the page; return the page's path.
 
     The report shows the closure that the run began with, and solutions of other laws beside it. Processes that work
@@ -53,13 +51,13 @@ def report(
     """
     from porocore.report.html import write_report
     from porocore.report.page import load_elsewhere
-    from porocore.report.text import all_warnings
-    from porocore.study.stages.results import RunResults, times_of_all_cells
     from porocore.study.stages.summary import report_context
 
-    samples = Dataset.open(folder.dataset, identity=config.stages.sampling)
-    finished(folder, folder.test_dataset, config.stages.test, held_out_states(config, samples))
-    config = _shown(folder, config)
+    stages = folder.config.stages
+    samples = Dataset.open(folder.dataset, identity=stages.sampling)
+    finished(folder, folder.test_dataset, stages.test, held_out_states(folder.config, samples))
+    config = _shown(folder)
+    folder = folder.with_config(config)
     with (
         speaking(config.result_units),
         timed(folder.timings, "report"),
@@ -74,10 +72,10 @@ def report(
             for _ in range(drawing.count):
                 drawing.submit("while it loaded libraries", load_elsewhere)
         show(0, "reading the results")
-        results = RunResults.load(folder, config)
+        results = RunResults.load(folder)
         for solution in results.all_solutions:
             show(0, f"files for ParaView, {solution.law}")
-            _write_solution(folder, config, solution)
+            _write_solution(folder, solution)
         show(1, "figures of merit")
         context = report_context(results)
         metrics = figures_of_merit(results, context)
@@ -92,7 +90,7 @@ def report(
         warnings = tuple(all_warnings(context))
     for warning in warnings:
         console.warn(warning)
-    times = times_of_all_cells(folder, config)
+    times = times_of_all_cells(folder)
     metrics["stages"] = {stage: each.seconds for stage, each in times.items()}
     metrics["stage_runs"] = {stage: each.runs for stage, each in times.items()}
     write_json(folder.metrics, metrics, indent=2, allow_nan=False)
@@ -100,23 +98,23 @@ def report(
     return folder.report
 
 
-def _write_solution(folder: RunFolder, config: RunConfig, solution: MacroSolution) -> None:
+def _write_solution(folder: RunFolder, solution: MacroSolution) -> None:
     """Write the history of a solution as a table, and its profiles as files for ParaView."""
     from porocore.macro.series import write_series
     from porocore.report.vtk import write_vtu_series
 
-    law, load, units = solution.law, solution.load, config.result_units
-    name, quantities = folder.solution(law, load).stem, parameter_quantities(config.cell)
+    law, load, units = solution.law, solution.load, folder.config.result_units
+    name, quantities = folder.solution(law, load).stem, parameter_quantities(folder.config.cell)
     write_vtu_series(folder.fields, name, solution, units, quantities)
     write_series(folder.history(law, load), solution, units)
 
 
-def kept_report(folder: RunFolder, config: RunConfig, *, console: Console) -> bool:
+def kept_report(folder: RunFolder, *, console: Console) -> bool:
     """Return whether the report is of the present files and settings; a changed title is written into the page."""
     from porocore.report.page import retitled
 
     found = FinishedRun.find(folder.path)
-    shown = _shown(folder, config)
+    shown = _shown(folder)
     if found is None or not folder.report.is_file():
         return False
     if shown.model_copy(update={"title": found.title}).resolved_yaml() != found.configuration:
@@ -135,11 +133,13 @@ def kept_report(folder: RunFolder, config: RunConfig, *, console: Console) -> bo
     return True
 
 
-def _shown(folder: RunFolder, config: RunConfig) -> RunConfig:
-    """Return the run with the closure that is shown, and what ``config`` may say otherwise of a run that continues."""
+def _shown(folder: RunFolder) -> RunConfig:
+    """Return the run with the closure that is shown, and what may be otherwise where it continues."""
     shown = with_closure(folder.written, folder.shown_closure)
     return shown.model_copy(
-        update={name: getattr(config, name) for name in ("title", "scales", "output_units", "scenarios")}
+        update={
+            name: getattr(folder.config, name) for name in ("title", "scales", "output_units", "scenarios")
+        }
     )
 
 

@@ -16,7 +16,6 @@ from porocore.study.backends import with_closure
 from porocore.study.config.config import RunConfig
 from porocore.study.run_folder import LINEAR, RunFolder, StageTime, stage_times
 from porocore.study.stages.stage_files import (
-    linear_coefficients,
     load_reference,
     load_solution,
     load_surrogate,
@@ -29,15 +28,14 @@ class RunResults:
 
     Attributes
     ----------
-    folder, config
+    folder
         The run, with the closure that is shown.
-    reference, coefficients
-        The undeformed cell, and linear poroelasticity from it; of several cells, that of the rest of the body, as are
-        the next three.
+    reference
+        The undeformed cell; of several cells, that of the rest of the body, as are the next three.
     dataset, held_out
         Solved states.
     surrogates
-        Surrogates by closure: that of ``config``, and those of the other closures that were solved with.
+        Surrogates by closure: that of the run, and those of the other closures that were solved with.
     solutions
         Macro solutions by load and law.
     timings
@@ -45,14 +43,22 @@ class RunResults:
     """
 
     folder: RunFolder
-    config: RunConfig
     reference: CellReference
-    coefficients: LinearCoefficients
     dataset: Dataset
     held_out: Dataset
     surrogates: dict[str, Surrogate]
     solutions: dict[float, dict[str, MacroSolution]]
     timings: dict[str, StageTime]
+
+    @property
+    def config(self) -> RunConfig:
+        """Configuration of the run, with the closure that is shown."""
+        return self.folder.config
+
+    @property
+    def coefficients(self) -> LinearCoefficients:
+        """Linear poroelasticity of the undeformed cell."""
+        return self.reference.coefficients(self.config.cell, self.config.conductivity)
 
     @property
     def seconds(self) -> dict[str, float]:
@@ -65,7 +71,7 @@ class RunResults:
         return [solution for each in self.solutions.values() for solution in each.values()]
 
     @classmethod
-    def load(cls, folder: RunFolder, config: RunConfig) -> RunResults:
+    def load(cls, folder: RunFolder) -> RunResults:
         """Read the results from a run folder.
 
         Raises
@@ -76,29 +82,28 @@ class RunResults:
             A file is damaged or belongs to another study.
         """
         laws: dict[float, list[str]] = {}
-        for load in config.macro.loads:
+        for load in folder.config.macro.loads:
             linear = (LINEAR,) if folder.solution(LINEAR, load).exists() else ()
-            laws[load] = list(dict.fromkeys((config.closure, *linear, *folder.solved(load))))
+            laws[load] = list(dict.fromkeys((folder.config.closure, *linear, *folder.solved(load))))
         solutions = {
             load: {law: load_solution(folder, law, load) for law in each} for load, each in laws.items()
         }
-        return cls._of(folder, config, solutions)
+        return cls._of(folder, solutions)
 
     @classmethod
-    def _of(
-        cls, folder: RunFolder, config: RunConfig, solutions: dict[float, dict[str, MacroSolution]]
-    ) -> RunResults:
+    def _of(cls, folder: RunFolder, solutions: dict[float, dict[str, MacroSolution]]) -> RunResults:
         """Return these solutions with the results of the cell whose files are in a folder."""
-        reference = load_reference(folder, config)
+        stages = folder.config.stages
         closures = dict.fromkeys(law for each in solutions.values() for law in each if law in CLOSURES)
         return cls(
             folder,
-            config,
-            reference,
-            linear_coefficients(reference, config),
-            Dataset.open(folder.dataset, identity=config.stages.sampling),
-            Dataset.open(folder.test_dataset, identity=config.stages.test),
-            {closure: load_surrogate(folder, with_closure(config, closure)) for closure in closures},
+            load_reference(folder),
+            Dataset.open(folder.dataset, identity=stages.sampling),
+            Dataset.open(folder.test_dataset, identity=stages.test),
+            {
+                closure: load_surrogate(folder.with_config(with_closure(folder.config, closure)))
+                for closure in closures
+            },
             solutions,
             stage_times(folder.timings),
         )
@@ -109,21 +114,21 @@ class RunResults:
         if not self.config.cells:
             return {None: self}
         found = dict[str | None, RunResults]()
-        for files, one in self.folder.of_each_cell(self.config):
+        for files in self.folder.of_each_cell:
             regions = regions_of_cell(self.config.macro.regions, files.cell)
-            names = [parameter.name for parameter in one.cell.parameters]
+            names = [parameter.name for parameter in files.config.cell.parameters]
             parts = {
                 load: {law: solution.of_regions(regions, names) for law, solution in each.items()}
                 for load, each in self.solutions.items()
             }
-            found[files.cell] = self._of(files, one, parts)
+            found[files.cell] = self._of(files, parts)
         return found
 
 
-def times_of_all_cells(folder: RunFolder, config: RunConfig) -> dict[str, StageTime]:
+def times_of_all_cells(folder: RunFolder) -> dict[str, StageTime]:
     """Return the times of the stages of a run; those of a named cell end with its name."""
     return {
         files.stage_of_cell(stage): time
-        for files, _ in folder.of_each_cell(config)
+        for files in folder.of_each_cell
         for stage, time in stage_times(files.timings).items()
     }

@@ -37,7 +37,6 @@ from porocore.study.store import solved_members, solved_states, told
 
 def sample(
     folder: RunFolder,
-    config: RunConfig,
     *,
     console: Console,
     retry_lost: bool = False,
@@ -52,10 +51,11 @@ def sample(
     earlier session are solved again. The undeformed members of a family of cells are solved before, by workers of
     their own.
     """
+    config = folder.config
     inputs = config.input_space()
     for warning in uncovered(inputs, config.cell.point_group):
         console.warn(folder.said_of_cell(warning))
-    provenance = {"config": config.resolved_yaml(), **versions(), **load_reference(folder, config).mesh}
+    provenance = {"config": config.resolved_yaml(), **versions(), **load_reference(folder).mesh}
     stages = [
         ("sampling", folder.dataset, config.stages.sampling),
         ("held-out states", folder.test_dataset, config.stages.test),
@@ -64,8 +64,8 @@ def sample(
         stack.enter_context(speaking(config.result_units))
         stack.enter_context(listening(console.note))
         if config.cell.is_family:
-            solve_undeformed(folder, config, provenance, console=console, retry_lost=retry_lost, store=store)
-        sampler = informed_sampler(folder, config)
+            solve_undeformed(folder, provenance, console=console, retry_lost=retry_lost, store=store)
+        sampler = informed_sampler(folder)
         workers = (
             stack.enter_context(cell_pool(config, console=console, store=store)) if pool is None else pool
         )
@@ -94,7 +94,6 @@ def sample(
 
 def solve_undeformed(
     folder: RunFolder,
-    config: RunConfig,
     provenance: Mapping[str, str],
     *,
     console: Console,
@@ -110,7 +109,8 @@ def solve_undeformed(
     DataError
         No member could be solved, or the file is damaged or belongs to another family.
     """
-    title, members = "undeformed members", undeformed_members(config)
+    title, config = "undeformed members", folder.config
+    members = undeformed_members(config.cell)
     backend = (config.fem.backend, config.fem.options, config.cell)
     dataset = Dataset.create_or_open(
         folder.undeformed, inputs=members.inputs, identity=config.stages.cell, provenance=provenance

@@ -5,13 +5,14 @@ Existing solutions stay; an interrupted solve continues from its checkpoint.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, NamedTuple, get_args
 
+from porocore.cell.cell import Cell
 from porocore.core.console import Console
 from porocore.core.echo import echo, suggestion
 from porocore.core.files.store import ResultStore
@@ -26,6 +27,7 @@ from porocore.macro.composition.linearised_law import LinearisedLaw
 from porocore.macro.composition.regions import RegionLaw
 from porocore.macro.integration.newton import StepForecast
 from porocore.macro.laws import AdaptiveLaw, ClosedLaw
+from porocore.macro.laws.closure import Closure
 from porocore.macro.laws.direct import AdaptiveSurrogate, DirectCellLaw, SolvesCells, cost_recorded
 from porocore.macro.laws.linear import LinearPoroelasticity
 from porocore.macro.linear_systems import step_in_words, work_in_words
@@ -39,7 +41,7 @@ from porocore.sampling.execution.members import MembersAtRest
 from porocore.sampling.execution.solved_store import SolvedStore
 from porocore.states import Array
 from porocore.study.backends import make_backend
-from porocore.study.config.config import RunConfig
+from porocore.study.config.config import FemSettings, RunConfig
 from porocore.study.notes.abilities import require_parts
 from porocore.study.notes.guess import bodies_at_once
 from porocore.study.run_folder import (
@@ -87,20 +89,16 @@ class RunLaw:
     solves: tuple[CellSolves, ...] = ()
 
     @contextmanager
-    def cost_recorded(self, solution: str) -> Iterator[None]:
-        """Add the cells that the block solves to the records of ``solution``."""
-        with ExitStack() as stack:
-            for each in self.solves:
-                stack.enter_context(cost_recorded(each.record, solution, each.cells.work))
-            yield
+    def accounted(self, solution: str, console: Console, clock: StageClock) -> Iterator[None]:
+        """Add the cells that the block solves to the records of ``solution``; note what comes from the store.
 
-    @contextmanager
-    def taken_told(self, title: str, console: Console, clock: StageClock) -> Iterator[None]:
-        """Tell what the block takes from the store, and count on the clock what it saves."""
+        What that saves counts on the clock.
+        """
         with ExitStack() as stack:
             for each in self.solves:
                 pool = each.pool
-                stack.enter_context(told(pool.known, title, console.note, clock.add, pool.workers))
+                stack.enter_context(cost_recorded(each.record, solution, each.cells.work))
+                stack.enter_context(told(pool.known, solution, console.note, clock.add, pool.workers))
             yield
 
     def tell_work(self, say: Callable[[str], None]) -> None:
@@ -136,27 +134,28 @@ def with_fallback(laws: Sequence[LawKind], fallback: str) -> tuple[LawKind, ...]
     return (*laws, *more)
 
 
-def law_names(config: RunConfig, laws: Sequence[LawKind], direct_closure: str) -> list[str]:
-    """Return the names under which :func:`solve` keeps the solutions."""
-    names = {"surrogate": config.closure, "linear": LINEAR, "direct": direct_law(direct_closure)}
-    names["fallback"] = fallback_law(config.closure)
+def law_names(closure: str, laws: Sequence[LawKind], direct_closure: str | None = None) -> list[str]:
+    """Return the names under which :func:`solve` keeps the solutions; direct FE² may have another closure."""
+    names = {"surrogate": closure, "linear": LINEAR, "direct": direct_law(direct_closure or closure)}
+    names["fallback"] = fallback_law(closure)
     return [names[kind] for kind in dict.fromkeys(laws)]
 
 
 def macro_laws(
     folder: RunFolder,
-    config: RunConfig,
     stack: ExitStack,
     kinds: Sequence[LawKind] = USUAL_LAWS,
-    direct_closure: str = "potential",
+    direct_closure: str | None = None,
     store: ResultStore | None = None,
 ) -> dict[str, RunLaw]:
     """Return the laws of a run by name; processes that a law needs end with ``stack``."""
     found = dict[str, RunLaw]()
-    for kind, name in zip(dict.fromkeys(kinds), law_names(config, kinds, direct_closure), strict=True):
+    config = folder.config
+    closure = direct_closure or config.closure
+    for kind, name in zip(dict.fromkeys(kinds), law_names(config.closure, kinds, closure), strict=True):
         rest, *others = (
-            (files.cell, _law_of_cell(files, one, kind, name, stack, direct_closure, store))
-            for files, one in folder.of_each_cell(config)
+            (files.cell, _law_of_cell(files, kind, name, stack, closure, store))
+            for files in folder.of_each_cell
         )
         named = {cell: each.law for cell, each in others if cell is not None}
         law = RegionLaw.by_cell(config.macro.regions, rest[1].law, named)
@@ -166,7 +165,6 @@ def macro_laws(
 
 def _law_of_cell(
     folder: RunFolder,
-    config: RunConfig,
     kind: LawKind,
     name: str,
     stack: ExitStack,
@@ -174,20 +172,20 @@ def _law_of_cell(
     store: ResultStore | None,
 ) -> RunLaw:
     """Return the law of a kind of one cell; see :func:`macro_laws`."""
-    reference = load_reference(folder, config)
+    config = folder.config
     if kind == "surrogate":
-        return RunLaw(_of_the_surrogate(folder, config, reference))
+        return RunLaw(_of_the_surrogate(folder))
     if kind == "linear" and config.cell.parameters:
         # Coefficients at the parameters of each point.
-        return RunLaw(LinearisedLaw(_of_the_surrogate(folder, config, reference), name))
+        return RunLaw(LinearisedLaw(_of_the_surrogate(folder), name))
     if kind == "linear":
-        return RunLaw(LinearPoroelasticity(linear_coefficients(reference, config)))
-    pool = stack.enter_context(_pool(config, store))
+        return RunLaw(LinearPoroelasticity(linear_coefficients(folder)))
+    reference, pool = load_reference(folder), stack.enter_context(_pool(config, store))
     if kind == "fallback":
-        return _learning(folder, config, pool, stack, name)
+        return _learning(folder, pool, stack, name)
     rest = reference.resting(config.conductivity)
     identity = config.stages.cell + ("" if rest.conductivity is None else "-deformed")
-    cells = DirectCellLaw(pool, rest, identity, *_members(config))
+    cells = DirectCellLaw(pool, rest, identity, *_members(config.cell, config.fem))
     closure = reference.closure(direct_closure, config.cell.solid, config.conductivity)
     return RunLaw(ClosedLaw(cells, closure, name=name), (CellSolves(cells, folder.direct_work, pool),))
 
@@ -198,10 +196,16 @@ def porosity_of(law: MacroLaw, reference: CellReference) -> float | Callable[[Ar
     return closed.porosity if isinstance(closed, ClosedLaw) and closed.parameters else reference.porosity
 
 
-def _of_the_surrogate(folder: RunFolder, config: RunConfig, reference: CellReference) -> ClosedLaw:
+def _of_the_surrogate(folder: RunFolder) -> ClosedLaw:
     """Return the law of the fitted surrogate with the configured closure."""
-    closure = reference.closure(config.closure, config.cell.solid, config.conductivity)
-    return ClosedLaw(load_surrogate(folder, config), closure, identity=config.stages.training)
+    closure = _closure(folder)
+    return ClosedLaw(load_surrogate(folder), closure, identity=folder.config.stages.training)
+
+
+def _closure(folder: RunFolder) -> Closure:
+    """Return the configured closure of the run's cell."""
+    config = folder.config
+    return load_reference(folder).closure(config.closure, config.cell.solid, config.conductivity)
 
 
 def _pool(config: RunConfig, store: ResultStore | None) -> CellPool:
@@ -212,17 +216,17 @@ def _pool(config: RunConfig, store: ResultStore | None) -> CellPool:
     return CellPool(factory_of(config.cell), (*arguments, *kept), **options, known=known)
 
 
-def _members(config: RunConfig) -> tuple[tuple[str, ...], MembersAtRest] | tuple[()]:
+def _members(cell: Cell, fem: FemSettings) -> tuple[tuple[str, ...], MembersAtRest] | tuple[()]:
     """Return names of the cell's parameters and what knows its undeformed members; nothing if it has none."""
-    if not config.cell.is_family:
+    if not cell.is_family:
         return ()
-    at_rest = MembersAtRest(*prepare_undeformed(config.fem.backend, config.fem.options, config.cell))
-    return tuple(each.name for each in config.cell.parameters), at_rest
+    at_rest = MembersAtRest(*prepare_undeformed(fem.backend, fem.options, cell))
+    return tuple(each.name for each in cell.parameters), at_rest
 
 
-def _learning(folder: RunFolder, config: RunConfig, pool: CellPool, stack: ExitStack, name: str) -> RunLaw:
+def _learning(folder: RunFolder, pool: CellPool, stack: ExitStack, name: str) -> RunLaw:
     """Return the law whose surrogate learns the states outside the sampled range that the run reaches."""
-    reference, surrogate = load_reference(folder, config), load_surrogate(folder, config)
+    config, surrogate = folder.config, load_surrogate(folder)
     dataset = Dataset.create_or_open(
         folder.fallback,
         inputs=config.input_space(),
@@ -233,14 +237,14 @@ def _learning(folder: RunFolder, config: RunConfig, pool: CellPool, stack: ExitS
     adaptive = AdaptiveSurrogate(
         pool,
         dataset,
-        training_set(folder, config),
+        training_set(folder),
         partial(make_backend, "surrogate", config),
         config.surrogate.seed,
         objective=config.surrogate_model == "potential",
     )
     law = AdaptiveLaw(
         adaptive.known(surrogate),
-        reference.closure(config.closure, config.cell.solid, config.conductivity),
+        _closure(folder),
         adaptive,
         identity=f"{config.stages.training} with fallback",
         name=name,
@@ -248,13 +252,8 @@ def _learning(folder: RunFolder, config: RunConfig, pool: CellPool, stack: ExitS
     return RunLaw(law, (CellSolves(adaptive, folder.fallback_work, pool),))
 
 
-#: Law and load of a solution.
-Case = tuple[str, float]
-
-
 def solve(
     folder: RunFolder,
-    config: RunConfig,
     *,
     console: Console,
     solver: MacroSolver | None = None,
@@ -268,7 +267,7 @@ def solve(
 
     With ``solver``, named ``backend``, solutions of other backends are replaced; otherwise the configured one solves
     what is missing. All processes that share a solver call this. ``direct_closure`` closes the cells of direct FE²;
-    by default the closure of ``config`` does. Cells that a law solves are taken from ``store`` where it holds them.
+    by default the closure of the run does. Cells that a law solves are taken from ``store`` where it holds them.
     Solutions do not depend on one another: several are solved at a time where there are cores and memory, in
     ``processes`` if they are given and not too many.
 
@@ -278,211 +277,211 @@ def solve(
         ``laws`` is no sequence of known kinds.
     """
     require_laws(laws)
-    closure = direct_closure or config.closure
-    kinds = dict(zip(law_names(config, laws, closure), dict.fromkeys(laws), strict=True))
+    folder = folder.with_config(folder.config.with_backends(macro=backend))
+    config = folder.config
+    kinds = dict(zip(law_names(config.closure, laws, direct_closure), dict.fromkeys(laws), strict=True))
     solver = make_backend("macro solver", config) if solver is None else solver
     with ExitStack() as stack:
         stack.enter_context(speaking(config.result_units))
-        kept = solver.communicator.on_root(partial(_kept, folder, config, list(kinds), backend))
+        kept = solver.communicator.on_root(partial(_kept, folder, list(kinds), backend))
         missing = [case for case, (stays, _) in kept.items() if not stays]
-        own = {kinds[name] for name, _ in missing} <= set(USUAL_LAWS) and solver.communicator.size == 1
+        own = {kinds[case.law] for case in missing} <= set(USUAL_LAWS) and solver.communicator.size == 1
         count = bodies_at_once(config, len(missing)) if own else 1
+        solves: _Here | _Beside
+        runs = dict[str, RunLaw]()
         if count > 1:
             console.note(f"solving: {len(missing)} solutions, {count} at a time")
             given = processes is not None and count >= min(processes.count, len(missing))
-            with nullcontext(processes) if processes and given else CallProcesses(count) as workers:
-                _solve_beside(folder, config, kinds, kept, backend, console, workers)
+            workers = processes if processes and given else stack.enter_context(CallProcesses(count))
+            solves = _Beside(folder, tuple(kinds.values()), missing, workers)
+            stack.enter_context(cut_short_timed(folder.timings, solves.calls, workers))
         else:
-            chosen = macro_laws(folder, config, stack, laws, closure, store)
-            said: set[str] = set()
-            for load in config.macro.loads:
-                _solve_load(folder, config, load, chosen, kept, solver, backend, console, said)
+            runs = macro_laws(folder, stack, laws, direct_closure, store)
+            solves = _Here(folder, runs, solver)
+        noted: set[str] = set()
+
+        def note_once(line: str) -> None:
+            """Print a line that is the same for several loads when it first comes."""
+            if line and line not in noted:
+                console.note(line)
+                noted.add(line)
+
+        for case, (stays, line) in kept.items():
+            note_once(line)
+            if stays:
+                continue
+            clock, problem = solves.begin(case, note_once), config.macro.problem(case.load)
+            title, stem = f"{case.law}, load {case.load:g}", folder.solution(*case).stem
+            with (
+                solver.communicator.holding(timed(folder.timings, case.stage, clock)),
+                runs[case.law].accounted(stem, console, clock) if runs else nullcontext(),
+                body_progress(console, title, problem, config.result_units, clock.now) as (show, busy),
+            ):
+                lines = solves.end(case, show, busy, note_once)
+            for line in lines:
+                console.note(f"{stem}: {line}")
     return list(kinds)
 
 
+class SolutionCase(NamedTuple):
+    """Law and load of a solution."""
+
+    law: str
+    load: float
+
+    @property
+    def stage(self) -> str:
+        """Name of its solve in the record of times."""
+        return f"macro, {self.law}, load {self.load:g}"
+
+
 def _kept(
-    folder: RunFolder, config: RunConfig, names: Sequence[str], backend: str | None
-) -> dict[Case, tuple[bool, str]]:
+    folder: RunFolder, names: Sequence[str], backend: str | None
+) -> dict[SolutionCase, tuple[bool, str]]:
     """Return whether the folder holds a solution that may stay, and a line on one that it holds, for each case."""
-    found = {}
-    for load in config.macro.loads:
+    found, units = {}, folder.config.result_units
+    for load in folder.config.macro.loads:
         for name in names:
             path, stays, line = folder.solution(name, load), False, ""
             if path.exists():
                 solution = load_solution(folder, name, load)
                 of = solution.backend
                 stays = backend is None or of == backend
-                if stays and solution.units.as_text() != config.result_units.as_text():
+                if stays and solution.units.as_text() != units.as_text():
                     # Scales and units may change while a run goes on.
-                    replace(solution, units=config.result_units).save(path)
+                    replace(solution, units=units).save(path)
                 line = f"solving: {path.name} is there already"
                 if not stays:
                     line = (
                         f"solving: {path.name} is of {of or 'another backend'}; solved again with {backend}"
                     )
-            found[name, load] = stays, line
+            found[SolutionCase(name, load)] = stays, line
     return found
 
 
-def _solve_load(
-    folder: RunFolder,
-    config: RunConfig,
-    load: float,
-    laws: dict[str, RunLaw],
-    kept: dict[Case, tuple[bool, str]],
-    solver: MacroSolver,
-    backend: str | None,
-    console: Console,
-    said: set[str],
-) -> None:
-    communicator, prepared = solver.communicator, None
-    problem = config.macro.problem(load)
-    for name, run in laws.items():
-        path = folder.solution(name, load)
-        stays, line = kept[name, load]
-        _say_once(line, said, console)
-        if stays:
-            continue
-        if prepared is None:
-            prepared = prepared_body(solver, config, problem, backend)
-            _say_once(_remark(solver, prepared), said, console)
-        clock = StageClock()
-        with (
-            communicator.holding(timed(folder.timings, _stage(name, load), clock)),
-            run.cost_recorded(path.stem),
-            run.taken_told(path.stem, console, clock),
-            body_progress(console, f"{name}, load {load:g}", problem, config.result_units) as (show, say),
-        ):
-            run.tell_work(say)
-            words = solve_body(folder, config, run, problem, solver, prepared, backend, name, show)
-        if words:
-            console.note(f"{path.stem}: {words}")
-        for line in run.work_in_words():
-            console.note(f"{path.stem}: {line}")
+class _Here:
+    """Solves of a body in this process; the laws of a load share what the solver makes of it."""
+
+    def __init__(self, folder: RunFolder, laws: Mapping[str, RunLaw], solver: MacroSolver) -> None:
+        self._folder, self._laws, self._solver = folder, laws, solver
+        self._prepared: tuple[MacroProblem, Any] | None = None
+
+    def begin(self, case: SolutionCase, note: Callable[[str], None]) -> StageClock:
+        """Prepare the body under a load, unless it is; return a clock that has begun."""
+        if self._prepared is None or self._prepared[0].load != case.load:
+            self._prepared = None  # which makes room for the next
+            config = self._folder.config
+            problem = config.macro.problem(case.load)
+            prepared = prepared_body(self._solver, config.macro_backend, problem)
+            self._prepared = problem, prepared
+            if line := self._solver.remark(prepared):
+                note(f"solving: {line}")
+        return StageClock()
+
+    def end(
+        self, case: SolutionCase, show: Callable[[StepReport], None], busy: Callable[[str], None], *_: Any
+    ) -> list[str]:
+        """Solve a case, and return lines on its work."""
+        run = self._laws[case.law]
+        assert self._prepared is not None
+        run.tell_work(busy)
+        words = solve_body(self._folder, run.law, case.law, self._solver, *self._prepared, show)
+        return [*words, *run.work_in_words()]
 
 
-def prepared_body(
-    solver: MacroSolver, config: RunConfig, problem: MacroProblem, backend: str | None = None
-) -> Any:
-    """Return what a macro solver makes of a problem; ``backend`` is its name if it is not the configured one.
+class _Beside:
+    """Solves of a body in other processes, all begun at once, and followed one after the other.
+
+    Attributes
+    ----------
+    calls
+        Those that are not followed yet, by stage.
+    """
+
+    def __init__(
+        self,
+        folder: RunFolder,
+        laws: Sequence[LawKind],
+        missing: Iterable[SolutionCase],
+        processes: CallProcesses,
+    ) -> None:
+        self.calls = {
+            case.stage: processes.submit(
+                f"while it solved '{case.law}' under load {case.load:g}",
+                *(solve_elsewhere, folder, laws, case),
+            )
+            for case in missing
+        }
+        self._followed: Call | None = None
+
+    def begin(self, case: SolutionCase, note: Callable[[str], None]) -> StageClock:
+        """Wait until a case has begun; return the clock of its process."""
+        self._followed = self.calls.pop(case.stage)
+        self._followed.begin()
+        return StageClock(self._followed.time)
+
+    def end(
+        self,
+        case: SolutionCase,
+        show: Callable[[StepReport], None],
+        busy: Callable[[str], None],
+        note: Callable[[str], None],
+    ) -> list[str]:
+        """Show the steps of a case until it has ended, and return lines on its work."""
+        call = self._followed
+        assert call is not None
+        for each in call.reports():
+            (show if isinstance(each, StepReport) else note)(each)
+        found: list[str] = call.result()
+        return found
+
+
+def solve_elsewhere(tell: Tell, folder: RunFolder, laws: Sequence[LawKind], case: SolutionCase) -> list[str]:
+    """Solve one load with one of ``laws`` in this process; see :func:`solve_body`.
+
+    ``tell`` receives how the linear systems are solved, and then every step.
+    """
+    config = folder.config
+    with ExitStack() as stack:
+        stack.enter_context(speaking(config.result_units))
+        # All of them, since the libraries of a surrogate are loaded before those of the solver, as in one process.
+        solves = _Here(folder, macro_laws(folder, stack, laws), make_backend("macro solver", config))
+        solves.begin(case, tell)
+        return solves.end(case, tell, tell)
+
+
+def prepared_body(solver: MacroSolver, name: str, problem: MacroProblem) -> Any:
+    """Return what the macro solver of a name makes of a problem.
 
     Raises
     ------
     ConfigurationError
         The solver does not offer a part of the problem.
     """
-    require_parts(type(solver), backend or config.macro_backend, problem)
+    require_parts(type(solver), name, problem)
     return solver.prepare(problem)
-
-
-def _remark(solver: MacroSolver, prepared: Any) -> str:
-    line = solver.remark(prepared)
-    return line and f"solving: {line}"
-
-
-def _stage(law: str, load: float) -> str:
-    return f"macro, {law}, load {load:g}"
 
 
 def solve_body(
     folder: RunFolder,
-    config: RunConfig,
-    run: RunLaw,
-    problem: MacroProblem,
-    solver: MacroSolver,
-    prepared: Any,
-    backend: str | None,
+    law: MacroLaw,
     name: str,
+    solver: MacroSolver,
+    problem: MacroProblem,
+    prepared: Any,
     show: Callable[[StepReport], None],
-) -> str:
-    """Solve one load with one law, save the solution, and return the work of the linear systems in words."""
-    load, communicator = problem.load, solver.communicator
-    checkpoint = folder.macro_checkpoint(name, load)
-    solution = body_solution_of(solver, prepared, run.law, problem, checkpoint=checkpoint, on_step=show)
+) -> list[str]:
+    """Solve one load with the law of a name, save the solution, and return the work of the linear systems in words."""
+    checkpoint, on_root = folder.macro_checkpoint(name, problem.load), solver.communicator.on_root
+    solution = body_solution_of(solver, prepared, law, problem, checkpoint=checkpoint, on_step=show)
     solution = replace(
         whole_specimen(solution, problem),
-        backend=backend or config.macro_backend,
-        units=config.result_units,
+        backend=folder.config.macro_backend,
+        units=folder.config.result_units,
     )
-    communicator.on_root(partial(solution.save, folder.solution(name, load)))
-    communicator.on_root(partial(checkpoint.unlink, missing_ok=True))
-    return work_in_words(solution.work)
-
-
-def solve_elsewhere(
-    tell: Tell, folder: RunFolder, config: RunConfig, laws: Sequence[LawKind], case: Case, backend: str | None
-) -> str:
-    """Solve one load with one of ``laws`` in this process; see :func:`solve_body`.
-
-    ``tell`` receives how the linear systems are solved, and then every step.
-    """
-    name, load = case
-    with ExitStack() as stack:
-        stack.enter_context(speaking(config.result_units))
-        # All of them, since the libraries of a surrogate are loaded before those of the solver, as in one process.
-        run = macro_laws(folder, config, stack, laws)[name]
-        solver = make_backend("macro solver", config.with_backends(macro=backend))
-        problem = config.macro.problem(load)
-        prepared = prepared_body(solver, config, problem, backend)
-        tell(_remark(solver, prepared))
-        return solve_body(folder, config, run, problem, solver, prepared, backend, name, tell)
-
-
-def _solve_beside(
-    folder: RunFolder,
-    config: RunConfig,
-    kinds: dict[str, LawKind],
-    kept: dict[Case, tuple[bool, str]],
-    backend: str | None,
-    console: Console,
-    processes: CallProcesses,
-) -> None:
-    """Solve what is missing in processes; show one after the other, as if they were solved in that order."""
-    laws = tuple(kinds.values())
-    calls = {
-        _stage(*case): processes.submit(
-            f"while it solved '{case[0]}' under load {case[1]:g}",
-            *(solve_elsewhere, folder, config, laws, case, backend),
-        )
-        for case, (stays, _) in kept.items()
-        if not stays
-    }
-    said: set[str] = set()
-    with cut_short_timed(folder.timings, calls, processes):
-        for (name, load), (_, line) in kept.items():
-            _say_once(line, said, console)
-            if call := calls.pop(_stage(name, load), None):
-                _follow(folder, config, name, load, call, console, said)
-
-
-def _follow(
-    folder: RunFolder, config: RunConfig, name: str, load: float, call: Call, console: Console, said: set[str]
-) -> None:
-    """Show the steps of a solve in another process, and how it ended."""
-    call.begin()
-    problem = config.macro.problem(load)
-    with (
-        timed(folder.timings, _stage(name, load), StageClock(call.time)),
-        body_progress(console, f"{name}, load {load:g}", problem, config.result_units, call.time) as (
-            show,
-            _,
-        ),
-    ):
-        for told in call.reports():
-            if isinstance(told, StepReport):
-                show(told)
-            else:
-                _say_once(told, said, console)
-        words = call.result()
-    if words:
-        console.note(f"{folder.solution(name, load).stem}: {words}")
-
-
-def _say_once(line: str, said: set[str], console: Console) -> None:
-    """Print a line that is the same for several loads when it first comes."""
-    if line and line not in said:
-        console.note(line)
-        said.add(line)
+    on_root(partial(solution.save, folder.solution(name, problem.load)))
+    on_root(partial(checkpoint.unlink, missing_ok=True))
+    return list(filter(None, [work_in_words(solution.work)]))
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -112,12 +113,12 @@ def _how(conductivity: str) -> dict[str, Any]:
     return {"deformed": True} if conductivity == "deformed" else {}
 
 
-def load_reference(folder: RunFolder, config: RunConfig) -> CellReference:
+def load_reference(folder: RunFolder) -> CellReference:
     """Return the undeformed cell of the run."""
-    return CellReference.load(folder.require(folder.reference, "sample"), config.stages.cell)
+    return CellReference.load(folder.require(folder.reference, "sample"), folder.config.stages.cell)
 
 
-def load_undeformed(folder: RunFolder, config: RunConfig) -> Dataset:
+def load_undeformed(folder: RunFolder) -> Dataset:
     """Return the undeformed members of the run's family: responses with derivatives and K; failed ones have NaN.
 
     Raises
@@ -127,22 +128,22 @@ def load_undeformed(folder: RunFolder, config: RunConfig) -> Dataset:
     DataError
         The file is damaged, belongs to another family, or lacks members.
     """
-    path, members = folder.require(folder.undeformed, "sample"), undeformed_members(config)
-    dataset = Dataset.open(path, inputs=members.inputs, identity=config.stages.cell)
+    path, members = folder.require(folder.undeformed, "sample"), undeformed_members(folder.config.cell)
+    dataset = Dataset.open(path, inputs=members.inputs, identity=folder.config.stages.cell)
     if not is_complete(members, dataset):
         raise DataError(f"{path}: members are missing; run porocore sample {folder.whole.path}")
     return dataset
 
 
-def undeformed_members(config: RunConfig) -> UndeformedMembers:
-    """Return the sampler of the undeformed members of the run's family."""
-    ranges = {each.name: (each.lower, each.upper) for each in config.cell.parameters}
-    return UndeformedMembers(InputSpace.from_ranges({}, ranges), undeformed_count(config.cell))
+def undeformed_members(family: Cell) -> UndeformedMembers:
+    """Return the sampler of the undeformed members of a family."""
+    ranges = {each.name: (each.lower, each.upper) for each in family.parameters}
+    return UndeformedMembers(InputSpace.from_ranges({}, ranges), undeformed_count(family))
 
 
-def informed_sampler(folder: RunFolder, config: RunConfig) -> Sampler:
+def informed_sampler(folder: RunFolder) -> Sampler:
     """Return the configured sampler with the facts of the study, if it takes them."""
-    sampler: Sampler = make_backend("sampler", config)
+    sampler: Sampler = make_backend("sampler", folder.config)
 
     def around() -> BodyAround | None:
         whole = folder.whole.written
@@ -151,26 +152,23 @@ def informed_sampler(folder: RunFolder, config: RunConfig) -> Sampler:
         others: dict[str | None, MacroLaw] = {}
         for name in whole.cell_names:
             if name != folder.cell:
-                one, study = folder.whole.of_cell(name), whole.of_cell(name)
-                linear = linear_coefficients(load_reference(one, study), study)
-                others[name] = LinearPoroelasticity(linear)
+                others[name] = LinearPoroelasticity(linear_coefficients(folder.whole.of_cell(name)))
         return BodyAround(with_fields_of(whole, folder.cell), folder.cell, others)
 
-    def rests() -> RestData | None:
-        return _rests(folder, config) if config.cell.is_family else None
-
     # Another closure than the one that the run began with learns from the same states.
-    inform(sampler, folder.written, load_reference(folder, config), folder.remembered(), around, rests)
+    inform(
+        sampler, folder.written, load_reference(folder), folder.remembered(), around, partial(_rests, folder)
+    )
     return sampler
 
 
-def linear_coefficients(reference: CellReference, config: RunConfig) -> LinearCoefficients:
+def linear_coefficients(folder: RunFolder) -> LinearCoefficients:
     """Return linear poroelasticity of the run's cell."""
-    return reference.coefficients(config.cell, config.conductivity)
+    return load_reference(folder).coefficients(folder.config.cell, folder.config.conductivity)
 
 
-def load_surrogate(folder: RunFolder, config: RunConfig) -> Surrogate:
-    """Return the surrogate that the closure of ``config`` needs.
+def load_surrogate(folder: RunFolder) -> Surrogate:
+    """Return the surrogate that the closure of the run needs.
 
     Raises
     ------
@@ -179,7 +177,8 @@ def load_surrogate(folder: RunFolder, config: RunConfig) -> Surrogate:
     DataError
         The file is damaged, or was trained for another cell or on other inputs.
     """
-    path = folder.require(folder.surrogate_of(config), train_command(folder, config))
+    config = folder.config
+    path = folder.require(folder.surrogate, train_command(folder))
     surrogate: Surrogate = registry().get("surrogate", config.surrogate.backend).load(path)
     if surrogate.identity != config.stages.cell:
         raise DataError(
@@ -197,20 +196,20 @@ def load_surrogate(folder: RunFolder, config: RunConfig) -> Surrogate:
 
 def require_samples(folder: RunFolder) -> None:
     """Refuse a run without the samples of one of its cells."""
-    for files, _ in folder.of_each_cell(folder.config):
+    for files in folder.of_each_cell:
         files.require(files.dataset, "sample")
 
 
-def require_surrogates(folder: RunFolder, config: RunConfig) -> None:
-    """Refuse a run without the surrogate of one of its cells that ``config`` needs."""
-    for files, one in folder.of_each_cell(config):
-        files.require(files.surrogate_of(one), train_command(files, one))
+def require_surrogates(folder: RunFolder) -> None:
+    """Refuse a run without the surrogate of one of its cells."""
+    for files in folder.of_each_cell:
+        files.require(files.surrogate, train_command(files))
 
 
-def train_command(folder: RunFolder, config: RunConfig) -> str:
-    """Return the command that trains the surrogate of ``config``, without the folder."""
-    own = config.closure == folder.written.closure
-    return "train" if own else f"train --closure {config.closure}"
+def train_command(folder: RunFolder) -> str:
+    """Return the command that trains the surrogate of a run, without the folder."""
+    closure = folder.config.closure
+    return "train" if closure == folder.written.closure else f"train --closure {closure}"
 
 
 def load_solution(folder: RunFolder, law: str, load: float) -> MacroSolution:
@@ -247,7 +246,7 @@ def drop_misplaced(held_out: Dataset, states: RandomStates) -> None:
         held_out.drop(held_out.keys)
 
 
-def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
+def training_set(folder: RunFolder) -> TrainingSet:
     """Return the stable states of the run, in contact or not.
 
     Raises
@@ -255,7 +254,7 @@ def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
     DataError
         Sampling is not finished, or there are too few of them.
     """
-    sampler, reference = informed_sampler(folder, config), load_reference(folder, config)
+    sampler, reference, config = informed_sampler(folder), load_reference(folder), folder.config
     dataset = finished(folder, folder.dataset, config.stages.sampling, sampler)
     responses = dataset.responses()
     good = np.flatnonzero(responses.stable)
@@ -273,13 +272,16 @@ def training_set(folder: RunFolder, config: RunConfig) -> TrainingSet:
         versions(),
         config.cell.point_group,
         config.surrogate.tolerance,
-        _rests(folder, config) if config.cell.is_family else None,
+        _rests(folder),
     )
 
 
-def _rests(folder: RunFolder, config: RunConfig) -> RestData:
-    dataset = load_undeformed(folder, config)
-    return rest_data(config.cell, dataset.states(), dataset.responses())
+def _rests(folder: RunFolder) -> RestData | None:
+    """Return the undeformed members of the run's family; None for a cell without parameters."""
+    if not folder.config.cell.is_family:
+        return None
+    dataset = load_undeformed(folder)
+    return rest_data(folder.config.cell, dataset.states(), dataset.responses())
 
 
 def finished(folder: RunFolder, path: Path, identity: str, sampler: Sampler) -> Dataset:

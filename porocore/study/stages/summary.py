@@ -57,7 +57,7 @@ def report_context(results: RunResults) -> ReportContext:
         cases=tuple(_case(results, load) for load in config.macro.loads),
         stages=tuple(
             Stage(name, each.seconds, f"in {each.runs} runs" if each.runs > 1 else "", each.saved)
-            for name, each in times_of_all_cells(results.folder, config).items()
+            for name, each in times_of_all_cells(results.folder).items()
             if name != "report"  # of an earlier page; this one is not written yet
         ),
         provenance={
@@ -143,7 +143,7 @@ def _family(results: RunResults) -> FamilySummary | None:
     law = ClosedLaw(
         surrogate, results.reference.closure(config.closure, config.cell.solid, config.conductivity)
     )
-    return family_summary(config.cell, load_undeformed(results.folder, config), law, surrogate)
+    return family_summary(config.cell, load_undeformed(results.folder), law, surrogate)
 
 
 def _case(results: RunResults, load: float) -> LoadCase:
@@ -185,7 +185,7 @@ def _surrogate_summary(results: RunResults, closure: str) -> SurrogateSummary:
     surrogate = results.surrogates[closure]
     config = results.config.with_closure(closure)
     model = surrogate.model
-    table = read_training_curve(results.folder.training_curve_of(config))
+    table = read_training_curve(results.folder.with_config(config).training_curve)
     return SurrogateSummary(
         backend=config.surrogate.backend,
         description=f"{f'the model {model}' if model else 'a model'} of the backend {config.surrogate.backend}, for "

@@ -32,7 +32,6 @@ HEADER = "epoch,loss,validation_loss"
 
 def train(
     folder: RunFolder,
-    config: RunConfig,
     *,
     console: Console,
     store: ResultStore | None = None,
@@ -42,15 +41,14 @@ def train(
 
     ``begun`` is the call of :func:`begin_training` that does so in another process.
     """
-    path, title = folder.surrogate_of(config), folder.stage_of_cell("training")
+    path, title = folder.surrogate, folder.stage_of_cell("training")
     if begun is None and path.exists():
-        load_surrogate(folder, config)
+        load_surrogate(folder)
         console.note(f"{title}: {path.name} is there already")
         return
-    data, stage = training_set(folder, config), training_stage(folder, config)
-    checkpoint = folder.training_checkpoint_of(config)
-    files = {"surrogates": path, "training-curves": folder.training_curve_of(config)}
-    key = "" if store is None else _key(config, data)
+    data, stage, checkpoint = training_set(folder), training_stage(folder), folder.training_checkpoint
+    files = {"surrogates": path, "training-curves": folder.training_curve}
+    key = "" if store is None else _key(folder.config, data)
     saved = None if begun is not None or checkpoint.exists() else fetch_files(store, key, files)
     if saved is not None:
         with timed(folder.timings, stage) as clock:
@@ -65,7 +63,7 @@ def train(
         console.task(title, "epochs", clock=now) as task,
     ):
         if begun is None:
-            _fit(folder, config, data, partial(show_training, task))
+            _fit(folder, data, partial(show_training, task))
         else:
             for progress in begun.reports():
                 show_training(task, progress)
@@ -83,44 +81,40 @@ def show_training(task: Task, progress: TrainingProgress) -> None:
     task.update(progress.epoch, progress.epochs, detail=progress.words, work=work)
 
 
-def begin_training(
-    folder: RunFolder, config: RunConfig, processes: CallProcesses, store: ResultStore | None
-) -> Call | None:
+def begin_training(folder: RunFolder, processes: CallProcesses, store: ResultStore | None) -> Call | None:
     """Begin the training in a process; None where folder or store hold the surrogate."""
-    if folder.surrogate_of(config).exists():
+    if folder.surrogate.exists():
         return None
-    if store is not None and not folder.training_checkpoint_of(config).exists():
+    if store is not None and not folder.training_checkpoint.exists():
         with suppress(DataError):  # which is told when it is trained
-            if store.find("surrogates", _key(config, training_set(folder, config))) is not None:
+            if store.find("surrogates", _key(folder.config, training_set(folder))) is not None:
                 return None
-    return processes.submit("while it trained the surrogate", train_elsewhere, folder, config)
+    return processes.submit("while it trained the surrogate", train_elsewhere, folder)
 
 
-def train_elsewhere(tell: Tell, folder: RunFolder, config: RunConfig) -> None:
+def train_elsewhere(tell: Tell, folder: RunFolder) -> None:
     """Fit the surrogate in this process and save it; ``tell`` receives the progress."""
-    with speaking(config.result_units):
-        _fit(folder, config, training_set(folder, config), tell)
+    with speaking(folder.config.result_units):
+        _fit(folder, training_set(folder), tell)
 
 
-def training_stage(folder: RunFolder, config: RunConfig) -> str:
+def training_stage(folder: RunFolder) -> str:
     """Return the name of the stage in the record of times."""
-    own = config.surrogate_model == folder.written.surrogate_model
-    return "training" if own else f"training, {config.surrogate_model}"
+    model = folder.config.surrogate_model
+    return "training" if model == folder.written.surrogate_model else f"training, {model}"
 
 
-def _fit(
-    folder: RunFolder, config: RunConfig, data: TrainingSet, show: Callable[[TrainingProgress], None]
-) -> None:
-    surrogate: Surrogate = make_backend("surrogate", config)
-    curve = TrainingCurveFile(folder.training_curve_of(config))
+def _fit(folder: RunFolder, data: TrainingSet, show: Callable[[TrainingProgress], None]) -> None:
+    surrogate: Surrogate = make_backend("surrogate", folder.config)
+    curve = TrainingCurveFile(folder.training_curve)
 
     def note(progress: TrainingProgress) -> None:
         curve.add(progress)
         show(progress)
 
-    checkpoint = folder.training_checkpoint_of(config)
-    surrogate.fit(data, seed=config.surrogate.seed, checkpoint=checkpoint, on_progress=note)
-    surrogate.save(folder.surrogate_of(config))
+    seed, checkpoint = folder.config.surrogate.seed, folder.training_checkpoint
+    surrogate.fit(data, seed=seed, checkpoint=checkpoint, on_progress=note)
+    surrogate.save(folder.surrogate)
 
 
 def _key(config: RunConfig, data: TrainingSet) -> str:

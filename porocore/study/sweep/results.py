@@ -197,7 +197,7 @@ class ParameterSweep:
     @cached_property
     def _columns(self) -> dict[str, list[float]]:
         """Dimensionless results by name."""
-        surrogate = load_surrogate(self.folder, self.plan.family)
+        surrogate = load_surrogate(self.folder)
         rows = [dict(self._results(point, surrogate)) for point in self.plan.points]
         names = dict.fromkeys(name for row in rows for name in row)
         return {name: [row.get(name, np.nan) for row in rows] for name in names}
@@ -218,7 +218,7 @@ class ParameterSweep:
 
 def point_files(folder: RunFolder, plan: SweepPlan, point: SweepPoint) -> RunFolder:
     """Return the files of the run with the solutions of one point."""
-    return folder.of_body(f"{FOLDER}/{file_stem(point.name)}", plan.at(point))
+    return folder.with_config(plan.at(point), f"{FOLDER}/{file_stem(point.name)}")
 
 
 def _of_the_cell(member: Array | None, surrogate: Surrogate) -> Iterator[tuple[str, float]]:

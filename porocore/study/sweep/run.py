@@ -14,7 +14,6 @@ from porocore.errors import ConfigurationError, SolveError
 from porocore.interfaces.solution import StepReport
 from porocore.sampling.samplers.macro_driven import MacroDriven
 from porocore.study.backends import make_backend
-from porocore.study.config.config import RunConfig
 from porocore.study.notes.guess import bodies_at_once, macro_time
 from porocore.study.run_folder import RunFolder
 from porocore.study.series import Case, CaseProgress, RunSeries
@@ -105,15 +104,15 @@ def learn(folder: RunFolder, plan: SweepPlan, *, console: Console, store: Result
             f"the sampler macro-driven explores the body at {at} alone; other values may leave the sampled states, "
             "which flags them: choose sampling.sampler: sobol"
         )
-    pipeline.learn(folder, config, console=console, store=store)
+    pipeline.learn(folder, console=console, store=store)
 
 
-def solve_point(tell: Tell, folder: RunFolder, config: RunConfig, laws: Sequence[LawKind]) -> str:
+def solve_point(tell: Tell, folder: RunFolder, laws: Sequence[LawKind]) -> str:
     """Solve what is missing of the body of one point, under every load with each law; return no reason of a failure."""
-    units = config.result_units
+    config, units = folder.config, folder.config.result_units
     with ExitStack() as stack:
         stack.enter_context(speaking(units))
-        runs = macro_laws(folder, config, stack, laws)
+        runs = macro_laws(folder, stack, laws)
         solver = make_backend("macro solver", config)
         done, count = 0, len(runs) * len(config.macro.loads)
         for load in config.macro.loads:
@@ -128,8 +127,10 @@ def solve_point(tell: Tell, folder: RunFolder, config: RunConfig, laws: Sequence
                         share = (done + step.time / config.macro.time.end) / count
                         tell(CaseProgress(f"{name}, load {load:g}, t = {at} of {end}", share))
 
-                    prepared = prepared_body(solver, config, problem) if prepared is None else prepared
-                    solve_body(folder, config, run, problem, solver, prepared, None, name, show)
+                    prepared = (
+                        prepared_body(solver, config.macro_backend, problem) if prepared is None else prepared
+                    )
+                    solve_body(folder, run.law, name, solver, problem, prepared, show)
                 done += 1
     return ""
 
@@ -148,12 +149,12 @@ class SweepSeries(RunSeries[str]):
 
     def __init__(self, folder: RunFolder, plan: SweepPlan, laws: Sequence[LawKind]) -> None:
         super().__init__({})
-        self._laws, self.names = laws, law_names(plan.family, laws, plan.family.closure)
+        self._laws, self.names = laws, law_names(plan.family.closure, laws)
         self._places = {point.name: point_files(folder, plan, point) for point in plan.points}
 
     def cases(self) -> list[Case]:
         """Return the points as cases."""
-        return [Case(name, (place, place.config, self._laws), name) for name, place in self._places.items()]
+        return [Case(name, (place, self._laws), name) for name, place in self._places.items()]
 
     def find(self, case: Case) -> str | None:
         """Return no reason of a failure where all solutions are there."""
