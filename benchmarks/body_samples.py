@@ -21,8 +21,8 @@ from solved_states import worst_share
 from porocore import Study
 from porocore.plugins.border import prediction_of
 from porocore.states import CellResponse, MacroState
-from porocore.study.stages.exploration import MacroExplorer
-from porocore.study.stages.stage_files import load_reference, prepare_family, training_set
+from porocore.study.run.composition import explorer, prepare_family, training_set
+from porocore.study.run.results import load_reference
 
 SIDE = {"displacement": [0, None, 0]}
 SIZES = (16, 24, 32, 48)
@@ -82,7 +82,7 @@ def states_of_the_body(of: Study) -> MacroState:
     """States of the column, some of each eighth of its height."""
     one = of.config
     data = training_set(of.folder)
-    visited = MacroExplorer(one, load_reference(of.folder))(data, elements=8, steps=20).states
+    visited = explorer(one, load_reference(of.folder))(data, elements=8, steps=20).states
     moved = np.flatnonzero(np.abs(visited.grad_u[:, 1, 1]) > 1e-4)
     visited = visited[moved]
     assert visited.parameters is not None

@@ -32,7 +32,7 @@ from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
 from porocore.macro.boundary.symmetry import whole_specimen
 from porocore.plugins.border import body_solution_of
-from porocore.study.backends import make_backend
+from porocore.study.run.composition import make_backend
 
 CONFIG = Path(__file__).with_name("calibration.yaml")
 #: Relative steps of the differences.

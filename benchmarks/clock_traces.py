@@ -20,9 +20,9 @@ from porocore.macro.integration.newton import StepForecast
 from porocore.plugins.registry import registry
 from porocore.sampling.forecast import Guess, StateForecast
 from porocore.study.config.config import RunConfig
-from porocore.study.run_folder import RunFolder
-from porocore.study.stages import pipeline
-from porocore.study.stages.training import TrainingCurveFile
+from porocore.study.run import pipeline
+from porocore.study.run.folder import RunFolder
+from porocore.study.run.training import TrainingCurveFile
 
 #: Ticks of the processor's clock in a second.
 TICKS = os.sysconf("SC_CLK_TCK")

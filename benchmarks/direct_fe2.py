@@ -21,7 +21,7 @@ from porocore.macro.problem import MacroProblem
 from porocore.sampling.execution import CellPool
 from porocore.states import Array, CellResponse, MacroState
 from porocore.study.config.config import SamplingSettings
-from porocore.study.stages.stage_files import prepare_cell
+from porocore.study.run.composition import prepare_cell
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.testing.synthetic.response import confined_column
 from porocore_fem_skfem.macro import SkfemMacroSolver

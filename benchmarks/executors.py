@@ -19,7 +19,7 @@ from porocore.sampling.campaign import CampaignProgress, run_campaign
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.samplers.designs import RandomStates
-from porocore.study.stages.stage_files import prepare_cell
+from porocore.study.run.composition import prepare_cell
 
 INPUTS = InputSpace(
     ("H11", "H22", "H33", "H12", "H13", "H23", "p"),

@@ -24,7 +24,7 @@ from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.plugins.registry import registry
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Array, CellResponse, MacroState
-from porocore.study.stages.stage_files import training_set
+from porocore.study.run.composition import training_set
 
 DIAGONAL, SHEAR = [-0.06, 0.04], [-0.05, 0.05]
 INPUTS = {

@@ -17,7 +17,7 @@ from porocore.sampling.campaign import run_campaign
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.states import Array, CellResponse, IntArray, MacroState
-from porocore.study.stages.stage_files import prepare_cell
+from porocore.study.run.composition import prepare_cell
 
 #: Second-order elements on an eighth of the cell for diagonal states, on the whole cell for others; r = 0.25, ν = 0.35.
 CELL = Cell()

@@ -19,8 +19,8 @@ from porocore.macro.laws.closure import PulledBack
 from porocore.report.figures import png_bytes
 from porocore.report.figures.style import BLACK, BLUE, DASHED, DOTTED, GREY, VERMILLION, new_figure, styled
 from porocore.states import MacroState
-from porocore.study.run_folder import RunFolder
-from porocore.study.stages.stage_files import load_reference, load_surrogate
+from porocore.study.run.folder import RunFolder
+from porocore.study.run.results import load_reference, load_surrogate
 
 IMAGE = Path(__file__).parent / "images" / "conductivity.png"
 COMPRESSION = np.linspace(-0.19, 0.02, 60)

@@ -20,7 +20,7 @@ from porocore.report.figures.body import axes_in_section
 from porocore.report.figures.curves import ColumnAxis, panels
 from porocore.report.figures.style import DASHED, TIME_COLOURS, axis_label, new_figure, styled
 from porocore.states import Array
-from porocore.study.run_folder import RunFolder
+from porocore.study.run.folder import RunFolder
 
 #: Of each example: the number of the profile, and what is shown against time.
 SHOWN = {

@@ -16,7 +16,7 @@ from porocore.errors import PorocoreError
 from porocore.interfaces.solution import History, MacroSolution
 from porocore.report.figures import cell_picture, png_bytes
 from porocore.report.figures.style import DASHED, LINEAR, NONLINEAR, new_figure, styled
-from porocore.study.run_folder import RunFolder
+from porocore.study.run.folder import RunFolder
 
 IMAGES = Path(__file__).parent / "images"
 

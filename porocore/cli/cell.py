@@ -109,7 +109,7 @@ def state(
         from porocore.report.dimensional import figures_with_units
         from porocore.study.notes.at_rest import cell_length
         from porocore.study.notes.cell_alone import DIMENSIONLESS, notes, table_of_cell
-        from porocore.study.stages import pipeline
+        from porocore.study.run import pipeline
 
         row = [found.get(name, 0.0) for name in NAMES]
         asked = ([row[:3], row[3:6], row[6:9]], row[9])

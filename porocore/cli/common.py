@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from porocore.core.files.store import ResultStore
     from porocore.core.units import Scales
     from porocore.study.config.config import RunConfig
-    from porocore.study.run_folder import RunFolder
+    from porocore.study.run.folder import RunFolder
 
 
 #: Exit status after Ctrl-C, and after SIGTERM.
@@ -99,9 +99,9 @@ def read_config(
 
     With ``cell_only`` the file need not say more than a cell.
     """
-    from porocore.study.backends import with_closure
+    from porocore.study.config.config import with_closure
     from porocore.study.config.loading import benchmark_path, load_config
-    from porocore.study.run_folder import CONFIG, RECORD
+    from porocore.study.run.folder import CONFIG, RECORD
 
     path = benchmark_path() if path is None else path
     require_no_result(path)
@@ -115,7 +115,7 @@ def read_config(
 
 def require_no_result(path: Path) -> None:
     """Refuse a result of a run, such as its metrics, in the place of a configuration."""
-    from porocore.study.run_folder import CONFIG, RECORD
+    from porocore.study.run.folder import CONFIG, RECORD
 
     of_a_run = path.is_file() and (path.parent / RECORD).is_file()
     if of_a_run and path.suffix not in (".yaml", ".yml"):
@@ -134,7 +134,7 @@ def failed(text: str) -> NoReturn:
 
 def claim(path: Path, settings: RunConfig, out: Path | None, resume: bool) -> RunFolder:
     """Return the run folder of the configuration at ``path``, ``out`` or one by its name, made or opened."""
-    from porocore.study.run_folder import RECORD, RunFolder
+    from porocore.study.run.folder import RECORD, RunFolder
 
     place = Path("runs") / path.stem if out is None else out
     note_nothing_to_resume(place, RECORD, "run", resume=resume)

@@ -196,7 +196,7 @@ def _samples(target: Path) -> Path:
     from porocore.core.files.claim import some_of
     from porocore.core.files.reading import obstacle
     from porocore.sampling.datasets.dataset import EXPECTED
-    from porocore.study.run_folder import RunFolder
+    from porocore.study.run.folder import RunFolder
 
     if not target.exists():
         raise DataError(f"{target}: {obstacle(target) or 'no such file or folder'}; expected a {EXPECTED}")
@@ -218,7 +218,7 @@ def _is_foreign(path: Path) -> bool:
 
     if not (path.parent / RUN_RECORD).is_file():
         return True
-    from porocore.study.run_folder import DATA_SETS
+    from porocore.study.run.folder import DATA_SETS
 
     return path.name not in DATA_SETS
 
@@ -290,7 +290,7 @@ def _facts(dataset: Dataset) -> dict[str, Any]:
 def _units(target: Path) -> ResultUnits:
     """Return the units of the study of a run folder; a file alone has none."""
     from porocore.core.units import ResultUnits
-    from porocore.study.run_folder import RunFolder
+    from porocore.study.run.folder import RunFolder
 
     return RunFolder.open(target).written.result_units if target.is_dir() else ResultUnits()
 

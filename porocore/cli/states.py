@@ -95,10 +95,8 @@ def one_cell(settings: RunConfig, name: str | None, parameters: Sequence[str] | 
     ConfigurationError
         See :func:`named_cell` and :func:`read_parameters`.
     """
-    from porocore.study.config.config import keys_of
-
     one = named_cell(settings, name)
-    with keys_of(settings, name):
+    with settings.keys_of(name):
         return one.model_copy(update={"cell": read_parameters(one.cell, parameters)})
 
 

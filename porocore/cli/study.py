@@ -35,8 +35,8 @@ if TYPE_CHECKING:
     from porocore.interfaces.macro import MacroSolver
     from porocore.plugins.kinds import Kind
     from porocore.study.config.config import RunConfig
-    from porocore.study.run_folder import RunFolder
-    from porocore.study.stages.solving import LawKind
+    from porocore.study.run.composition import LawKind
+    from porocore.study.run.folder import RunFolder
 
 
 def run(
@@ -74,7 +74,7 @@ def run(
         no_store=no_store,
     )  # fmt: skip
     with interruptible(again), located(path), folder:
-        from porocore.study.stages import pipeline
+        from porocore.study.run import pipeline
 
         report_path = pipeline.run(folder, console=Console(), laws=laws, store=kept)
     typer.echo(report_path)
@@ -102,7 +102,7 @@ def sample(
 
     A configuration starts a run folder. Prints the path of the data set.
     """
-    from porocore.study.run_folder import CONFIG, RunFolder
+    from porocore.study.run.folder import CONFIG, RunFolder
 
     kept = chosen_store(store, no_store)
     if target.is_dir():
@@ -125,7 +125,7 @@ def sample(
         ),
     )
     with interruptible(again), located(path), folder:
-        from porocore.study.stages import pipeline
+        from porocore.study.run import pipeline
 
         pipeline.solve_reference(folder, console=console, store=kept)
         pipeline.sample(folder, console=console, retry_lost=retry_lost, store=kept)
@@ -145,16 +145,17 @@ def train(
     Prints the path of the trained surrogate. --closure NAME trains the surrogate of another closure beside that of the
     run's own.
     """
-    from porocore.study import backends
-    from porocore.study.stages.stage_files import require_samples
+    from porocore.study.config.config import with_closure
+    from porocore.study.notes.checks import check_backend
+    from porocore.study.run.results import require_samples
 
     folder, kept = _open(run), chosen_store(store, no_store)
     require_samples(folder)
-    folder = folder.with_config(backends.with_closure(folder.config, closure))
-    backends.check("surrogate", folder.config)
+    folder = folder.with_config(with_closure(folder.config, closure))
+    check_backend("surrogate", folder.config)
     console = Console()
     with interruptible(command("train", run, closure=closure, store=store, no_store=no_store)), folder:
-        from porocore.study.stages import pipeline
+        from porocore.study.run import pipeline
 
         pipeline.train(folder, console=console, store=kept)
     console.note(f"next: {command('solve', run, closure=closure)}")
@@ -181,15 +182,15 @@ def solve(
     of a backend that supports it: mpirun -n 2 porocore solve RUN --fem dolfinx.
     """
     from porocore.core import parallel
-    from porocore.study import backends
-    from porocore.study.run_folder import CONFIG
-    from porocore.study.stages.solving import USUAL_LAWS, law_names, with_fallback
-    from porocore.study.stages.stage_files import require_samples, require_surrogates
+    from porocore.study.config.config import with_closure
+    from porocore.study.run.composition import USUAL_LAWS, law_names, with_fallback
+    from porocore.study.run.folder import CONFIG
+    from porocore.study.run.results import require_samples, require_surrogates
 
     folder, kept = _open(run), chosen_store(store, no_store)
     require_samples(folder)
     laws = with_fallback(tuple(kind.value for kind in law) if law else USUAL_LAWS, fallback)
-    own = backends.with_closure(folder.config, closure)
+    own = with_closure(folder.config, closure)
     folder = folder.with_config(own)
     direct_closure = closure or "potential"
     if "surrogate" in laws or "fallback" in laws:
@@ -208,7 +209,7 @@ def solve(
             located(folder.path / CONFIG),
             solver.communicator.holding(folder),
         ):
-            from porocore.study.stages import pipeline
+            from porocore.study.run import pipeline
 
             pipeline.solve(
                 folder, console=console, solver=solver, backend=backend, laws=laws,
@@ -224,7 +225,7 @@ def _shared_solver(config: RunConfig, laws: Sequence[str]) -> MacroSolver:
     """Return the macro solver, after a check that it can share the work among the processes that were started."""
     from porocore.core import parallel
     from porocore.plugins.registry import registry
-    from porocore.study.backends import make_backend
+    from porocore.study.run.composition import make_backend
 
     name, (_, size) = config.macro_backend, parallel.launched()
     if size > 1 and not registry().get("macro solver", name).distributed:
@@ -251,7 +252,7 @@ def report(run: RunArgument) -> None:
     Prints the path of the report, a page to open in a browser. It compares the solutions that there are: of closures,
     linear poroelasticity and direct FE².
     """
-    from porocore.study.stages.stage_files import require_samples, require_surrogates
+    from porocore.study.run.results import require_samples, require_surrogates
 
     folder = _open(run)
     require_samples(folder)
@@ -261,7 +262,7 @@ def report(run: RunArgument) -> None:
         _require_no_series(folder, path)
         folder.require(path, "solve")
     with interruptible(command("report", run)), folder:
-        from porocore.study.stages import pipeline
+        from porocore.study.run import pipeline
 
         pipeline.report(folder, console=Console())
     typer.echo(folder.report)
@@ -283,14 +284,14 @@ def _require_no_series(folder: RunFolder, solution: Path) -> None:
 
 
 def _open(path: Path) -> RunFolder:
-    from porocore.study.run_folder import RunFolder
+    from porocore.study.run.folder import RunFolder
 
     return RunFolder.open(path)
 
 
 def _laws_of_run(law: list[LawName] | None, fallback: FallbackName) -> tuple[LawKind, ...]:
     """Return the laws that a run solves with; its report shows the surrogate, whatever is beside it."""
-    from porocore.study.stages.solving import USUAL_LAWS, with_fallback
+    from porocore.study.run.composition import USUAL_LAWS, with_fallback
 
     laws: tuple[LawKind, ...] = tuple(kind.value for kind in law) if law else USUAL_LAWS
     if "surrogate" not in laws:

@@ -39,7 +39,7 @@ from porocore.errors import ConfigurationError
 if TYPE_CHECKING:
     from porocore.core.units import Scales
     from porocore.study.config.config import RunConfig
-    from porocore.study.stages.solving import LawKind
+    from porocore.study.run.composition import LawKind
     from porocore.study.sweep.plan import SweepPlan
     from porocore.study.sweep.results import ParameterSweep
 
@@ -82,7 +82,7 @@ def sweep(
     the same ends.
     """
     from porocore.study.notes.checks import check_backends
-    from porocore.study.stages.solving import USUAL_LAWS
+    from porocore.study.run.composition import USUAL_LAWS
     from porocore.study.sweep.run import require_sweep_laws, run_sweep
 
     path, settings = read_config(config, fem, surrogate, closure, macro)

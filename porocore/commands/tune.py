@@ -43,7 +43,7 @@ def tune(
     samples are solved first. The run folder keeps trained networks, so the same command continues a search. Prints the
     lines for the configuration.
     """
-    from porocore.study.run_folder import RunFolder
+    from porocore.study.run.folder import RunFolder
     from porocore.study.tuning import candidates
 
     if not 0 <= margin < float("inf"):
@@ -65,7 +65,7 @@ def tune(
     console = Console()
     with folder:
         from porocore.study import tuning
-        from porocore.study.stages import pipeline
+        from porocore.study.run import pipeline
 
         if not target.is_dir():
             pipeline.solve_reference(folder, console=console, store=kept)

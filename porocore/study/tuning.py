@@ -29,11 +29,10 @@ from porocore.errors import ConfigurationError, DataError
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Array, CellResponse, MacroState
-from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
-from porocore.study.run_folder import RunFolder
+from porocore.study.run.composition import make_backend, training_set
+from porocore.study.run.folder import RunFolder
 from porocore.study.series import Case, RunSeries
-from porocore.study.stages.stage_files import training_set
 from porocore.study.store import arrays_hash, training_key
 from porocore.surrogates.network.options import MOST_LAYERS, MOST_WIDTH
 

@@ -12,7 +12,7 @@ from porocore import ConfigurationError, Study
 from porocore.cli.entry import app
 from porocore.core.files.plain_data import merged
 from porocore.study.config.loading import benchmark_path, load_config
-from porocore.study.run_folder import RunFolder
+from porocore.study.run.folder import RunFolder
 
 CREEP = "time;settlement\n0;0\n1;1.000.000,5\n1;3.000.000,5\n2;4.000.000\n"
 OBSERVATIONS = {

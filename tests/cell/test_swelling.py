@@ -14,7 +14,7 @@ from porocore.macro.laws import MeanGradientClosure, make_closure
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.macro.reference import CellReference
 from porocore.study.config.loading import benchmark_path, load_config
-from porocore.study.stages.reference import solve_cell
+from porocore.study.run.reference import solve_cell
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 
 COARSE = {"size": 0.5, "fluid_size": 0.5, "element": "linear"}

@@ -20,7 +20,7 @@ from porocore.macro.laws.direct import DirectCellLaw
 from porocore.macro.problem import TimePlan
 from porocore.sampling.execution import CellPool
 from porocore.states import MacroState
-from porocore.study.stages.stage_files import prepare_cell
+from porocore.study.run.composition import prepare_cell
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.testing.cell_laws.identities import cubic_symmetry
 from porocore.testing.synthetic.response import confined_column

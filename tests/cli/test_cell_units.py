@@ -7,7 +7,7 @@ import pytest
 from invoked import BENCHMARK, invoke, refusal
 
 from porocore.cli.cell import BELONGS, as_text
-from porocore.study.stages import pipeline
+from porocore.study.run import pipeline
 
 BRAIN = BENCHMARK.with_name("brain-indentation.yaml")
 

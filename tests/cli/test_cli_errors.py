@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import porocore
-import porocore.study.stages
+import porocore.study.run
 from porocore.cli.cell import as_text
 from porocore.cli.entry import main
 from porocore.errors import ConfigurationError, SolveError
@@ -18,9 +18,10 @@ from porocore.plugins import registry
 from porocore.plugins.discovery import Offered, Source
 from porocore.plugins.hookspecs import Offer
 from porocore.plugins.table import PluginRow
-from porocore.study import backends, stages
+from porocore.study import run as stages
 from porocore.study.config.loading import benchmark_path, load_config
-from porocore.study.run_folder import RunFolder
+from porocore.study.notes import checks
+from porocore.study.run.folder import RunFolder
 
 
 @pytest.fixture
@@ -40,7 +41,7 @@ def porocore_command(monkeypatch, capsys):
 @pytest.fixture
 def pipeline(monkeypatch):
     """Stages that write empty files and note that they were called."""
-    fake = types.ModuleType("porocore.study.stages.pipeline")
+    fake = types.ModuleType("porocore.study.run.pipeline")
     fake.calls = []
 
     def stage(name, files):
@@ -60,9 +61,9 @@ def pipeline(monkeypatch):
     stage("solve", lambda folder: folder.solutions())
     stage("report", lambda folder: [folder.report])
     stage("run", lambda folder: [folder.report])
-    monkeypatch.setitem(sys.modules, "porocore.study.stages.pipeline", fake)
+    monkeypatch.setitem(sys.modules, "porocore.study.run.pipeline", fake)
     monkeypatch.setattr(stages, "pipeline", fake, raising=False)
-    monkeypatch.setattr(backends, "check", lambda kind, config: None)
+    monkeypatch.setattr(checks, "check_backend", lambda kind, config: None)
     return fake
 
 
@@ -192,7 +193,7 @@ def test_what_only_a_backend_can_tell_has_its_line_too(porocore_command, tmp_pat
         if kind == "sampler":
             raise ConfigurationError("sampling.inputs.H22.range: must include 0\nelsewhere: a fault\nno key")
 
-    monkeypatch.setattr("porocore.study.backends.check", refuse)
+    monkeypatch.setattr("porocore.study.notes.checks.check_backend", refuse)
     path = tmp_path / "study.yaml"
     path.write_text(benchmark_path().read_text(encoding="utf-8"), encoding="utf-8")
     (line,) = [

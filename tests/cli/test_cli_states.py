@@ -10,7 +10,7 @@ from porocore.cli import main
 from porocore.cli.states import parse_grad_u, read_state
 from porocore.errors import ConfigurationError
 from porocore.states import Status
-from porocore.study import stages
+from porocore.study import run as stages
 from porocore.study.config.loading import benchmark_path
 
 

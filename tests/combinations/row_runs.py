@@ -20,7 +20,7 @@ from porocore.interfaces.solution import History, MacroSolution, Profile
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import CellResponse
 from porocore.study.api.study import Study
-from porocore.study.stages.stage_files import prepare_cell
+from porocore.study.run.composition import prepare_cell
 
 #: Of the largest value of each field.
 SAME = 1e-7

@@ -18,7 +18,7 @@ from porocore.macro.reference import CellReference
 from porocore.plugins.registry import registry
 from porocore.sampling.execution import CellPool
 from porocore.states import MacroState
-from porocore.study.stages.stage_files import prepare_cell
+from porocore.study.run.composition import prepare_cell
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.testing.synthetic.porous_family import PorousFamilyLaw, porosity, porous_training_set
 from porocore.testing.synthetic.response import confined_column

@@ -19,7 +19,7 @@ from porocore.errors import DataError, PorocoreError, UnexpectedError
 from porocore.sampling.execution.pool import CellPool
 from porocore.states import MacroState
 from porocore.study.config.loading import benchmark_path
-from porocore.study.stages import pipeline
+from porocore.study.run import pipeline
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ PACKAGE = Path(porocore.__file__).parent
 PAGE = (PACKAGE.parent / "docs" / "results.md").read_text(encoding="utf-8")
 #: Functions that write keys or columns, by file.
 WRITERS = {
-    "study/stages/reporting.py": (
+    "study/run/reporting.py": (
         "figures_of_merit",
         "_cell",
         "_sampling",

@@ -16,7 +16,6 @@ from nested_settings import config_from
 from pages import ROOT, all_blocks
 
 from porocore.plugins.registry import registry
-from porocore.study.backends import surrogate_model
 from porocore.study.config.config import RunConfig
 from porocore.study.config.loading import MODELINE, load_config
 from porocore.study.notes.checks import place as place_body
@@ -91,7 +90,7 @@ def class_of(kind: str, name: str, patch: pytest.MonkeyPatch) -> type:
 def test_options_of_a_surrogate_that_are_shown_are_taken(place, tmp_path, monkeypatch):
     settings = config_from(study_with(PARTS[place]), tmp_path)
     surrogate = class_of("surrogate", settings.surrogate.backend, monkeypatch)
-    model = {"model": surrogate_model(surrogate, settings)} if surrogate.models else {}
+    model = {"model": settings.model_of(surrogate)} if surrogate.models else {}
     surrogate(**settings.surrogate.options, **model)
 
 

@@ -32,7 +32,7 @@ from porocore.report.words.results import case_warnings
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Status
 from porocore.study.config.loading import load_config
-from porocore.study.run_folder import RunFolder
+from porocore.study.run.folder import RunFolder
 
 #: Stands for what differs from case to case.
 GAP = "…"
@@ -257,7 +257,7 @@ def interrupted(reader):
     def stop(*words, **named):
         raise KeyboardInterrupt
 
-    reader.patch.setattr("porocore.study.stages.pipeline.run", stop)
+    reader.patch.setattr("porocore.study.run.pipeline.run", stop)
     return reader.type("run", "my.yaml", "--out", "runs/mine")
 
 

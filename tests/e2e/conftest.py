@@ -13,7 +13,7 @@ import pytest
 from porocore.macro.reference import CellReference
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.study.config.loading import load_config
-from porocore.study.run_folder import RunFolder
+from porocore.study.run.folder import RunFolder
 from porocore.surrogates.portable import NumpySurrogate
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -26,7 +26,7 @@ from study import (
 
 from porocore.interfaces.solution import History, MacroSolution, Profile
 from porocore.study.config.loading import load_config
-from porocore.study.run_folder import RunFolder
+from porocore.study.run.folder import RunFolder
 
 MPIRUN = shutil.which("mpirun")
 if not os.environ.get("CI"):

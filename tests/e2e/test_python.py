@@ -12,7 +12,7 @@ from study import LOADS, write_study
 
 import porocore
 from porocore.errors import ConfigurationError, RunFolderError
-from porocore.study.run_folder import FinishedRun
+from porocore.study.run.folder import FinishedRun
 
 ROOT = Path(__file__).parents[2]
 #: The finished run was made with one thread; this process may have more, which sum in another order.

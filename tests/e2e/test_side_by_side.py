@@ -24,8 +24,8 @@ from porocore.core.parallel import calls
 from porocore.errors import PorocoreError
 from porocore.study.config.loading import load_config
 from porocore.study.notes import guess
-from porocore.study.run_folder import RunFolder
-from porocore.study.stages.solving import solve
+from porocore.study.run.folder import RunFolder
+from porocore.study.run.solving import solve
 
 #: Every solve is worth a process.
 SIDE_BY_SIDE = (

@@ -22,7 +22,7 @@ from typing import IO
 
 #: torch and scikit-fem, if they are there. Not jax and dolfinx, whose threads and MPI do not outlive a fork.
 IMPORTED = (
-    "porocore.study.stages.pipeline",
+    "porocore.study.run.pipeline",
     "porocore.report.page",
     "porocore.cli.entry",
     "porocore_fem_skfem.cell_solver",

@@ -16,10 +16,9 @@ from porocore.plugins import registry
 from porocore.plugins.discovery import Offered, Source
 from porocore.plugins.hookspecs import Offer
 from porocore.states import Status
-from porocore.study.backends import with_closure
-from porocore.study.config.config import RunConfig
+from porocore.study.config.config import RunConfig, with_closure
 from porocore.study.config.loading import benchmark_path, load_config
-from porocore.study.run_folder import RunFolder, direct_law
+from porocore.study.run.folder import RunFolder, direct_law
 
 
 @pytest.fixture

@@ -175,7 +175,7 @@ def test_the_options_of_the_command_line(tmp_path: Path, monkeypatch: pytest.Mon
     from porocore.cli.entry import app
     from porocore.study.config.loading import benchmark_path
     from porocore.study.notes import checks as preflight
-    from porocore.study.stages import pipeline
+    from porocore.study.run import pipeline
 
     out = tmp_path / "run"
     words = ["sample", str(benchmark_path()), "--out", str(out)]

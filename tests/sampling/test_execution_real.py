@@ -23,7 +23,7 @@ from porocore.sampling.datasets.check import check_file
 from porocore.sampling.execution import CellPool
 from porocore.core.inputs import InputSpace
 from porocore.sampling.campaign import run_campaign
-from porocore.study.stages.stage_files import prepare_cell
+from porocore.study.run.composition import prepare_cell
 from fake_cell import Tree
 
 if __name__ == "__main__":

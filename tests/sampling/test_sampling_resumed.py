@@ -19,8 +19,8 @@ from porocore.sampling.execution import CellPool
 from porocore.sampling.samplers.active import Active
 from porocore.sampling.samplers.macro_driven import MacroDriven
 from porocore.states import MacroState
-from porocore.study import run_folder as decisions
-from porocore.study.run_folder import DecisionRecord
+from porocore.study.run import folder as decisions
+from porocore.study.run.folder import DecisionRecord
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate, judge
 from porocore.testing.synthetic import cell as synthetic_cell
 

@@ -13,7 +13,7 @@ from porocore.core.files.plain_data import merged
 from porocore.errors import ConfigurationError
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution.members import MembersAtRest
-from porocore.study.stages.stage_files import prepare_undeformed
+from porocore.study.run.composition import prepare_undeformed
 
 pytest.importorskip("porocore_fem_skfem")
 

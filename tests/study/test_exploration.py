@@ -10,6 +10,7 @@ import pytest
 from porocore.errors import SolveError
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.macro import MacroSolver
+from porocore.interfaces.sampler import StudySampler
 from porocore.macro.composition.regions import LayerRegion
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.macro.problem import MacroProblem
@@ -19,7 +20,8 @@ from porocore.sampling.samplers.macro_driven import MacroDriven
 from porocore.states import MacroState
 from porocore.study.config.config import MacroSettings, RunConfig
 from porocore.study.config.loading import benchmark_path, load_config
-from porocore.study.stages.exploration import BodyAround, MacroExplorer, coarse_problem, inform
+from porocore.study.run.composition import explorer, study_facts
+from porocore.study.run.exploration import BodyAround, MacroExplorer, coarse_problem
 from porocore.testing.synthetic import cell as synthetic_cell
 from porocore.testing.synthetic.cell import INPUTS, synthetic_training_set
 
@@ -59,7 +61,7 @@ def test_a_coarse_problem_is_the_same_problem(config: RunConfig) -> None:
 def test_an_exploration_visits_what_the_column_goes_through(
     config: RunConfig, reference: CellReference
 ) -> None:
-    explore = MacroExplorer(config, reference)
+    explore = explorer(config, reference)
     data = synthetic_training_set(40)
     found = explore(data, elements=4, steps=8)
     assert found.states.grad_u.shape[1:] == (3, 3)
@@ -83,8 +85,8 @@ def test_an_exploration_of_one_of_several_cells_visits_where_it_is(
         reference.response, reference.solid_fraction, config.cell.solid, reference.conductivity
     )
     stiff = replace(linear, stiffness=2 * linear.stiffness)
-    whole = MacroExplorer(config, reference)
-    part = MacroExplorer(config, reference, BodyAround(macro, "clay", {None: LinearPoroelasticity(stiff)}))
+    whole = explorer(config, reference)
+    part = explorer(config, reference, BodyAround(macro, "clay", {None: LinearPoroelasticity(stiff)}))
     data = synthetic_training_set(40)
     (alone, both) = (explore(data, elements=4, steps=8) for explore in (whole, part))
     # There are eight elements, since the region would have none of four.
@@ -115,10 +117,10 @@ def test_the_flux_goes_by_the_configured_conductivity(config: RunConfig, referen
     settled = {}
     for law in ("piola", "deformed"):
         study = config.model_copy(update={"conductivity": law, "macro": macro})
-        settled[law] = MacroExplorer(study, reference)(data, elements=4, steps=8).results[0]
+        settled[law] = explorer(study, reference)(data, elements=4, steps=8).results[0]
     assert settled["deformed"] < 0.9 * settled["piola"]
     sampler = MacroDriven(INPUTS, count=20)
-    inform(sampler, study, reference)
+    sampler.inform(study_facts(study, reference, explorer(study, reference)))
     assert (sampler.study.reference.conductivity == reference.conductivity).all()
 
 
@@ -129,7 +131,7 @@ def test_the_force_on_a_surface_that_is_moved_is_a_result(
     data = config.macro.model_dump()
     data["boundary"]["y+"] = {"displacement": (None, 7.5, None), "pressure": 0}
     moved = config.model_copy(update={"macro": MacroSettings.model_validate(data)})
-    settlement, _, largest, last, *others = MacroExplorer(moved, reference)(
+    settlement, _, largest, last, *others = explorer(moved, reference)(
         synthetic_training_set(40), elements=4, steps=8
     ).results
     assert settlement == pytest.approx(0.05 * 7.5)
@@ -155,7 +157,7 @@ def test_a_macro_run_that_fails_gives_what_it_visited(config: RunConfig, referen
             assert law.before_accept(response, memory) is None
             raise SolveError("no step is small enough")
 
-    explore = MacroExplorer(config, reference)
+    explore = explorer(config, reference)
     explore._solver = Failing()
     found = explore(synthetic_training_set(12), elements=4, steps=8)
     assert np.isnan(found.results).all()
@@ -164,9 +166,10 @@ def test_a_macro_run_that_fails_gives_what_it_visited(config: RunConfig, referen
 
 
 def test_only_who_wants_to_know_is_informed(config: RunConfig, reference: CellReference) -> None:
-    inform(SobolDesign(INPUTS), config, reference)
+    assert not isinstance(SobolDesign(INPUTS), StudySampler)
     sampler = MacroDriven(INPUTS)
-    inform(sampler, config, reference)
+    assert isinstance(sampler, StudySampler)
+    sampler.inform(study_facts(config, reference, explorer(config, reference)))
     assert sampler.study.responses == ("mean_grad", "stress", "fluid_volume")
     assert sampler.study.identity == config.stages.cell
     assert sampler.study.reference is reference.response

@@ -10,7 +10,7 @@ from porocore.cell.cell import Cell
 from porocore.core.files.store import ResultStore
 from porocore.sampling.execution import CellPool
 from porocore.states import MacroState, Status
-from porocore.study.stages.stage_files import factory_of, prepare_cell
+from porocore.study.run.composition import factory_of, prepare_cell
 from porocore.study.store import cell_key, solved_states
 
 FAMILY = Cell.model_validate(

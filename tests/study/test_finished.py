@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from porocore.report.page import retitled
-from porocore.study.run_folder import FinishedRun
+from porocore.study.run.folder import FinishedRun
 
 RUN = FinishedRun("A & B", "A & B", "title: A & B\n", ("mind the gap",))
 

@@ -15,8 +15,8 @@ from porocore.cell.cell import Cell
 from porocore.core.inputs import SampledRange
 from porocore.sampling.samplers.designs import RandomStates
 from porocore.study.config.loading import load_config
-from porocore.study.stages.stage_files import drop_misplaced, held_out_states
-from porocore.study.stages.summary import _more_states
+from porocore.study.run.composition import drop_misplaced, held_out_states
+from porocore.study.run.summary import _more_states
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -15,9 +15,8 @@ from porocore import Study
 from porocore.core.files.plain_data import merged
 from porocore.errors import ConfigurationError, RunFolderError
 from porocore.macro.analytic import LayeredConsolidation, SoilLayer
-from porocore.study.stages.results import RunResults
-from porocore.study.stages.stage_files import linear_coefficients, load_reference, load_solution
-from porocore.study.stages.summary import report_context
+from porocore.study.run.results import RunResults, linear_coefficients, load_reference, load_solution
+from porocore.study.run.summary import report_context
 
 pytest.importorskip("porocore_fem_skfem")
 

@@ -9,7 +9,7 @@ from fake_cell import Fake, FakeCellSolver
 from porocore.cli.cell import as_text
 from porocore.interfaces.cell import CellSolution
 from porocore.study.config.loading import benchmark_path, load_config
-from porocore.study.stages import reference
+from porocore.study.run import reference
 
 
 class Plain(FakeCellSolver):

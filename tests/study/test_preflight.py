@@ -17,7 +17,6 @@ from porocore.core.units import OutputUnits, ResultUnits, Scales
 from porocore.errors import ConfigurationError
 from porocore.macro.problem import MacroSetup, TimePlan
 from porocore.plugins import registry
-from porocore.study import backends
 from porocore.study.config.loading import load_config
 from porocore.study.notes.checks import check_backends, check_sampling, place
 from porocore.study.notes.guess import decision_time, decisions, rounds
@@ -25,8 +24,9 @@ from porocore.study.notes.linear_reach import prescribed_reach
 from porocore.study.notes.magnitudes import left_out, unloaded
 from porocore.study.notes.outline import outline
 from porocore.study.notes.workload import as_time
-from porocore.study.run_folder import RunFolder
-from porocore.study.stages import reference
+from porocore.study.run import reference
+from porocore.study.run.composition import backends_of, make_backend
+from porocore.study.run.folder import RunFolder
 
 
 def test_check_tells_what_a_run_would_do():
@@ -86,7 +86,7 @@ def test_check_tells_the_time_of_macro_runs_between_rounds(tmp_path):
         "sampling__options": {"count": 24, "initial": 12, "batch": 6, "elements": 4},
     }
     config = load_config(study_of(tmp_path, **options))
-    sampler = backends.make_backend("sampler", config)
+    sampler = make_backend("sampler", config)
     assert rounds(sampler) == 3  # after 12, 18 and 24 states; none is made before the first of them
     (line,) = decisions(config, sampler)
     each = decision_time(config, sampler)
@@ -95,11 +95,11 @@ def test_check_tells_the_time_of_macro_runs_between_rounds(tmp_path):
     )
     loads = config.model_copy(update={"macro": config.macro.model_copy(update={"loads": (0.02, 0.04, 0.06)})})
     assert decision_time(loads, sampler) == pytest.approx(3 * each)
-    fine = backends.make_backend("sampler", load_config(study_of(tmp_path, sampling__options={"count": 24})))
+    fine = make_backend("sampler", load_config(study_of(tmp_path, sampling__options={"count": 24})))
     assert decision_time(config, fine) > 1.3 * each  # on 6 and 20 elements along each axis, not 4
     plan = {"sampler": "sobol", "inputs": {"p": {"range": [-0.1, 0.1]}}, "options": {"count": 24}}
     plain = load_config(study_of(tmp_path, sampling=plan))
-    assert list(decisions(plain, backends.make_backend("sampler", plain))) == []
+    assert list(decisions(plain, make_backend("sampler", plain))) == []
 
 
 def study_of(tmp_path, **changes):
@@ -348,7 +348,7 @@ def test_the_checks_mesh_the_body_once(monkeypatch):
     kinds.make_body.cache_clear()
     check_backends(porocore.load_config(BENCHMARK))
     assert len(made) == 1
-    assert backends.backend_name("macro solver", porocore.load_config(BENCHMARK)) == "skfem"
+    assert backends_of(porocore.load_config(BENCHMARK))["macro solver"][0] == "skfem"
 
 
 def test_check_notes_a_cell_solver_without_contact(monkeypatch):

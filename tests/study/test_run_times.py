@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 from invoked import BENCHMARK, invoke
 
-from porocore.study import backends
 from porocore.study.config.loading import load_config
 from porocore.study.notes.guess import RunTimes, decision_time, expected_steps
 from porocore.study.notes.workload import Workload, as_time
+from porocore.study.run.composition import make_backend
 
 
 def example(name, **macro):
@@ -18,7 +18,7 @@ def example(name, **macro):
 
 def times_of(config):
     """Of two workers, and of the cell of the examples, whose meshes have so many nodes."""
-    sampler, nodes = backends.make_backend("sampler", config), (8_444, 17_405)
+    sampler, nodes = make_backend("sampler", config), (8_444, 17_405)
     work = replace(Workload.of(config, sampler.expected, 1, nodes), workers=2, serial=False)
     return RunTimes.of(config, work, sampler)
 
@@ -64,7 +64,7 @@ def test_the_time_of_a_run_is_told_within_a_factor_of_two(name):
 def test_exploring_by_macro_runs_takes_the_time_of_their_bodies(name, measured):
     """It was told to take 2.4 s, whatever the body."""
     config = example(name)
-    assert measured / 2 < decision_time(config, backends.make_backend("sampler", config)) < 2 * measured
+    assert measured / 2 < decision_time(config, make_backend("sampler", config)) < 2 * measured
 
 
 def test_the_whole_is_the_sum_of_its_parts():

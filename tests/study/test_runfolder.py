@@ -12,9 +12,9 @@ import pytest
 import yaml
 
 from porocore.errors import RunFolderError
-from porocore.study import run_folder as runfolder
+from porocore.study.run import folder as runfolder
 from porocore.study.config.loading import benchmark_path, load_config
-from porocore.study.run_folder import RunFolder
+from porocore.study.run.folder import RunFolder
 
 
 @pytest.fixture(scope="module")

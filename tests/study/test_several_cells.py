@@ -16,7 +16,7 @@ from porocore.errors import ConfigurationError, RunFolderError
 from porocore.study.config.config import RunConfig
 from porocore.study.config.errors import located
 from porocore.study.notes.checks import check_backends, place
-from porocore.study.run_folder import RunFolder
+from porocore.study.run.folder import RunFolder
 
 SIDE = {"displacement": [0, None, 0]}
 STUDY: dict[str, Any] = {

@@ -20,7 +20,8 @@ from porocore.report.figures import body_figure, history_figure, series_figure
 from porocore.report.metrics import case_metrics
 from porocore.study.api.solved import LawsSolved, Solutions, Solved
 from porocore.study.api.study import Study
-from porocore.study.stages.solving import _kept, require_laws
+from porocore.study.run.composition import require_laws
+from porocore.study.run.solving import _kept
 
 UNITS = ResultUnits(
     Scales(modulus=2000, length=0.01, pore=5e-6), OutputUnits(length="mm", stress="kPa", time="h", force="mN")

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from porocore.errors import DataError
-from porocore.study.run_folder import stage_times, timed
+from porocore.study.run.folder import stage_times, timed
 
 
 def test_a_resumed_stage_says_that_its_time_is_of_several_runs(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from porocore.cell.stability.map import MapPlan
 from porocore.commands.sensitivity.plan import StudyPlan, Sweep
 from porocore.core.files.store import ResultStore
 from porocore.sampling.execution.solved_store import STATES, SolvedStore
-from porocore.study.stages.reference import solve_cell, undeformed
+from porocore.study.run.reference import solve_cell, undeformed
 from porocore.study.store import told
 
 pytest.importorskip("porocore_fem_skfem")

@@ -21,9 +21,8 @@ from porocore.errors import ConfigurationError, RunFolderError, SolveError
 from porocore.macro.composition.bound_law import BoundLaw
 from porocore.plugins.border import body_solution_of
 from porocore.report.figures.style import png_bytes
-from porocore.study.backends import make_backend
-from porocore.study.run_folder import RunFolder
-from porocore.study.stages.solving import macro_laws
+from porocore.study.run.composition import macro_laws, make_backend
+from porocore.study.run.folder import RunFolder
 from porocore.study.sweep import run as sweeping
 from porocore.study.sweep.figure import sweep_figure
 from porocore.study.sweep.plan import SweepPlan

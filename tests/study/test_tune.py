@@ -30,7 +30,7 @@ from porocore.states import MacroState
 from porocore.study import tuning as tune
 from porocore.study.api.study import Study
 from porocore.study.config.loading import crosscheck_path, load_config
-from porocore.study.run_folder import RunFolder
+from porocore.study.run.folder import RunFolder
 from porocore.study.tuning import Candidate, Result, candidates, held_out_errors
 from porocore.testing.synthetic.cell import INPUTS, respond, synthetic_training_set
 

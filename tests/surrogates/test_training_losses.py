@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from porocore.interfaces.surrogate import TrainingProgress
-from porocore.study.stages.training import TrainingCurveFile, read_training_curve
+from porocore.study.run.training import TrainingCurveFile, read_training_curve
 from porocore.surrogates.network.sobolev import train
 
 

@@ -29,12 +29,12 @@ from porocore.macro.laws.linear import PROPERTIES, EffectiveProperties
 from porocore.plugins.border import body_solution_of
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Array, MacroState
-from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
-from porocore.study.run_folder import RunFolder
-from porocore.study.stages import pipeline
-from porocore.study.stages.solving import RunLaw, body_progress, macro_laws, porosity_of, prepared_body
-from porocore.study.stages.stage_files import load_reference
+from porocore.study.run import pipeline
+from porocore.study.run.composition import RunLaw, macro_laws, make_backend, porosity_of
+from porocore.study.run.folder import RunFolder
+from porocore.study.run.results import load_reference
+from porocore.study.run.solving import body_progress, prepared_body
 
 #: Record of the further cells that each round has solved, in the folder of a family.
 ROUNDS = "rounds.json"

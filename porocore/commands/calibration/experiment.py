@@ -45,9 +45,9 @@ from porocore.macro.integration.stepping import Stepper
 from porocore.macro.problem import MacroProblem, MacroSetup, TimePlan
 from porocore.plugins.border import body_gradients_of, body_sensitivities_of, body_solution_of
 from porocore.states import Array
-from porocore.study.backends import make_backend
 from porocore.study.config.config import MacroSettings, RunConfig
-from porocore.study.stages.solving import prepared_body
+from porocore.study.run.composition import make_backend
+from porocore.study.run.solving import prepared_body
 
 #: Sections of the body whose numbers depend on modulus, viscosity and pore size; lengths do not.
 SCALED = ("boundary", "body_force", "initial")

@@ -21,7 +21,7 @@ from porocore.states import Array
 from porocore.study.config.config import RunConfig
 from porocore.study.notes.at_rest import MOST_TETRAHEDRA, tetrahedra_solved
 from porocore.study.notes.linear_reach import linear_solutions, too_large
-from porocore.study.stages.reference import undeformed
+from porocore.study.run.reference import undeformed
 
 #: Values so many times as large or as small as those of the study are noted; laws and unknowns explain less.
 FAR = 30.0

@@ -26,7 +26,7 @@ from porocore.commands.calibration.problem import Misfit
 from porocore.core.console import duration
 from porocore.core.files.plain_data import json_ready, write_csv, write_json
 from porocore.states import Array
-from porocore.study.run_folder import versions
+from porocore.study.run.folder import versions
 
 
 @dataclass(frozen=True, eq=False)

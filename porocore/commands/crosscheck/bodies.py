@@ -31,12 +31,11 @@ from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.plugins.border import body_solution_of, conductivity_of, prediction_of, solution_of
 from porocore.plugins.registry import registry
 from porocore.states import Array, CellResponse, MacroState, Status
-from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
 from porocore.study.notes.abilities import lacking, offers_conductivity
-from porocore.study.stages.solving import body_progress
-from porocore.study.stages.stage_files import prepare_cell
-from porocore.study.stages.training import show_training
+from porocore.study.run.composition import make_backend, prepare_cell
+from porocore.study.run.solving import body_progress
+from porocore.study.run.training import show_training
 
 #: How the averages and the derivatives are written.
 AVERAGES = {"mean_grad": "⟨∇u¹⟩", "potential": "W", "stress": "P_E", "fluid_volume": "φ"}

@@ -21,9 +21,10 @@ from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.samplers.designs import random_requests
 from porocore.states import CellResponse, MacroState
 from porocore.study.config.config import RunConfig
-from porocore.study.run_folder import RunFolder
-from porocore.study.stages.pipeline import sample, solve_reference
-from porocore.study.stages.stage_files import load_reference, training_set
+from porocore.study.run.composition import training_set
+from porocore.study.run.folder import RunFolder
+from porocore.study.run.pipeline import sample, solve_reference
+from porocore.study.run.results import load_reference
 
 Part = Literal["plugin", "cell", "surrogate", "body"]
 

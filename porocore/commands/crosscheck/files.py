@@ -13,7 +13,7 @@ from porocore.commands.crosscheck.page import render
 from porocore.core.files.atomic import atomic_path
 from porocore.core.files.plain_data import json_ready, write_json
 from porocore.states import CellResponse, Status
-from porocore.study.run_folder import versions
+from porocore.study.run.folder import versions
 
 FORMAT, VERSION = "porocore-crosscheck", 1
 

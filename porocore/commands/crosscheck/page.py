@@ -15,7 +15,7 @@ from porocore.commands.crosscheck.check import CrossCheck
 from porocore.commands.crosscheck.comparison import BODY, Comparison, Part
 from porocore.report.figures.style import DASHED, DOTTED, GREY, TIME_COLOURS, legend_above, new_figure, styled
 from porocore.report.page import Picture, Pictures, environment
-from porocore.study.run_folder import versions
+from porocore.study.run.folder import versions
 
 PANELS = {
     "displacement": "largest displacement max$|u|$ [–]",

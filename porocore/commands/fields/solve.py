@@ -22,7 +22,7 @@ from porocore.report.vtk import write_vtu
 from porocore.states import Array, CellResponse, MacroState, Status
 from porocore.study.config.config import FemSettings, RunConfig
 from porocore.study.notes.checks import find_backends
-from porocore.study.stages.stage_files import prepare_stored
+from porocore.study.run.composition import prepare_stored
 from porocore.study.store import chosen_store, told
 
 

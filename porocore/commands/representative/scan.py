@@ -27,8 +27,8 @@ from porocore.macro.laws.linear import LinearCoefficients
 from porocore.plugins.border import conductivity_of
 from porocore.states import Array
 from porocore.study.config.config import FemSettings, RunConfig
-from porocore.study.stages.reference import undeformed
-from porocore.study.stages.stage_files import prepare_cell
+from porocore.study.run.composition import prepare_cell
+from porocore.study.run.reference import undeformed
 
 #: Sub-volumes of one size of which the porosity is looked at, and voxels of all of them together.
 PLACES, VOXELS = 100, 2_000_000_000

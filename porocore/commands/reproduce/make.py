@@ -21,7 +21,7 @@ from porocore.core.files.plain_data import write_json
 from porocore.core.files.reading import read_json
 from porocore.errors import DataError, RunFolderError
 from porocore.report.figures.style import write_pictures
-from porocore.study.run_folder import stage_times, timed
+from porocore.study.run.folder import stage_times, timed
 
 RECORD = "reproduction.json"
 #: What computes each stage.

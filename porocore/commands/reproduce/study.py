@@ -22,14 +22,13 @@ from porocore.report.context import ReportContext
 from porocore.report.metrics import LoadCase
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Array, MacroState
-from porocore.study.backends import with_closure
-from porocore.study.config.config import RunConfig
-from porocore.study.run_folder import RunFolder, StageClock, timed
-from porocore.study.stages import pipeline
-from porocore.study.stages.reporting import figures_of_merit
-from porocore.study.stages.results import RunResults
-from porocore.study.stages.stage_files import prepare_cell
-from porocore.study.stages.summary import report_context
+from porocore.study.config.config import RunConfig, with_closure
+from porocore.study.run import pipeline
+from porocore.study.run.composition import prepare_cell
+from porocore.study.run.folder import RunFolder, StageClock, timed
+from porocore.study.run.reporting import figures_of_merit
+from porocore.study.run.results import RunResults
+from porocore.study.run.summary import report_context
 
 #: Loads of the published column.
 LARGE, SMALL = -0.2, -0.01

@@ -30,6 +30,7 @@ from porocore.sampling.execution.solved_store import SolvedStore
 from porocore.states import CellResponse, Status
 from porocore.study.config.config import FemSettings, RunConfig
 from porocore.study.notes.checks import find_backends
+from porocore.study.run.composition import prepare_stored
 from porocore.study.series import (
     Case,
     CaseProgress,
@@ -38,7 +39,6 @@ from porocore.study.series import (
     claim_record,
     require_own,
 )
-from porocore.study.stages.stage_files import prepare_stored
 from porocore.study.store import chosen_store, taken
 
 FILE = "sensitivity.h5"

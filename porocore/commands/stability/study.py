@@ -23,8 +23,8 @@ from porocore.sampling.execution.solved_store import SolvedStore
 from porocore.states import Array
 from porocore.study.config.config import FemSettings, RunConfig
 from porocore.study.notes.checks import find_backends
+from porocore.study.run.composition import prepare_stored
 from porocore.study.series import Case, CaseProgress, FromStore, RunSeries, claim_record
-from porocore.study.stages.stage_files import prepare_stored
 from porocore.study.store import chosen_store, taken
 
 FILE, PICTURE = "stability.h5", "stability.png"

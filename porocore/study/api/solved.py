@@ -32,8 +32,8 @@ from porocore.sampling.execution.solved_store import StoringSolver
 from porocore.states import Array, CellResponse, MacroState
 from porocore.study.config.config import RunConfig
 from porocore.study.config.loading import cell_from, examples, validated
-from porocore.study.run_folder import LINEAR
-from porocore.study.stages.stage_files import prepare_cell
+from porocore.study.run.composition import prepare_cell
+from porocore.study.run.folder import LINEAR
 from porocore.study.store import chosen_store, solved_states
 
 if TYPE_CHECKING:

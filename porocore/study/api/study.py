@@ -33,10 +33,10 @@ from porocore.study.config.loading import command_of_section, section_settings
 from porocore.study.notes.at_rest import at_rest
 from porocore.study.notes.checks import check_backends, check_section
 from porocore.study.notes.outline import outline
-from porocore.study.run_folder import RunFolder
-from porocore.study.stages import pipeline
-from porocore.study.stages.solving import USUAL_LAWS, LawKind, macro_laws, porosity_of, require_laws
-from porocore.study.stages.stage_files import load_reference, load_solution, load_surrogate
+from porocore.study.run import pipeline
+from porocore.study.run.composition import USUAL_LAWS, LawKind, macro_laws, porosity_of, require_laws
+from porocore.study.run.folder import RunFolder
+from porocore.study.run.results import load_reference, load_solution, load_surrogate
 from porocore.study.store import chosen_store
 from porocore.study.sweep.plan import SweepPlan
 from porocore.study.sweep.results import ParameterSweep

@@ -40,7 +40,8 @@ from porocore.core.units import (
     length_text,
     spoken,
 )
-from porocore.errors import ConfigurationError
+from porocore.errors import ConfigurationError, PluginError
+from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.boundary.symmetry import part_problem
 from porocore.macro.composition.axes import AXES
 from porocore.macro.composition.body_fields import BodyFields, CellRanges, field_times
@@ -48,6 +49,7 @@ from porocore.macro.composition.regions import regions_of_cell
 from porocore.macro.laws import CLOSURES
 from porocore.macro.laws.closure import ConductivityLaw
 from porocore.macro.problem import MacroProblem, MacroSetup, body_mesh
+from porocore.plugins.registry import registry
 from porocore.sampling.execution.pool import ExecutorName, contradiction
 from porocore.states import Array, IntArray
 
@@ -316,80 +318,13 @@ def other_lengths(config: RunConfig) -> Iterator[tuple[Location, str]]:
         )
 
 
-def of_one_cell(config: RunConfig, name: str | None) -> RunConfig:
-    """Return the study of a body of one cell, with its own inputs; None names the cell of the rest of the body."""
-    if not config.cells:
-        return config
-    own = None if name is None else config.sampling.cells.get(name)
-    sampling = {"cells": {}, "inputs": config.sampling.inputs | ({} if own is None else own.inputs)}
-    macro = with_fields_of(config, name)
-    regions = {
-        region: settings.model_copy(update={"cell": None})
-        for region, settings in macro.regions.items()
-        if settings.cell == name
-    }
-    part = config.model_copy(
-        update={
-            "cell": cell_of(config, name),
-            "cells": {},
-            "sampling": config.sampling.model_copy(update=sampling),
-            "macro": macro.model_copy(update={"regions": regions}),
-        }
-    )
-    part._part_of = config, name
-    return part
-
-
-def cell_of(config: RunConfig, name: str | None) -> Cell:
-    """Return the cell of this name; None names that of the rest of the body."""
-    return config.cell if name is None else config.cells[name]
-
-
-def cell_ranges(config: RunConfig) -> CellRanges:
-    """Return the ranges of the parameters of the cell of each region."""
-    ranges = {
-        name: {each.name: (each.lower, each.upper) for each in cell_of(config, name).parameters}
-        for name in config.cell_names
-    }
-    return CellRanges([ranges[None], *(ranges[region.cell] for region in config.macro.regions.values())])
-
-
-def with_fields_of(config: RunConfig, name: str | None) -> MacroSettings:
-    """Return the body with fields of the parameters of one cell alone, and with all material axes."""
-    macro = config.macro
-    known = {AXES, *(parameter.name for parameter in cell_of(config, name).parameters)}
-    regions = {
-        region: settings.model_copy(
-            update={"fields": _known(settings.fields, known if settings.cell == name else {AXES})}
-        )
-        for region, settings in macro.regions.items()
-    }
-    return macro.model_copy(update={"regions": regions, "fields": _known(macro.fields, known)})
-
-
 def _known(fields: Mapping[str, Any], names: set[str]) -> dict[str, Any]:
     return {name: field for name, field in fields.items() if name in names}
 
 
-@contextmanager
-def keys_of(config: RunConfig, name: str | None) -> Iterator[None]:
-    """Name the keys of a cell where the block complains about those of a study of this cell alone.
-
-    ``config`` is the whole study, and ``name`` that of the cell; None: the cell of the rest of the body.
-    """
-    try:
-        yield
-    except ConfigurationError as error:
-        if name is None:
-            raise
-        keys = {"cell.": f"cells.{name}.", "cell:": f"cells.{name}:"}
-        if name in config.sampling.cells:
-            own = config.sampling.cells[name].inputs
-            keys |= {f"sampling.inputs.{each}.": f"sampling.cells.{name}.inputs.{each}." for each in own}
-            keys["sampling.inputs:"] = f"sampling.cells.{name}.inputs:"
-        raise ConfigurationError(
-            "\n".join(_renamed(line, keys) for line in str(error).splitlines())
-        ) from None
+def _ranges_of(cell: Cell) -> dict[str, tuple[float, float]]:
+    """Return the ranges of the parameters of a cell by their names."""
+    return {each.name: (each.lower, each.upper) for each in cell.parameters}
 
 
 def _renamed(line: str, keys: Mapping[str, str]) -> str:
@@ -416,66 +351,12 @@ KEPT = 16
 _known_parameters: OrderedDict[str, tuple[tuple[float, ...], ...]] = OrderedDict()
 
 
-def used_parameters(config: RunConfig, cell: str | None) -> tuple[tuple[float, ...], ...]:
-    """Return values of all parameters, one row for each combination, near which the body has some cell.
-
-    A parameter that is one number everywhere keeps it; one that varies is told apart in steps of its range. Of more
-    than :data:`~porocore.core.inputs.MOST` the farthest are kept.
-
-    Parameters
-    ----------
-    config
-        The whole study.
-    cell
-        Name of the family; None names that of the rest of the body.
-
-    Raises
-    ------
-    ConfigurationError
-        Fields do not suit the body.
-    """
-    family = cell_of(config, cell)
-    ranges = {each.name: (each.lower, each.upper) for each in family.parameters}
-    if not _given_everywhere(config, cell, ranges):
-        return ()  # a check of the fields tells which one is missing
-    all_ranges = [sorted(each.items()) for each in cell_ranges(config).by_region]
-    grounds = json.dumps([config.macro.specification(), cell, all_ranges], default=str, sort_keys=True)
-    if grounds not in _known_parameters:
-        times = field_times(config.macro, config.macro.time.end)
-        _known_parameters[grounds] = told_apart(values_in_body(config, cell, times), ranges)
-        while len(_known_parameters) > KEPT:
-            _known_parameters.popitem(last=False)
-    _known_parameters.move_to_end(grounds)
-    return _known_parameters[grounds]
-
-
-def _given_everywhere(config: RunConfig, cell: str | None, names: Mapping[str, object]) -> bool:
+def _given_everywhere(macro: MacroSettings, cell: str | None, names: Mapping[str, object]) -> bool:
     """Return True if the body has a field of each parameter, or each region with the cell has."""
-    own = [region for region in config.macro.regions.values() if region.cell == cell]
+    own = [region for region in macro.regions.values() if region.cell == cell]
     return all(
-        name in config.macro.fields or (own and all(name in region.fields for region in own))
-        for name in names
+        name in macro.fields or (own and all(name in region.fields for region in own)) for name in names
     )
-
-
-def values_in_body(config: RunConfig, cell: str | None, times: Sequence[float]) -> Iterator[Array]:
-    """Yield the parameters (n, m) of a cell at the n points of the body that have it, at ``times``.
-
-    Where no field changes they are yielded once. None names the cell of the rest of the body.
-
-    Raises
-    ------
-    ConfigurationError
-        Fields do not suit the body.
-    """
-    fields = BodyFields(config.macro, body_mesh(config.macro), cell_ranges(config))
-    columns = [fields.names.index(each.name) for each in cell_of(config, cell).parameters]
-    regions = regions_of_cell(config.macro.regions, cell)
-    for time in times if fields.varies else (0.0,):
-        at = fields.at(time)
-        assert at.parameters is not None
-        assert at.place is not None
-        yield at.parameters[np.isin(at.place.region, regions)][:, columns]
 
 
 def told_apart(
@@ -628,6 +509,12 @@ class RunConfig(StrictModel):
             return self.surrogate.model
         return "potential" if "stress" in CLOSURES[self.closure].responses else "mlp"
 
+    def model_of(self, surrogate: type[Surrogate]) -> str:
+        """Return the model that a surrogate with several learns: the one that the closure needs, or its only one."""
+        if self.surrogate.model == "auto" and self.surrogate_model not in surrogate.models:
+            return surrogate.models[0]
+        return self.surrogate_model
+
     @property
     def macro_backend(self) -> str:
         """Name of the macro solver."""
@@ -676,7 +563,7 @@ class RunConfig(StrictModel):
         return self.model_copy(update={"sampling": self.sampling.model_copy(update=update)})
 
     def with_closure(self, closure: str | None = None) -> RunConfig:
-        """Return the configuration with another closure and the same surrogate; see ``backends.with_closure``.
+        """Return the configuration with another closure and the same surrogate; see :func:`with_closure`.
 
         Raises
         ------
@@ -700,8 +587,87 @@ class RunConfig(StrictModel):
         return self.cell_names if "cell" in self.model_fields_set or not self.cells else tuple(self.cells)
 
     def of_cell(self, name: str | None) -> RunConfig:
-        """Return the study of a body of one of the cells alone; None names the cell of the rest of the body."""
-        return of_one_cell(self, name)
+        """Return the study of a body of one cell, with its own inputs; None names the cell of the rest of the body."""
+        if not self.cells:
+            return self
+        own = None if name is None else self.sampling.cells.get(name)
+        sampling = {"cells": {}, "inputs": self.sampling.inputs | ({} if own is None else own.inputs)}
+        macro = self.fields_of(name)
+        regions = {
+            region: settings.model_copy(update={"cell": None})
+            for region, settings in macro.regions.items()
+            if settings.cell == name
+        }
+        part = self.model_copy(
+            update={
+                "cell": self.cell_named(name),
+                "cells": {},
+                "sampling": self.sampling.model_copy(update=sampling),
+                "macro": macro.model_copy(update={"regions": regions}),
+            }
+        )
+        part._part_of = self, name
+        return part
+
+    def cell_named(self, name: str | None) -> Cell:
+        """Return the cell of this name; None names that of the rest of the body."""
+        return self.cell if name is None else self.cells[name]
+
+    @property
+    def cell_ranges(self) -> CellRanges:
+        """Ranges of the parameters of the cell of each region."""
+        ranges = {name: _ranges_of(self.cell_named(name)) for name in self.cell_names}
+        return CellRanges([ranges[None], *(ranges[region.cell] for region in self.macro.regions.values())])
+
+    def fields_of(self, name: str | None) -> MacroSettings:
+        """Return the body with fields of the parameters of one cell alone, and with all material axes."""
+        known = {AXES, *_ranges_of(self.cell_named(name))}
+        regions = {
+            region: settings.model_copy(
+                update={"fields": _known(settings.fields, known if settings.cell == name else {AXES})}
+            )
+            for region, settings in self.macro.regions.items()
+        }
+        return self.macro.model_copy(update={"regions": regions, "fields": _known(self.macro.fields, known)})
+
+    @contextmanager
+    def keys_of(self, name: str | None) -> Iterator[None]:
+        """Name the keys of a cell where the block complains about those of a study of this cell alone.
+
+        ``name`` is that of the cell; None: the cell of the rest of the body.
+        """
+        try:
+            yield
+        except ConfigurationError as error:
+            if name is None:
+                raise
+            keys = {"cell.": f"cells.{name}.", "cell:": f"cells.{name}:"}
+            if name in self.sampling.cells:
+                own = self.sampling.cells[name].inputs
+                keys |= {f"sampling.inputs.{each}.": f"sampling.cells.{name}.inputs.{each}." for each in own}
+                keys["sampling.inputs:"] = f"sampling.cells.{name}.inputs:"
+            raise ConfigurationError(
+                "\n".join(_renamed(line, keys) for line in str(error).splitlines())
+            ) from None
+
+    def values_in_body(self, cell: str | None, times: Sequence[float]) -> Iterator[Array]:
+        """Yield the parameters (n, m) of a cell at the n points of the body that have it, at ``times``.
+
+        Where no field changes they are yielded once. None names the cell of the rest of the body.
+
+        Raises
+        ------
+        ConfigurationError
+            Fields do not suit the body.
+        """
+        fields = BodyFields(self.macro, body_mesh(self.macro), self.cell_ranges)
+        columns = [fields.names.index(name) for name in _ranges_of(self.cell_named(cell))]
+        regions = regions_of_cell(self.macro.regions, cell)
+        for time in times if fields.varies else (0.0,):
+            at = fields.at(time)
+            assert at.parameters is not None
+            assert at.place is not None
+            yield at.parameters[np.isin(at.place.region, regions)][:, columns]
 
     def resolved_yaml(self) -> str:
         """Return every setting, defaults included; loading it gives an equal configuration."""
@@ -710,13 +676,15 @@ class RunConfig(StrictModel):
 
     def input_space(self) -> InputSpace:
         """Return the sampled inputs: components of the state, then the parameters of a family of cells."""
-        varied = self.cell.parameters if self.cell.is_family else ()
-        ranges = {each.name: (each.lower, each.upper) for each in varied}
-        return self.sampling.input_space(ranges, self.used_parameters)
+        return self.sampling.input_space(_ranges_of(self.cell), self.used_parameters)
 
     @property
     def used_parameters(self) -> tuple[tuple[float, ...], ...]:
         """Values of the cell's parameters at which states are sampled; empty: their whole ranges.
+
+        They are those near which the body has some cell, one row for each combination. A parameter that is one number
+        everywhere keeps it; one that varies is told apart in steps of its range. Of more than
+        :data:`~porocore.core.inputs.MOST` the farthest are kept.
 
         Raises
         ------
@@ -725,7 +693,19 @@ class RunConfig(StrictModel):
         """
         if not self.cell.is_family or self.sampling.parameters == "ranges":
             return ()
-        return used_parameters(*(self._part_of or (self, None)))
+        whole, name = self._part_of or (self, None)
+        ranges, macro = _ranges_of(whole.cell_named(name)), whole.macro
+        if not _given_everywhere(macro, name, ranges):
+            return ()  # a check of the fields tells which one is missing
+        all_ranges = [sorted(each.items()) for each in whole.cell_ranges.by_region]
+        grounds = json.dumps([macro.specification(), name, all_ranges], default=str, sort_keys=True)
+        if grounds not in _known_parameters:
+            times = field_times(macro, macro.time.end)
+            _known_parameters[grounds] = told_apart(whole.values_in_body(name, times), ranges)
+            while len(_known_parameters) > KEPT:
+                _known_parameters.popitem(last=False)
+        _known_parameters.move_to_end(grounds)
+        return _known_parameters[grounds]
 
     # Not a cached property: model_copy would carry the cache over to a changed configuration.
     @property
@@ -754,6 +734,26 @@ class RunConfig(StrictModel):
     def identity(self) -> str:
         """Hash of the whole run."""
         return _hash(asdict(self.stages))
+
+
+def with_closure(config: RunConfig, closure: str | None) -> RunConfig:
+    """Return the configuration with another closure, without the surrogate's options if it learns another model then.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such closure.
+    """
+    other = config.with_closure(closure)
+    if other.surrogate_model == config.surrogate_model or not config.surrogate.options:
+        return other
+    try:
+        implementation = registry().get("surrogate", config.surrogate.backend)
+    except PluginError:  # a stage that needs the surrogate reports it
+        return other
+    if not implementation.models or other.model_of(implementation) == config.model_of(implementation):
+        return other
+    return other.model_copy(update={"surrogate": config.surrogate.model_copy(update={"options": {}})})
 
 
 def cell_identity(cell: Cell, fem: FemSettings) -> str:

@@ -42,7 +42,7 @@ from porocore.macro.composition.regions import region_numbers, regions_of_cell, 
 from porocore.macro.integration.stepping import Stepper
 from porocore.macro.problem import MacroSetup
 from porocore.states import Array, CellResponse
-from porocore.study.config.config import RunConfig, cell_ranges
+from porocore.study.config.config import RunConfig
 from porocore.study.notes.cost import LIBRARIES, costs
 from porocore.study.notes.workload import as_time, expected_cost, workers_here
 from porocore.surrogates.potential import STILL, variables
@@ -179,7 +179,7 @@ def require_fields(config: RunConfig, problem: MacroSetup, mesh: BodyMesh) -> No
         A field is of no parameter, leaves its range or has no value; a parameter has no field; regions are empty or
         overlap; a file does not cover the body.
     """
-    require_composition(problem, mesh, cell_ranges(config), problem.time.end)
+    require_composition(problem, mesh, config.cell_ranges, problem.time.end)
 
 
 def members_of(config: RunConfig, sampler: Sampler) -> tuple[int, int]:

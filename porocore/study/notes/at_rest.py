@@ -28,11 +28,11 @@ from porocore.macro.problem import body_mesh
 from porocore.plugins import registry
 from porocore.report.format import number
 from porocore.states import Array
-from porocore.study.config.config import RunConfig, keys_of, lines_of_cell
+from porocore.study.config.config import RunConfig, lines_of_cell
 from porocore.study.notes.linear_reach import predicted_reach, prescribed_reach
 from porocore.study.notes.magnitudes import run_times
 from porocore.study.notes.members import BodyMembers, linear_in_body
-from porocore.study.stages.reference import undeformed
+from porocore.study.run.reference import undeformed
 
 #: Tetrahedra of the part of the cell that is solved, and nodes of the body, beyond which a check would take long.
 MOST_TETRAHEDRA, MOST_NODES = 20_000, 40_000
@@ -59,7 +59,7 @@ def at_rest(config: RunConfig, store: ResultStore | None = None) -> Iterator[str
         return
     found = []
     for name in config.cell_names:
-        with keys_of(config, name):
+        with config.keys_of(name):
             of_cell = yield from _cell_at_rest(config, name, store)
             if of_cell is not None:
                 found.append(of_cell)

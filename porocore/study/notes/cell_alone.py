@@ -20,7 +20,7 @@ from porocore.plugins import registry
 from porocore.report.format import multiple, number, percent, plain
 from porocore.report.words.cell import held_rows, moduli_rows, symmetric
 from porocore.states import Array
-from porocore.study.config.config import RunConfig, keys_of, lines_of_cell
+from porocore.study.config.config import RunConfig, lines_of_cell
 from porocore.study.notes.abilities import resolution, slow_states
 from porocore.study.notes.at_rest import (
     MOST_TETRAHEDRA,
@@ -33,7 +33,7 @@ from porocore.study.notes.at_rest import (
 from porocore.study.notes.cost import CellCost
 from porocore.study.notes.outline import cell_outline
 from porocore.study.notes.workload import as_time, parts_at_rest
-from porocore.study.stages.reference import solve_cell
+from porocore.study.run.reference import solve_cell
 
 #: A conductivity below this share of the largest, or of d²/μ_c, is round-off.
 ROUND_OFF = 1e-9, 1e-12
@@ -64,7 +64,7 @@ def outline_of_cells(config: RunConfig, store: ResultStore | None) -> Iterator[s
     )
     for name in config.own_cells:
         one = config.of_cell(name)
-        with keys_of(config, name):
+        with config.keys_of(name):
             quality = measure_mesh_quality(one.cell)
             yield from cell_outline(one, name, quality)
             solid, fluid = (phase.nodes if phase else 0 for phase in (quality.solid, quality.fluid))

@@ -11,11 +11,12 @@ from porocore.core.models.bounds import LARGEST_GRADIENT, LARGEST_PRESSURE
 from porocore.core.units import speaking
 from porocore.errors import ConfigurationError, PluginError
 from porocore.interfaces.command import FileCheck
-from porocore.interfaces.surrogate import MORE_STATES, least_states
+from porocore.interfaces.surrogate import MORE_STATES, Surrogate, least_states
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary.conditions import boundary_data, not_held
 from porocore.macro.boundary.probes import interpolation
 from porocore.macro.boundary.symmetry import Symmetry
+from porocore.macro.laws import CLOSURES
 from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.plugins import registry
 from porocore.plugins.border import refuse
@@ -23,19 +24,24 @@ from porocore.plugins.discovery import Offered
 from porocore.plugins.hookspecs import short_repr
 from porocore.plugins.kinds import OF_A_STUDY, Kind
 from porocore.sampling.execution.dask_workers import check_reachable
-from porocore.study import backends
-from porocore.study.config.config import RunConfig, keys_of
+from porocore.study.config.config import RunConfig
 from porocore.study.config.errors import located
 from porocore.study.config.loading import command_of_section, section_settings
 from porocore.study.notes.abilities import (
     check_time_functions,
     require_cells,
+    require_conductivity,
     require_fields,
+    require_learner,
     require_memory,
+    require_parameters_sampled,
+    require_parts,
+    require_states,
     unit_of_the_modulus,
 )
 from porocore.study.notes.magnitudes import require_right_side_out
 from porocore.study.notes.reach import DIAGONAL
+from porocore.study.run.composition import backends_of, make_backend
 
 
 def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) -> None:
@@ -103,18 +109,57 @@ def _check(config: RunConfig, needed: Collection[Kind]) -> None:
     cells = {name: config.of_cell(name) for name in config.cell_names}
     find_backends(config, needed)
     for name, one in cells.items():
-        with keys_of(config, name):
+        with config.keys_of(name):
             check_sampling(one, trained="surrogate" in needed)
     check_time_functions(config.macro)
     require_right_side_out(config.macro, place(config), config.result_units)
     for kind in OF_A_STUDY:
         try:
             for name, one in cells.items() if kind != "macro solver" else [(None, config)]:
-                with keys_of(config, name):
-                    backends.check(kind, one)
+                with config.keys_of(name):
+                    check_backend(kind, one)
         except PluginError:
             if kind in needed:
                 raise
+
+
+def check_backend(kind: Kind, config: RunConfig) -> None:
+    """Try the options of a backend, and the macroscale set-up, before anything is solved or written.
+
+    Raises
+    ------
+    PluginError, ConfigurationError
+        See :func:`make_backend`. The boundary conditions contradict one another or do not hold the body, or the
+        surrogate does not predict what the closure needs.
+    """
+    backend = make_backend(kind, config)
+    if kind == "cell solver":
+        require_conductivity(type(backend), config.fem.backend, config.conductivity)
+    if kind == "sampler":
+        require_parameters_sampled(type(backend), config.sampling.sampler, config.cell)
+        require_states(config, backend.expected)
+    if kind == "surrogate":
+        require_learner(backend, config.surrogate.backend, config.cell)
+        _require_responses(backend, config)
+    if kind == "macro solver":
+        problem = config.macro.problem(config.macro.loads[0])
+        require_parts(type(backend), config.macro_backend, problem)
+        backend.prepare(problem)
+
+
+def _require_responses(surrogate: Surrogate, config: RunConfig) -> None:
+    """Refuse a surrogate that does not provide what the closure needs, as far as it declares that."""
+    provided = surrogate.provides
+    if provided is None:
+        return
+    missing = [name for name in CLOSURES[config.closure].responses if name not in provided]
+    if missing:
+        model = f" with model '{surrogate.model}'" if surrogate.model else ""
+        what = f"'{config.surrogate.backend}'{model}"
+        raise ConfigurationError(
+            f"closure: '{config.closure}' needs {', '.join(missing)} of the cell, which the surrogate {what} does not "
+            "provide; leave surrogate.model at auto, or choose another closure or surrogate"
+        )
 
 
 def find_backends(config: RunConfig, needed: Collection[Kind]) -> None:
@@ -127,7 +172,7 @@ def find_backends(config: RunConfig, needed: Collection[Kind]) -> None:
     """
     faults: dict[str, str] = {}
     for kind in needed:
-        name = backends.backend_name(kind, config)
+        name = backends_of(config)[kind][0]
         try:
             registry.registry().find(kind, name)
         except PluginError as error:

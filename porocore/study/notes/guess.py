@@ -25,7 +25,7 @@ from porocore.study.notes.workload import (
     expected_cost,
     workers_here,
 )
-from porocore.study.stages.exploration import coarse_problem
+from porocore.study.run.exploration import coarse_problem
 
 #: Seconds of work that are worth a process of its own: it starts in 1.3 s, with the libraries of a training in 3 s.
 WORTHWHILE = 3.0

@@ -27,7 +27,6 @@ from porocore.plugins.border import body_solution_of
 from porocore.report.format import percent
 from porocore.report.words.results import LEAST_FLAGGED
 from porocore.states import MacroState
-from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig, lines_of_cell
 from porocore.study.notes.magnitudes import WARNING, known, prescribed_times, pulls, too_thin
 from porocore.study.notes.parameters import extents, too_wide
@@ -44,6 +43,7 @@ from porocore.study.notes.reach import (
     visited,
 )
 from porocore.study.notes.workload import sheared
+from porocore.study.run.composition import make_backend
 
 #: Steps after the ramp at least, beside those to the kinks of what is prescribed.
 STEPS = 3

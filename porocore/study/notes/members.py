@@ -24,11 +24,11 @@ from porocore.report.context import AdaptiveSurrogateCost, DirectCost
 from porocore.report.format import number
 from porocore.report.words.parameters import BodyCells, volumes_of
 from porocore.states import Array, IntArray, Status
-from porocore.study.config.config import RunConfig, values_in_body
-from porocore.study.run_folder import RunFiles, direct_law, fallback_law
-from porocore.study.stages.reference import undeformed
-from porocore.study.stages.results import RunResults
-from porocore.study.stages.solving import macro_laws
+from porocore.study.config.config import RunConfig
+from porocore.study.run.composition import macro_laws
+from porocore.study.run.folder import RunFiles, direct_law, fallback_law
+from porocore.study.run.reference import undeformed
+from porocore.study.run.results import RunResults
 
 
 def body_solution(results: RunResults) -> MacroSolution:
@@ -127,7 +127,7 @@ class BodyMembers:
         family = config.of_cell(cell).cell
         ranges = {each.name: (each.lower, each.upper) for each in family.parameters}
         end = config.macro.time.end
-        there = np.concatenate(list(values_in_body(config, cell, (0.0, end / 2, end))))
+        there = np.concatenate(list(config.values_in_body(cell, (0.0, end / 2, end))))
         values = spread(there, ranges, min(most, MOST))
         found = []
         for row in values:

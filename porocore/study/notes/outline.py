@@ -22,8 +22,7 @@ from porocore.macro.composition.regions import region_numbers, sections
 from porocore.macro.problem import Boundary
 from porocore.plugins import registry
 from porocore.report.text import whole_words
-from porocore.study import backends
-from porocore.study.config.config import RunConfig, keys_of, lines_of_cell
+from porocore.study.config.config import RunConfig, lines_of_cell
 from porocore.study.notes.abilities import (
     family_lines,
     late_functions,
@@ -50,6 +49,7 @@ from porocore.study.notes.magnitudes import (
     unloaded,
 )
 from porocore.study.notes.workload import Workload, share_solved, sheared, work_lines
+from porocore.study.run.composition import make_backend
 
 #: Points of a table that are shown.
 MOST_POINTS = 4
@@ -67,16 +67,14 @@ def outline(config: RunConfig) -> Iterator[str]:
     cells = {name: config.of_cell(name) for name in config.cell_names}
     measured = dict[str | None, MeshQuality]()
     for name, one in cells.items():
-        with keys_of(config, name):
+        with config.keys_of(name):
             measured[name] = measure_mesh_quality(one.cell)
             yield from _cell(one, name, measured[name])
             yield _samples(one, name)
     yield f"surrogate: {config.surrogate.backend}, model {config.surrogate_model}; closure {config.closure}"
     yield from _body(config)
     elements = len(place(config).cells)
-    samplers: dict[str | None, Sampler] = {
-        name: backends.make_backend("sampler", one) for name, one in cells.items()
-    }
+    samplers: dict[str | None, Sampler] = {name: make_backend("sampler", one) for name, one in cells.items()}
     works = dict[str | None, Workload]()
     for name, one in cells.items():
         sampler, nodes = samplers[name], _nodes(one.cell, measured[name])

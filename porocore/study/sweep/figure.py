@@ -32,7 +32,7 @@ from porocore.report.figures.style import (
     write_pictures,
 )
 from porocore.states import Array
-from porocore.study.run_folder import LINEAR as LINEAR_LAW
+from porocore.study.run.folder import LINEAR as LINEAR_LAW
 from porocore.study.sweep.results import ParameterSweep
 
 #: Histories of the displacement, one of which is drawn.

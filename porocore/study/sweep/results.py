@@ -22,8 +22,8 @@ from porocore.report.metrics import solution_metrics, time_within
 from porocore.report.words.results import ROUND_OFF
 from porocore.states import Array
 from porocore.study.api.solved import LawsSolved, Solutions, Solved
-from porocore.study.run_folder import RunFolder
-from porocore.study.stages.stage_files import load_solution, load_surrogate
+from porocore.study.run.folder import RunFolder
+from porocore.study.run.results import load_solution, load_surrogate
 from porocore.study.sweep.plan import FOLDER, SweepPlan, SweepPoint
 
 TABLE, PICTURES = "sweep.csv", ("sweep.png", "sweep.svg")

@@ -13,20 +13,19 @@ from porocore.core.units import speaking
 from porocore.errors import ConfigurationError, SolveError
 from porocore.interfaces.solution import StepReport
 from porocore.sampling.samplers.macro_driven import MacroDriven
-from porocore.study.backends import make_backend
 from porocore.study.notes.guess import bodies_at_once, macro_time
-from porocore.study.run_folder import RunFolder
-from porocore.study.series import Case, CaseProgress, RunSeries
-from porocore.study.stages import pipeline
-from porocore.study.stages.solving import (
+from porocore.study.run import pipeline
+from porocore.study.run.composition import (
     USUAL_LAWS,
     LawKind,
     law_names,
     macro_laws,
-    prepared_body,
+    make_backend,
     require_laws,
-    solve_body,
 )
+from porocore.study.run.folder import RunFolder
+from porocore.study.run.solving import prepared_body, solve_body
+from porocore.study.series import Case, CaseProgress, RunSeries
 from porocore.study.sweep.plan import SweepPlan
 from porocore.study.sweep.results import ParameterSweep, point_files
 

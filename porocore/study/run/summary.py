@@ -34,7 +34,6 @@ from porocore.report.words.parameters import FamilySummary
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.samplers.active import LearningSampler
 from porocore.states import MacroState
-from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
 from porocore.study.notes.at_rest import edges
 from porocore.study.notes.magnitudes import unloaded
@@ -42,10 +41,10 @@ from porocore.study.notes.members import body_cells, direct_costs, fallbacks_don
 from porocore.study.notes.parameters import family_summary, output_checks
 from porocore.study.notes.publication import crease_line, published_values
 from porocore.study.notes.reach import MORE, flagged_place, left_out_shear, shears
-from porocore.study.run_folder import LINEAR, versions
-from porocore.study.stages.results import RunResults, times_of_all_cells
-from porocore.study.stages.stage_files import load_undeformed
-from porocore.study.stages.training import read_training_curve
+from porocore.study.run.composition import make_backend
+from porocore.study.run.folder import LINEAR, versions
+from porocore.study.run.results import RunResults, load_undeformed, times_of_all_cells
+from porocore.study.run.training import read_training_curve
 
 
 def report_context(results: RunResults) -> ReportContext:

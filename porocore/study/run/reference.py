@@ -24,8 +24,9 @@ from porocore.states import Array, CellResponse, CellSlopes, MacroState, Status
 from porocore.study.config.config import FemSettings, RunConfig, cell_identity
 from porocore.study.notes.abilities import broken_by_the_mesh
 from porocore.study.notes.magnitudes import unloaded
-from porocore.study.run_folder import RunFolder, StageClock, timed
-from porocore.study.stages.stage_files import load_reference, prepare_cell
+from porocore.study.run.composition import prepare_cell
+from porocore.study.run.folder import RunFolder, StageClock, timed
+from porocore.study.run.results import load_reference
 from porocore.study.store import cell_key, fetch_files, keep_files, solved_states, told
 
 #: Responses whose slopes by the parameters are shown.

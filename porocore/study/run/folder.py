@@ -35,8 +35,7 @@ from porocore.core.parallel.calls import Call, CallProcesses
 from porocore.core.unexpected import note_folder
 from porocore.errors import PorocoreError, RunFolderError
 from porocore.macro.laws import CLOSURES
-from porocore.study.backends import with_closure
-from porocore.study.config.config import RunConfig, differences
+from porocore.study.config.config import RunConfig, differences, with_closure
 from porocore.study.config.loading import load_config
 
 #: Name of the law of linear poroelasticity.

@@ -1,54 +1,45 @@
-"""Macro runs on a coarse mesh for a sampler: the states that they visit; facts of the study."""
+"""Macro runs on a coarse mesh for a sampler: the states that they visit."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from porocore.errors import ConfigurationError, SolveError
 from porocore.interfaces.law import LawMemory, LawWrapper, MacroLaw, MacroResponse
 from porocore.interfaces.macro import MacroSolver
-from porocore.interfaces.records import RestData
-from porocore.interfaces.sampler import (
-    Exploration,
-    Remember,
-    Sampler,
-    StudyFacts,
-    StudySampler,
-    make_anew,
-)
+from porocore.interfaces.sampler import Exploration
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.macro.body.kinds import Body
 from porocore.macro.composition.regions import RegionLaw, region_numbers
-from porocore.macro.laws import CLOSURES, ClosedLaw
+from porocore.macro.laws import ClosedLaw
+from porocore.macro.laws.closure import Closure
 from porocore.macro.problem import MacroProblem, body_mesh
-from porocore.macro.reference import CellReference
 from porocore.plugins.border import body_solution_of
 from porocore.states import MacroState
-from porocore.study.backends import make_backend
-from porocore.study.config.config import MacroSettings, RunConfig
-from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate, judge
+from porocore.study.config.config import MacroSettings
+from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 
 
 @dataclass(frozen=True, eq=False)
 class BodyAround:
-    """A body of several cells, one of which is explored.
+    """A body of one or several cells, one of which is explored.
 
     Attributes
     ----------
     macro
         Set-up of the whole body, with fields of that cell's parameters alone.
     cell
-        Name of that cell; None: that of the rest of the body.
+        Name of that cell; None: that of the rest of the body, or the only one.
     laws
         Laws of all cells by name, that of the explored one left out.
     """
 
     macro: MacroSettings
-    cell: str | None
-    laws: Mapping[str | None, MacroLaw]
+    cell: str | None = None
+    laws: Mapping[str | None, MacroLaw] = field(default_factory=dict)
 
     def law_with(self, law: MacroLaw) -> MacroLaw:
         """Return the law of the body with ``law`` for the cell that is explored."""
@@ -59,42 +50,25 @@ class BodyAround:
         )
 
 
-def inform(
-    sampler: Sampler,
-    config: RunConfig,
-    reference: CellReference,
-    remember: Remember = make_anew,
-    around: Callable[[], BodyAround | None] = lambda: None,
-    rests: Callable[[], RestData | None] = lambda: None,
-) -> None:
-    """Give a sampler the facts of the study if it takes them.
-
-    ``remember`` keeps its decisions, ``around`` returns the body of several cells, one of which is sampled, and
-    ``rests`` the undeformed members of a family.
-    """
-    if isinstance(sampler, StudySampler):
-        needed = CLOSURES[config.closure].responses
-        explorer = MacroExplorer(config, reference, around())
-        symmetry = config.cell.point_group
-        rest = reference.resting(config.conductivity)
-        facts = rest, config.stages.cell, needed, explorer, judge, symmetry, remember, rests()
-        sampler.inform(StudyFacts(*facts))
-
-
 class MacroExplorer:
     """The macro problem of a study on a coarse mesh with long time steps, with a polynomial fitted to the known states.
 
     The polynomial stands in for the configured surrogate: it is fitted in milliseconds, provides what every closure
     needs, and is the same on every machine. Closure, loads, boundary conditions and backend are the configured ones.
-    In a body of several cells, ``around``, only the states of the cell that is explored count.
+    In a body of several cells only the states of the cell that is explored count.
+
+    Parameters
+    ----------
+    body
+        The body with the explored cell.
+    closure
+        Closure of that cell.
+    make_solver
+        Makes the macro solver when it is first needed.
     """
 
-    def __init__(self, config: RunConfig, reference: CellReference, around: BodyAround | None = None) -> None:
-        self.config, self.reference = config, reference
-        self._macro = config.macro if around is None else around.macro
-        self._law_with: Callable[[MacroLaw], MacroLaw] = (
-            (lambda law: law) if around is None else around.law_with
-        )
+    def __init__(self, body: BodyAround, closure: Closure, make_solver: Callable[[], MacroSolver]) -> None:
+        self._body, self._closure, self._make_solver = body, closure, make_solver
         self._solver: MacroSolver | None = None
 
     def __call__(self, data: TrainingSet, *, elements: int, steps: int) -> Exploration:
@@ -104,20 +78,18 @@ class MacroExplorer:
         surface that is moved.
         """
         if self._solver is None:
-            self._solver = make_backend("macro solver", self.config)
-        config = self.config
-        closure = self.reference.closure(config.closure, config.cell.solid, config.conductivity)
+            self._solver = self._make_solver()
         cells = PolynomialSurrogate().fit(data, seed=0)
         visited: list[MacroState] = []
         results: list[float] = []
-        for load in self._macro.loads:
-            law = VisitedStates(ClosedLaw(cells, closure))
-            problem = self._macro.problem(load)
+        for load in self._body.macro.loads:
+            law = VisitedStates(ClosedLaw(cells, self._closure))
+            problem = self._body.macro.problem(load)
             moved = [name for name, boundary in problem.boundary.items() if boundary.is_moved]
             coarse = coarse_problem(problem, elements, steps)
             prepared = self._solver.prepare(coarse)
             try:
-                solution = body_solution_of(self._solver, prepared, self._law_with(law), coarse)
+                solution = body_solution_of(self._solver, prepared, self._body.law_with(law), coarse)
             except SolveError:
                 results += [np.nan] * (2 + 2 * len(moved))
             else:

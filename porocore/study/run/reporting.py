@@ -34,13 +34,12 @@ from porocore.report.words.parameters import family_figures, group_errors
 from porocore.report.words.results import solved_shares, visited_shares
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Status
-from porocore.study.backends import with_closure
-from porocore.study.config.config import RunConfig
+from porocore.study.config.config import RunConfig, with_closure
 from porocore.study.notes.at_rest import cell_length
 from porocore.study.notes.members import rest_of_body
-from porocore.study.run_folder import FinishedRun, RunFolder, timed
-from porocore.study.stages.results import RunResults, times_of_all_cells
-from porocore.study.stages.stage_files import finished, held_out_states
+from porocore.study.run.composition import held_out_states
+from porocore.study.run.folder import FinishedRun, RunFolder, timed
+from porocore.study.run.results import RunResults, finished, times_of_all_cells
 
 
 def report(folder: RunFolder, *, console: Console, processes: CallProcesses | None = None) -> Path:
@@ -51,7 +50,7 @@ def report(folder: RunFolder, *, console: Console, processes: CallProcesses | No
     """
     from porocore.report.html import write_report
     from porocore.report.page import load_elsewhere
-    from porocore.study.stages.summary import report_context
+    from porocore.study.run.summary import report_context
 
     stages = folder.config.stages
     samples = Dataset.open(folder.dataset, identity=stages.sampling)

@@ -22,16 +22,15 @@ from porocore.states import Array, Status
 from porocore.study.config.config import RunConfig
 from porocore.study.notes.abilities import uncovered
 from porocore.study.notes.guess import guessed_times
-from porocore.study.run_folder import RunFolder, timed, versions
-from porocore.study.stages.stage_files import (
+from porocore.study.run.composition import (
     drop_misplaced,
     factory_of,
     held_out_states,
     informed_sampler,
-    load_reference,
     prepare_undeformed,
-    undeformed_members,
 )
+from porocore.study.run.folder import RunFolder, timed, versions
+from porocore.study.run.results import load_reference, undeformed_members
 from porocore.study.store import solved_members, solved_states, told
 
 

@@ -14,13 +14,14 @@ from porocore.core.files.store import ResultStore
 from porocore.core.parallel.calls import Call, CallProcesses
 from porocore.plugins.registry import registry
 from porocore.study.notes.guess import processes_here, starts_early, trains_beside
-from porocore.study.run_folder import RunFolder, cut_short_timed
-from porocore.study.stages import reference, sampling, training
-from porocore.study.stages.reference import solve_cell
-from porocore.study.stages.reporting import kept_report, report
-from porocore.study.stages.sampling import cell_pool
-from porocore.study.stages.solving import USUAL_LAWS, LawKind, law_names, solve
-from porocore.study.stages.training import begin_training, training_stage
+from porocore.study.run import reference, sampling, training
+from porocore.study.run.composition import USUAL_LAWS, LawKind, law_names
+from porocore.study.run.folder import RunFolder, cut_short_timed
+from porocore.study.run.reference import solve_cell
+from porocore.study.run.reporting import kept_report, report
+from porocore.study.run.sampling import cell_pool
+from porocore.study.run.solving import solve
+from porocore.study.run.training import begin_training, training_stage
 
 __all__ = ["learn", "report", "run", "sample", "solve", "solve_cell", "solve_reference", "train"]
 
@@ -86,7 +87,7 @@ def learn(folder: RunFolder, *, console: Console, store: ResultStore | None = No
 
 
 def solve_reference(folder: RunFolder, *, console: Console, store: ResultStore | None = None) -> None:
-    """Solve every undeformed cell of a study; see :func:`porocore.study.stages.reference.solve_reference`."""
+    """Solve every undeformed cell of a study; see :func:`porocore.study.run.reference.solve_reference`."""
     for files in folder.of_each_cell:
         reference.solve_reference(files, console=console, store=store)
     reference.warn_of_loading(folder, console=console)
@@ -99,12 +100,12 @@ def sample(
     retry_lost: bool = False,
     store: ResultStore | None = None,
 ) -> None:
-    """Solve the states of every cell of a study; see :func:`porocore.study.stages.sampling.sample`."""
+    """Solve the states of every cell of a study; see :func:`porocore.study.run.sampling.sample`."""
     for files in folder.of_each_cell:
         sampling.sample(files, console=console, retry_lost=retry_lost, store=store)
 
 
 def train(folder: RunFolder, *, console: Console, store: ResultStore | None = None) -> None:
-    """Train the surrogate of every cell of a study; see :func:`porocore.study.stages.training.train`."""
+    """Train the surrogate of every cell of a study; see :func:`porocore.study.run.training.train`."""
     for files in folder.of_each_cell:
         training.train(files, console=console, store=store)

@@ -21,10 +21,10 @@ from porocore.core.units import speaking
 from porocore.errors import DataError, RunFolderError
 from porocore.interfaces.surrogate import Surrogate, TrainingProgress, TrainingSet
 from porocore.states import Array
-from porocore.study.backends import make_backend
 from porocore.study.config.config import RunConfig
-from porocore.study.run_folder import RunFolder, StageClock, timed
-from porocore.study.stages.stage_files import load_surrogate, training_set
+from porocore.study.run.composition import make_backend, training_set
+from porocore.study.run.folder import RunFolder, StageClock, timed
+from porocore.study.run.results import load_surrogate
 from porocore.study.store import fetch_files, keep_files, training_key
 
 HEADER = "epoch,loss,validation_loss"

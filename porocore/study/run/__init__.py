@@ -1,0 +1,1 @@
+"""One run: its folder, its parts put together, its stages from cell to report, its results."""
