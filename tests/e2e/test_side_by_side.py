@@ -23,7 +23,7 @@ from porocore.core.console import Console
 from porocore.core.parallel import calls
 from porocore.errors import PorocoreError
 from porocore.study.config.loading import load_config
-from porocore.study.notes import guess
+from porocore.study.notes import forecast
 from porocore.study.run.folder import RunFolder
 from porocore.study.run.solving import solve
 
@@ -31,7 +31,7 @@ from porocore.study.run.solving import solve
 SIDE_BY_SIDE = (
     sys.executable,
     "-c",
-    "from porocore.study.notes import guess; guess.WORTHWHILE = 0\nfrom porocore.cli import main; main()",
+    "from porocore.study.notes import forecast; forecast.WORTHWHILE = 0\nfrom porocore.cli import main; main()",
 )
 CASES = [(load, law) for load in LOADS for law in ("mean-gradient", "linear")]
 
@@ -39,7 +39,7 @@ CASES = [(load, law) for load in LOADS for law in ("mean-gradient", "linear")]
 @pytest.fixture
 def half_done(a_copy, monkeypatch):
     """A run that lacks its solutions, and its configuration with two workers that save every step."""
-    monkeypatch.setattr(guess, "WORTHWHILE", 0)
+    monkeypatch.setattr(forecast, "WORTHWHILE", 0)
     folder = RunFolder.open(a_copy("solutions", "timings.json"))
     config = folder.config
     sampling = config.sampling.model_copy(update={"workers": 2})

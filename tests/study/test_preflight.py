@@ -19,11 +19,10 @@ from porocore.macro.problem import MacroSetup, TimePlan
 from porocore.plugins import registry
 from porocore.study.config.loading import load_config
 from porocore.study.notes.checks import check_backends, check_sampling, place
-from porocore.study.notes.guess import decision_time, decisions, rounds
+from porocore.study.notes.forecast import as_time, decision_time, decisions, rounds
 from porocore.study.notes.linear_reach import prescribed_reach
 from porocore.study.notes.magnitudes import left_out, unloaded
 from porocore.study.notes.outline import outline
-from porocore.study.notes.workload import as_time
 from porocore.study.run import reference
 from porocore.study.run.composition import backends_of, make_backend
 from porocore.study.run.folder import RunFolder

@@ -6,8 +6,7 @@ import pytest
 from invoked import BENCHMARK, invoke
 
 from porocore.study.config.loading import load_config
-from porocore.study.notes.guess import RunTimes, decision_time, expected_steps
-from porocore.study.notes.workload import Workload, as_time
+from porocore.study.notes.forecast import RunTimes, Workload, as_time, decision_time, expected_steps
 from porocore.study.run.composition import make_backend
 
 

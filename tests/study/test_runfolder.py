@@ -12,8 +12,8 @@ import pytest
 import yaml
 
 from porocore.errors import RunFolderError
-from porocore.study.run import folder as runfolder
 from porocore.study.config.loading import benchmark_path, load_config
+from porocore.study.run import folder as runfolder
 from porocore.study.run.folder import RunFolder
 
 

@@ -10,7 +10,7 @@ from porocore.cell.meshing.mesh import MeshSettings
 from porocore.errors import ConfigurationError
 from porocore.study.config.loading import load_config
 from porocore.study.notes import abilities as limits
-from porocore.study.notes import cost, workload
+from porocore.study.notes import cost, forecast
 from porocore.testing.cell_laws.base import image_cell
 
 
@@ -25,19 +25,23 @@ def study(tmp_path, size, fluid_size=0.2, **sampling):
     return config.model_copy(update=new)
 
 
+def require_memory(config):
+    limits.require_memory(config.cell, config.sampling)
+
+
 def test_the_nodes_of_an_image_are_known_before_it_is_meshed(tmp_path):
     config = study(tmp_path, 0.1, 0.1)
     nodes = [len(config.cell.make_mesh(phase, "whole").points) for phase in ("solid", "fluid")]
-    assert workload.expected_cost(config).nodes == pytest.approx(nodes, rel=0.3)
+    assert forecast.expected_cost(config.cell, config.sampling.inputs).nodes == pytest.approx(nodes, rel=0.3)
 
 
 def test_a_mesh_beyond_the_memory_is_refused_with_a_size_that_fits(tmp_path, monkeypatch):
     monkeypatch.setattr(limits, "memory_here", lambda: 2e9)
     with pytest.raises(ConfigurationError, match=r"cell.mesh.size: at 0.046875 .*has 2 GB; take") as refused:
-        limits.require_memory(study(tmp_path, 3 / 64, executor="serial"))
+        require_memory(study(tmp_path, 3 / 64, executor="serial"))
     size = float(str(refused.value).split("take ")[1].split()[0])
     assert 0.05 < size < 0.08
-    limits.require_memory(study(tmp_path, size, executor="serial"))
+    require_memory(study(tmp_path, size, executor="serial"))
 
 
 def test_processes_share_the_memory_that_the_mesh_needs(tmp_path, monkeypatch):
@@ -46,7 +50,7 @@ def test_processes_share_the_memory_that_the_mesh_needs(tmp_path, monkeypatch):
         ConfigurationError,
         match=r"sampling.workers: 8 workers and the run itself need .* cell.mesh.size = .*, or take at most [2-5]$",
     ):
-        limits.require_memory(study(tmp_path, 0.07, executor="processes", workers=8))
+        require_memory(study(tmp_path, 0.07, executor="processes", workers=8))
 
 
 def test_an_eighth_is_an_eighth():
@@ -57,8 +61,8 @@ def test_an_eighth_is_an_eighth():
     sheared = config.model_copy(
         update={"sampling": config.sampling.model_copy(update={"inputs": {"H12": None}})}
     )
-    assert workload.share_solved(config) == 1 / 8
-    assert workload.share_solved(sheared) == 1
+    assert forecast.share_solved(config.cell, config.sampling.inputs) == 1 / 8
+    assert forecast.share_solved(sheared.cell, sheared.sampling.inputs) == 1
 
 
 @pytest.mark.parametrize(("costs", "share"), [(cost.WHOLE, 1.0), (cost.EIGHTH, 1 / 8)])
@@ -73,7 +77,7 @@ def test_a_state_that_takes_long_is_said_with_a_size_that_does_not(costs, share)
 
 def test_sheared_states_are_whole_cells_and_those_at_rest_an_eighth():
     """K is that of an eighth; the flow through a deformed pore is solved where its state is."""
-    sheared = workload.Workload(40, 1, 10, 2, 5, 2, 20_000, 30_000, (1.0, 1 / 8), 1 / 8, serial=True)
+    sheared = forecast.Workload(40, 1, 10, 2, 5, 2, 20_000, 30_000, (1.0, 1 / 8), 1 / 8, serial=True)
     whole, eighth = cost.WHOLE, cost.EIGHTH
     first, rest = whole.first.at(20_000), cost.LEAST + eighth.state.at(2_500) + eighth.first.at(2_500)
     flow = eighth.conductivity.at(30_000 / 8)
@@ -83,17 +87,17 @@ def test_sheared_states_are_whole_cells_and_those_at_rest_an_eighth():
         whole.conductivity.at(30_000)
     )
     config = load_config(BENCHMARK.with_name("soil-strip.yaml"))  # samples H12
-    assert workload.Workload.of(config, 8, 1, (8_000, 8_000)).parts == (1.0, 1 / 8)
-    assert workload.Workload.of(config, 8, 1, (8_000, 8_000)).rest == 1 / 8
+    assert forecast.Workload.of(config, 8, 1, (8_000, 8_000)).parts == (1.0, 1 / 8)
+    assert forecast.Workload.of(config, 8, 1, (8_000, 8_000)).rest == 1 / 8
 
 
 def test_a_fluid_beyond_the_memory_is_refused_too(tmp_path, monkeypatch):
     monkeypatch.setattr(limits, "memory_here", lambda: 1e9)
     config = study(tmp_path, 0.2, executor="serial")
     fine = config.cell.model_copy(update={"mesh": MeshSettings(size=0.2, fluid_size=0.02)})
-    limits.require_memory(config)
+    require_memory(config)
     with pytest.raises(ConfigurationError, match=r"cell.mesh.fluid_size: at 0.02 the fluid has"):
-        limits.require_memory(config.model_copy(update={"cell": fine}))
+        require_memory(config.model_copy(update={"cell": fine}))
 
 
 @pytest.mark.parametrize("domain", ["WHOLE", "EIGHTH"])
@@ -113,11 +117,11 @@ def test_the_cost_is_that_measured_and_grows_on_beyond(domain, name):
     ("seconds", "text"), [(0.3, "0.3 s"), (5.04, "5 s"), (119, "120 s"), (600, "10 min"), (1e5, "28 h")]
 )
 def test_a_rough_time_is_read_in_its_unit(seconds, text):
-    assert workload.as_time(seconds) == text
+    assert forecast.as_time(seconds) == text
 
 
 def test_the_time_of_a_study_is_that_of_its_states_on_its_workers():
-    one = workload.Workload(40, 1, 10, 2, 5, 2, 20_000, 30_000)
+    one = forecast.Workload(40, 1, 10, 2, 5, 2, 20_000, 30_000)
     four = replace(one, workers=4)
     whole, eighth = cost.WHOLE, cost.EIGHTH
     each, first = cost.LEAST + whole.state.at(20_000), whole.first.at(20_000)
@@ -134,14 +138,14 @@ def test_the_time_of_a_study_is_that_of_its_states_on_its_workers():
     assert 1.9 / 2 < eighth.state.at(13_010) < 2 * 2.3
     assert 9 / 2 < eighth.state.at(25_596) < 2 * 13
     assert eighth.state.at(25_596) > 1.5 * whole.state.at(25_596)
-    said = list(workload.work_lines({None: four}))
+    said = list(forecast.work_lines({None: four}))
     assert "20,000 nodes of the solid and 30,000 of the fluid" in said[1]
-    assert f"all cells {workload.as_time(four.cell_time)} on 4 quiet cores" in said[1]
+    assert f"all cells {forecast.as_time(four.cell_time)} on 4 quiet cores" in said[1]
 
 
 def test_the_memory_is_that_of_all_processes_at_once():
     """An eighth of 12,128 nodes was told to take 1.5 GB; two workers and their parent held 4.0 to 4.5 GB."""
-    two = workload.Workload(32, 2, 17, 2, 8, 4, 97_020, 107_653, (1 / 8, 1 / 8))
+    two = forecast.Workload(32, 2, 17, 2, 8, 4, 97_020, 107_653, (1 / 8, 1 / 8))
     assert two.memory == pytest.approx(3 * two.cell.memory)
     assert two.memory == pytest.approx(4.25e9, rel=0.2)
     assert two.cell.memory == pytest.approx(1.5e9, rel=0.2)
@@ -149,10 +153,10 @@ def test_the_memory_is_that_of_all_processes_at_once():
     assert replace(two, workers=0).memory == pytest.approx(
         two.cell.memory
     )  # a scheduler has the workers elsewhere
-    said = next(workload.work_lines({None: two}))
+    said = next(forecast.work_lines({None: two}))
     assert (
         "4.8 GB of memory in all while cells are solved, 1.6 GB each of 2 workers and of the run itself"
         in said
     )
-    alone = next(workload.work_lines({None: replace(two, workers=1, serial=True)}))
+    alone = next(forecast.work_lines({None: replace(two, workers=1, serial=True)}))
     assert alone.endswith("1.6 GB of memory in all while cells are solved")

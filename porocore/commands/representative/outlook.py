@@ -12,7 +12,7 @@ from porocore.commands.representative.scan import Corner, Scan
 from porocore.states import Array
 from porocore.study.notes.abilities import memory_here
 from porocore.study.notes.cost import CellCost
-from porocore.study.notes.workload import as_time, nodes_of, parts_at_rest
+from porocore.study.notes.forecast import as_time, nodes_of, parts_at_rest
 
 #: Sizes that nobody asked for are solved where that takes no longer on the workers [s].
 LONG = 3600.0

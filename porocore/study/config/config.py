@@ -186,6 +186,19 @@ class SamplingSettings(StrictModel):
             return self.workers
         return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
+    @property
+    def workers_here(self) -> int:
+        """Number of processes of this machine that solve cells; 0 with a scheduler."""
+        if self.scheduler is not None:
+            return 0
+        return 1 if self.executor == "serial" else self.worker_count()
+
+    @property
+    def solves_itself(self) -> bool:
+        """True if the process that runs the study solves the states, without workers beside it."""
+        alone = self.executor == "auto" and self.state_seconds is None and self.workers_here == 1
+        return self.scheduler is None and (self.executor == "serial" or alone)
+
     def pool_options(self) -> dict[str, Any]:
         """Return the keyword arguments of :class:`porocore.sampling.execution.CellPool`."""
         others = self.model_dump(include={"executor", "scheduler", "state_seconds"})

@@ -30,21 +30,21 @@ from porocore.core.inputs import InputSpace
 from porocore.core.models.bounds import LARGEST_PRESSURE, MOST_STATES
 from porocore.core.models.strict import walk
 from porocore.core.tensors import PointGroup
-from porocore.core.units import ResultUnits, length_text, spoken
+from porocore.core.units import ResultUnits, Scales, length_text, spoken
 from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.sampler import Sampler
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.body.mesh import BodyMesh
-from porocore.macro.composition.body_fields import require_composition
+from porocore.macro.composition.body_fields import CellRanges, require_composition
 from porocore.macro.composition.regions import region_numbers, regions_of_cell, sections
 from porocore.macro.integration.stepping import Stepper
 from porocore.macro.problem import MacroSetup
 from porocore.states import Array, CellResponse
-from porocore.study.config.config import RunConfig
+from porocore.study.config.config import RunConfig, SamplingSettings
 from porocore.study.notes.cost import LIBRARIES, costs
-from porocore.study.notes.workload import as_time, expected_cost, workers_here
+from porocore.study.notes.forecast import as_time, expected_cost
 from porocore.surrogates.potential import STILL, variables
 from porocore.surrogates.stretch import PLACES, LogStretch
 from porocore.surrogates.symmetry import acting_across, on_places
@@ -154,8 +154,8 @@ def require_learner(surrogate: Surrogate, name: str, cell: Cell) -> None:
     )
 
 
-def require_cells(config: RunConfig, problem: MacroSetup, mesh: BodyMesh) -> None:
-    """Refuse a body of which no part has the cell of the rest.
+def require_cells(problem: MacroSetup, mesh: BodyMesh) -> None:
+    """Refuse a body of several cells of which no part has the cell of the rest.
 
     Raises
     ------
@@ -163,14 +163,14 @@ def require_cells(config: RunConfig, problem: MacroSetup, mesh: BodyMesh) -> Non
         Every element lies in a region with another cell; or regions are empty or overlap.
     """
     rest = regions_of_cell(problem.regions, None)
-    if config.cells and not np.isin(region_numbers(mesh, problem.regions), rest).any():
+    if not np.isin(region_numbers(mesh, problem.regions), rest).any():
         raise ConfigurationError(
             "cell: no part of the body has it, since every element lies in a region with another cell; give one of "
             "'cells:' here, at the top level, and leave 'cell:' of its regions out"
         )
 
 
-def require_fields(config: RunConfig, problem: MacroSetup, mesh: BodyMesh) -> None:
+def require_fields(cells: CellRanges, problem: MacroSetup, mesh: BodyMesh) -> None:
     """Refuse regions and fields that do not suit the mesh or the parameters of the cells.
 
     Raises
@@ -179,7 +179,7 @@ def require_fields(config: RunConfig, problem: MacroSetup, mesh: BodyMesh) -> No
         A field is of no parameter, leaves its range or has no value; a parameter has no field; regions are empty or
         overlap; a file does not cover the body.
     """
-    require_composition(problem, mesh, config.cell_ranges, problem.time.end)
+    require_composition(problem, mesh, cells, problem.time.end)
 
 
 def members_of(config: RunConfig, sampler: Sampler) -> tuple[int, int]:
@@ -226,7 +226,7 @@ def _members(count: int) -> str:
 LONG = 60.0
 
 
-def require_memory(config: RunConfig) -> None:
+def require_memory(cell: Cell, sampling: SamplingSettings) -> None:
     """Refuse processes that this machine has too little memory for.
 
     Raises
@@ -234,14 +234,15 @@ def require_memory(config: RunConfig) -> None:
     ConfigurationError
         The mesh of the cell is too fine, or the processes are too many.
     """
-    workers, there, cell = workers_here(config), memory_here(), expected_cost(config)
+    workers, there = sampling.workers_here, memory_here()
+    expected = expected_cost(cell, sampling.inputs)
     if there is None or workers == 0:
         return
-    (nodes, flow), mesh, process = cell.nodes, config.cell.mesh, cell.memory
+    (nodes, flow), mesh, process = expected.nodes, cell.mesh, expected.memory
     spare = max(there - LIBRARIES, LIBRARIES)
     for key, count, phase, needs, bytes_of in (
-        ("size", nodes, "solid", process, costs(cell.parts[0]).solid),
-        ("fluid_size", flow, "fluid", cell.memory_of_flow, costs(cell.parts[1]).fluid),
+        ("size", nodes, "solid", process, costs(expected.parts[0]).solid),
+        ("fluid_size", flow, "fluid", expected.memory_of_flow, costs(expected.parts[1]).fluid),
     ):
         if needs > there:
             larger = getattr(mesh, key) * (count / bytes_of.nodes_for(spare)) ** (1 / 3)
@@ -279,7 +280,7 @@ def _at_least(size: float) -> str:
     return f"{math.ceil(round(size * 10**digits, 6)) / 10**digits:g}"
 
 
-def require_states(config: RunConfig, expected: int) -> None:
+def require_states(sampler: str, expected: int) -> None:
     """Refuse a sampler that expects to ask for more states than can be solved.
 
     Raises
@@ -289,7 +290,7 @@ def require_states(config: RunConfig, expected: int) -> None:
     """
     if not expected <= MOST_STATES:
         raise ConfigurationError(
-            f"sampling: sampler '{config.sampling.sampler}' would ask for {float(expected):.3g} states; at most "
+            f"sampling: sampler '{sampler}' would ask for {float(expected):.3g} states; at most "
             f"{MOST_STATES} are solved: take fewer or larger steps"
         )
 
@@ -302,11 +303,13 @@ def memory_here() -> float | None:
         return None
 
 
-def unit_of_the_modulus(config: RunConfig, name: str) -> str:
+def unit_of_the_modulus(scales: Scales | None, name: str) -> str:
     """Return which key may be to blame for a pressure that is too large for the cell."""
-    if name != "p" or config.scales is None or config.scales.modulus is None:
+    if name != "p" or scales is None or scales.modulus is None:
         return ""
-    return f": that is {LARGEST_PRESSURE:g} times the modulus; is scales.modulus = {config.scales.modulus:g} Pa meant?"
+    return (
+        f": that is {LARGEST_PRESSURE:g} times the modulus; is scales.modulus = {scales.modulus:g} Pa meant?"
+    )
 
 
 #: Largest asymmetry of the stiffness at rest without a warning.

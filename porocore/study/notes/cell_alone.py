@@ -31,8 +31,8 @@ from porocore.study.notes.at_rest import (
     thin_fluid,
 )
 from porocore.study.notes.cost import CellCost
+from porocore.study.notes.forecast import as_time, parts_at_rest
 from porocore.study.notes.outline import cell_outline
-from porocore.study.notes.workload import as_time, parts_at_rest
 from porocore.study.run.reference import solve_cell
 
 #: A conductivity below this share of the largest, or of d²/μ_c, is round-off.

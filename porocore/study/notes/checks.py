@@ -137,7 +137,7 @@ def check_backend(kind: Kind, config: RunConfig) -> None:
         require_conductivity(type(backend), config.fem.backend, config.conductivity)
     if kind == "sampler":
         require_parameters_sampled(type(backend), config.sampling.sampler, config.cell)
-        require_states(config, backend.expected)
+        require_states(config.sampling.sampler, backend.expected)
     if kind == "surrogate":
         require_learner(backend, config.surrogate.backend, config.cell)
         _require_responses(backend, config)
@@ -214,7 +214,7 @@ def check_sampling(config: RunConfig, *, trained: bool) -> None:
             raise ConfigurationError(
                 f"sampling.inputs.{name}.range: expected at most {value_text(name, largest)}, got "
                 f"{inputs.range_text(name)}; no cell bears more"
-                f"{percents if name != 'p' else ''}{unit_of_the_modulus(config, name)}"
+                f"{percents if name != 'p' else ''}{unit_of_the_modulus(config.scales, name)}"
             )
     given, least = sampling.options.get("count"), least_states(len(inputs))
     if trained and type(given) is int and 0 < given < least:
@@ -222,7 +222,7 @@ def check_sampling(config: RunConfig, *, trained: bool) -> None:
             f"sampling.options.count: {given} states are too few to train on, at least {least} are needed: "
             f"{MORE_STATES}"
         )
-    require_memory(config)
+    require_memory(config.cell, sampling)
     if sampling.scheduler is not None:
         check_reachable(sampling.scheduler)
 
@@ -241,6 +241,7 @@ def place(config: RunConfig) -> BodyMesh:
         raise ConfigurationError(not_held((), turns))
     interpolation(mesh, problem.probes)
     Symmetry.of(problem)
-    require_cells(config, problem, mesh)
-    require_fields(config, problem, mesh)
+    if config.cells:
+        require_cells(problem, mesh)
+    require_fields(config.cell_ranges, problem, mesh)
     return mesh

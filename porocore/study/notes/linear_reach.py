@@ -28,6 +28,7 @@ from porocore.report.format import percent
 from porocore.report.words.results import LEAST_FLAGGED
 from porocore.states import MacroState
 from porocore.study.config.config import RunConfig, lines_of_cell
+from porocore.study.notes.forecast import sheared
 from porocore.study.notes.magnitudes import WARNING, known, prescribed_times, pulls, too_thin
 from porocore.study.notes.parameters import extents, too_wide
 from porocore.study.notes.reach import (
@@ -42,7 +43,6 @@ from porocore.study.notes.reach import (
     shears,
     visited,
 )
-from porocore.study.notes.workload import sheared
 from porocore.study.run.composition import make_backend
 
 #: Steps after the ramp at least, beside those to the kinks of what is prescribed.
@@ -217,7 +217,7 @@ def _reach(
             "coarse tetrahedra; a finer mesh, or one of hexahedra, shows whether they stay"
         )
     nodes = len(config.cell.make_mesh("solid", "whole").points)
-    for note in sheared(config, nodes, left):
+    for note in sheared(config.cell, config.sampling.inputs, nodes, left):
         yield f"note: {note}{_without(config, reached, found)}"
 
 

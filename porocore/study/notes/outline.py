@@ -34,7 +34,7 @@ from porocore.study.notes.abilities import (
 )
 from porocore.study.notes.at_rest import cell_length, edges
 from porocore.study.notes.checks import place
-from porocore.study.notes.guess import RunTimes, decisions
+from porocore.study.notes.forecast import RunTimes, Workload, decisions, share_solved, sheared, work_lines
 from porocore.study.notes.magnitudes import (
     WARNING,
     formulas,
@@ -48,7 +48,6 @@ from porocore.study.notes.magnitudes import (
     too_thin,
     unloaded,
 )
-from porocore.study.notes.workload import Workload, share_solved, sheared, work_lines
 from porocore.study.run.composition import make_backend
 
 #: Points of a table that are shown.
@@ -150,11 +149,11 @@ def _nodes(cell: Cell, quality: MeshQuality) -> tuple[int, int]:
 
 def _notes(config: RunConfig, nodes: int) -> Iterator[str]:
     """Yield notes on the samples of a cell with so many nodes."""
-    share, group = share_solved(config), config.cell.point_group
+    share, group = share_solved(config.cell, config.sampling.inputs), config.cell.point_group
     if slow := slow_states(nodes * share, config.cell.mesh.size, share):
         yield slow
     yield from uncovered(config.sampling.input_space(), group)
-    yield from sheared(config, nodes)
+    yield from sheared(config.cell, config.sampling.inputs, nodes)
     yield from unmirrored(Symmetry.of(config.macro).normals, group)
 
 

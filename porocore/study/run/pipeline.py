@@ -13,7 +13,7 @@ from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
 from porocore.core.parallel.calls import Call, CallProcesses
 from porocore.plugins.registry import registry
-from porocore.study.notes.guess import processes_here, starts_early, trains_beside
+from porocore.study.notes.forecast import processes_here, starts_early, trains_beside
 from porocore.study.run import reference, sampling, training
 from porocore.study.run.composition import USUAL_LAWS, LawKind, law_names
 from porocore.study.run.folder import RunFolder, cut_short_timed
@@ -41,7 +41,7 @@ def run(
     if all(path.exists() for path in solutions) and kept_report(folder, console=console):
         console.note(f"the run is finished; to write its report again: porocore report {folder.path}")
         return folder.report
-    with CallProcesses(processes_here(folder.config)) as processes:
+    with CallProcesses(processes_here(folder.config.sampling)) as processes:
         first, *others = folder.of_each_cell
         for files in others:  # the body may be explored with the linear laws of all cells
             reference.solve_reference(files, console=console, store=store)
@@ -54,7 +54,7 @@ def run(
 def _learn(folder: RunFolder, console: Console, store: ResultStore | None, processes: CallProcesses) -> None:
     """Solve one cell, undeformed and for all states, and train its surrogate."""
     config = folder.config
-    beside, begun = trains_beside(config), dict[str, Call]()
+    beside, begun = trains_beside(config.cell, config.sampling), dict[str, Call]()
 
     def load_libraries() -> None:
         if not (beside or folder.surrogate.exists()):
@@ -68,7 +68,7 @@ def _learn(folder: RunFolder, console: Console, store: ResultStore | None, proce
         cut_short_timed(folder.timings, begun, processes),
         cell_pool(config, console=console, store=store, begin=load_libraries) as pool,
     ):
-        begin = pool.start if starts_early(config) else load_libraries
+        begin = pool.start if starts_early(config.cell, config.sampling) else load_libraries
         if folder.cell is None:
             reference.solve_reference(folder, console=console, store=store, begin=begin)
             reference.warn_of_loading(folder.whole, console=console)

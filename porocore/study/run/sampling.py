@@ -21,7 +21,7 @@ from porocore.sampling.forecast import Guess
 from porocore.states import Array, Status
 from porocore.study.config.config import RunConfig
 from porocore.study.notes.abilities import uncovered
-from porocore.study.notes.guess import guessed_times
+from porocore.study.notes.forecast import guessed_times
 from porocore.study.run.composition import (
     drop_misplaced,
     factory_of,

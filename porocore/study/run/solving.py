@@ -25,7 +25,7 @@ from porocore.macro.problem import MacroProblem
 from porocore.plugins.border import body_solution_of
 from porocore.report.metrics import is_remnant
 from porocore.study.notes.abilities import require_parts
-from porocore.study.notes.guess import bodies_at_once
+from porocore.study.notes.forecast import bodies_at_once
 from porocore.study.run.composition import (
     USUAL_LAWS,
     LawKind,

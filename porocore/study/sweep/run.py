@@ -13,7 +13,7 @@ from porocore.core.units import speaking
 from porocore.errors import ConfigurationError, SolveError
 from porocore.interfaces.solution import StepReport
 from porocore.sampling.samplers.macro_driven import MacroDriven
-from porocore.study.notes.guess import bodies_at_once, macro_time
+from porocore.study.notes.forecast import bodies_at_once, macro_time
 from porocore.study.run import pipeline
 from porocore.study.run.composition import (
     USUAL_LAWS,
@@ -76,7 +76,9 @@ def run_sweep(
     config, series = plan.family, SweepSeries(folder, plan, laws)
     cases = series.cases()
     missing = sum(series.find(case) is None for case in cases)
-    work = missing * sum(macro_time(config, load) for load in config.macro.loads)
+    work = missing * sum(
+        macro_time(config.closure, config.macro.problem(load)) for load in config.macro.loads
+    )
     reasons = series.run(cases, console, bodies_at_once(config, missing, work))
     failures = {case.key: reason for case, reason in zip(cases, reasons, strict=True) if reason}
     for point, message in failures.items():
