@@ -107,7 +107,6 @@ def state(
         found = read_state(at, grad_u, p, settings.cell.modulus, {}, settings.scales)
         from porocore.core.inputs import NAMES
         from porocore.report.dimensional import figures_with_units
-        from porocore.study.notes.at_rest import cell_length
         from porocore.study.notes.cell_alone import DIMENSIONLESS, notes, table_of_cell
         from porocore.study.run import pipeline
 
@@ -121,7 +120,7 @@ def state(
         which = _which(file, cell, parameters)
         if as_json:
             if properties is not None:
-                result["properties"] = properties.in_units(units, cell_length(settings))
+                result["properties"] = properties.in_units(units, settings.cell_length)
                 result["notes"] = [*warnings, *notes(settings)]
             result["cell"] = which | {"description": settings.cell.geometry.description}
             typer.echo(json.dumps(result, allow_nan=False))

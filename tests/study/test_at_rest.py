@@ -209,11 +209,11 @@ def test_a_cell_whose_axes_the_body_turns_is_told_so(tmp_path):
     path = tmp_path / "study.yaml"
     path.write_text(yaml.safe_dump(data), encoding="utf-8")
     config = load_config(path)
-    assert turned_by(config, None) == "macro.regions.foam.fields.axes"
-    assert turned_by(config, "felt") == ""
+    assert turned_by(config.macro, None) == "macro.regions.foam.fields.axes"
+    assert turned_by(config.macro, "felt") == ""
     data["macro"]["fields"] = turn
     path.write_text(yaml.safe_dump(data), encoding="utf-8")
-    assert turned_by(load_config(path), "felt") == "macro.fields.axes"
+    assert turned_by(load_config(path).macro, "felt") == "macro.fields.axes"
 
 
 def test_a_plain_viscosity_that_was_meant_in_units_is_seen(tmp_path):
@@ -221,17 +221,22 @@ def test_a_plain_viscosity_that_was_meant_in_units_is_seen(tmp_path):
     text = BENCHMARK.with_name("brain-indentation.yaml").read_text(encoding="utf-8")
     path = tmp_path / "study.yaml"
     path.write_text(text, encoding="utf-8")
-    assert list(thin_fluid(load_config(path))) == []
+
+    def noted(path):
+        config = load_config(path)
+        return list(thin_fluid(config.cell, config.scales))
+
+    assert noted(path) == []
     plain = text.replace("viscosity: 1 Pa s", "viscosity: 1 mPa s").replace(
         "viscosity: 1 mPa s\n", "viscosity: 0.001\n"
     )
     path.write_text(plain, encoding="utf-8")
-    (note,) = thin_fluid(load_config(path))
+    (note,) = noted(path)
     assert (
         "1e-06 Pa s, but water has 0.001; cell.viscosity = 0.001 is a multiple of scales.viscosity = 0.001"
         in note
     )
-    assert list(thin_fluid(load_config(BENCHMARK))) == []
+    assert noted(BENCHMARK) == []
 
 
 def test_a_pore_size_that_is_off_by_ten_is_seen(tmp_path):

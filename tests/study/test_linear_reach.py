@@ -68,17 +68,17 @@ def test_the_suction_of_an_unloading_is_that_of_the_series(tmp_path):
 
 def test_large_bodies_take_fewer_steps_and_none_is_shorter_than_given(tmp_path, monkeypatch):
     config = unloaded(tmp_path)
-    steps = [len(linear_reach._times(config, parts)) for parts in (1, 8)]
+    steps = [len(linear_reach._times(config.macro, parts)) for parts in (1, 8)]
     size = linear_reach.body_mesh(config.macro).size
     monkeypatch.setattr(linear_reach, "MOST", size * steps[0])
-    assert not linear_reach.too_large(config)
-    assert len(linear_reach._plan(config).profiles) == steps[0] < steps[1]
+    assert not linear_reach.too_large(config.macro)
+    assert len(linear_reach._plan(config.macro).profiles) == steps[0] < steps[1]
     monkeypatch.undo()
-    times = linear_reach._plan(config).profiles
+    times = linear_reach._plan(config.macro).profiles
     assert len(times) == steps[1]
     assert {1, 40, 42, 80} <= {round(t / SLOWEST, 9) for t in times}
     given = unloaded(tmp_path, step=SLOWEST, tolerance=None)
-    later = [t for t in linear_reach._plan(given).profiles if t > 40.5 * SLOWEST]
+    later = [t for t in linear_reach._plan(given.macro).profiles if t > 40.5 * SLOWEST]
     assert np.diff(later).min() == pytest.approx(SLOWEST)
 
 

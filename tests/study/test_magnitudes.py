@@ -317,5 +317,5 @@ def test_a_table_far_beyond_the_body_is_noted():
 def test_what_pulls_is_told(face, said):
     setup = macro(-0.1).model_dump()
     setup["boundary"] |= {"y+": face, "side": {}}
-    told = list(pulls(SimpleNamespace(macro=MacroSettings.model_validate(setup | {"loads": [1]}))))
+    told = list(pulls(MacroSettings.model_validate(setup | {"loads": [1]})))
     assert [note[: len(said)] for note in told] == ([said] if said else [])

@@ -208,7 +208,7 @@ FREE = {
 )
 def test_check_notes_a_body_that_nothing_loads(changes, said, tmp_path):
     config = load_config(study_of(tmp_path, **({"macro__boundary": FREE, "macro__loads": [1]} | changes)))
-    lines = list(unloaded(config))
+    lines = list(unloaded(config.macro, config.all_cells))
     assert len(lines) == bool(said)
     assert all(line.startswith("nothing loads the body") and said in line for line in lines)
     if not changes:

@@ -51,7 +51,7 @@ def test_the_length_of_the_cell_is_that_of_its_voxels(load, geometry, length, te
     # The unit of time is L² μ_c/(E d²) with the length of the cell.
     time = 1e-6 * 1e-3 / (1e3 * length**2)
     assert config.macro.time.end == pytest.approx(7200 / time, rel=1e-12)
-    assert list(edges(config)) == [f"  edges of the cell: {text}"]
+    assert list(edges(config.cell, config.cell_length)) == [f"  edges of the cell: {text}"]
 
 
 def test_a_resolved_configuration_is_read_again(load, tmp_path):

@@ -68,7 +68,7 @@ def linear_notes(plan: CalibrationPlan) -> Iterator[str]:
     for experiment in plan.experiments:
         if _is_loaded_by_an_unknown(plan, experiment) or not any(map(_is_sized, experiment.curves)):
             continue
-        law = None if too_large(experiment.config) else _linear_law(experiment.config)
+        law = None if too_large(experiment.config.macro) else _linear_law(experiment.config)
         try:
             parts = [] if law is None else linear_solutions(experiment.config, law)
         except SolveError:

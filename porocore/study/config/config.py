@@ -312,8 +312,7 @@ def cell_faults(config: RunConfig) -> Iterator[tuple[Location, str]]:
 
 def other_lengths(config: RunConfig) -> Iterator[tuple[Location, str]]:
     """Yield one fault of all images whose edge is not that of the first cell, in multiples of which all lengths are."""
-    first = config.cell.geometry.length
-    edge = first if config.scales is None else config.scales.pore
+    first, edge = config.cell.geometry.length, config.cell_length
     others = {name: cell.geometry.length for name, cell in config.cells.items()}
     wrong = {
         name: own
@@ -511,6 +510,11 @@ class RunConfig(StrictModel):
         return ResultUnits(self.scales, self.output_units or OutputUnits())
 
     @property
+    def cell_length(self) -> float | None:
+        """Length of the cell [m]; None where it is not known."""
+        return self.cell.geometry.length if self.scales is None else self.scales.pore
+
+    @property
     def unit_notes(self) -> tuple[str, ...]:
         """Notes on numbers without a unit beside values with one; none where it was not read from a document."""
         return self._reading.unit_notes
@@ -521,6 +525,11 @@ class RunConfig(StrictModel):
         if self.surrogate.model != "auto":
             return self.surrogate.model
         return "potential" if "stress" in CLOSURES[self.closure].responses else "mlp"
+
+    @property
+    def learns_potential(self) -> bool:
+        """True if the surrogate learns the potential W, which does not change when a state is turned."""
+        return self.surrogate_model == "potential"
 
     def model_of(self, surrogate: type[Surrogate]) -> str:
         """Return the model that a surrogate with several learns: the one that the closure needs, or its only one."""
@@ -593,6 +602,11 @@ class RunConfig(StrictModel):
     def cell_names(self) -> tuple[str | None, ...]:
         """Names of the cells: None for that of the rest of the body, or the only one, then the others."""
         return (None, *self.cells)
+
+    @property
+    def all_cells(self) -> tuple[Cell, ...]:
+        """All cells, in the order of their names."""
+        return (self.cell, *self.cells.values())
 
     @property
     def own_cells(self) -> tuple[str | None, ...]:

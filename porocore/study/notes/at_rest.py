@@ -9,7 +9,7 @@ import numpy as np
 from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import Domain
 from porocore.core.files.store import ResultStore
-from porocore.core.units import MULTIPLES, QUANTITIES, ResultUnits, length_text
+from porocore.core.units import MULTIPLES, QUANTITIES, ResultUnits, Scales, length_text
 from porocore.errors import PluginError
 from porocore.interfaces.law import MacroLaw
 from porocore.macro.boundary.drainage import (
@@ -24,7 +24,7 @@ from porocore.macro.composition.axes import AXES
 from porocore.macro.composition.linearised_law import RestCoefficients
 from porocore.macro.composition.regions import RegionLaw, by_region, regions_of_cell
 from porocore.macro.laws.linear import SAME, EffectiveProperties, LinearCoefficients, LinearPoroelasticity
-from porocore.macro.problem import body_mesh
+from porocore.macro.problem import MacroSetup, body_mesh
 from porocore.plugins import registry
 from porocore.report.format import number
 from porocore.states import Array
@@ -51,7 +51,7 @@ def at_rest(config: RunConfig, store: ResultStore | None = None) -> Iterator[str
         The undeformed cell cannot be solved.
     """
     for name in config.cell_names:
-        yield from lines_of_cell(name, thin_fluid(config.of_cell(name)))
+        yield from lines_of_cell(name, thin_fluid(config.cell_named(name), config.scales))
     try:
         registry.get("cell solver", config.fem.backend)
     except PluginError:
@@ -69,7 +69,9 @@ def at_rest(config: RunConfig, store: ResultStore | None = None) -> Iterator[str
     (coefficients, rest), *others = found
     laws = {name: law for name, (_, law) in zip(config.cells, others, strict=True)}
     law = RegionLaw.by_cell(config.macro.regions, rest, laws)
-    yield from _consolidation(config, linear_in_body(config, law, coefficients))
+    head = "consolidation" if config.cells else "  consolidation"  # else below the lines of the cell
+    linear = linear_in_body(config.macro, law, coefficients)
+    yield from _consolidation(config.macro, linear, config.result_units, head)
     yield from predicted_reach(config, law)
 
 
@@ -101,7 +103,7 @@ def _cell_at_rest(
         reference.properties(one.cell, one.conductivity),
     )
     middle = ", in the middle of the ranges" if one.cell.is_family else ""
-    turned = turned_by(config, name)
+    turned = turned_by(config.macro, name)
     yield f"{head}, drained{middle}{f'; axes are those of the cell, turned by {turned}' if turned else ''}:"
     yield from (f"  {line}" for line in cell_lines(found, one.cell.viscosity, units))
     if axes := drained_axes(config.macro):
@@ -109,31 +111,29 @@ def _cell_at_rest(
     if not one.cell.is_family:
         return coefficients, LinearPoroelasticity(coefficients)
     members = BodyMembers.solved(config, store, most=max(1, MOST_TETRAHEDRA // count), cell=name)
-    yield from members.as_lines(one)
+    yield from members.as_lines(one.result_units)
     return coefficients, members.law
 
 
-def turned_by(config: RunConfig, name: str | None) -> str:
+def turned_by(macro: MacroSetup, name: str | None) -> str:
     """Return the keys that turn the axes of a cell in the body, in words; empty where none does."""
-    regions = set(regions_of_cell(config.macro.regions, name))
-    return " and ".join(
-        key for key, ks, _ in by_region(config.macro, AXES, sorted(regions)) if regions & set(ks)
-    )
+    regions = set(regions_of_cell(macro.regions, name))
+    return " and ".join(key for key, ks, _ in by_region(macro, AXES, sorted(regions)) if regions & set(ks))
 
 
 def _prescribed(config: RunConfig) -> Iterator[str]:
     return (f"note: {note}" for note in prescribed_reach(config, body_mesh(config.macro)))
 
 
-def thin_fluid(config: RunConfig) -> Iterator[str]:
+def thin_fluid(cell: Cell, scales: Scales | None) -> Iterator[str]:
     """Yield a note where a plain number was taken for a multiple of the scale, but most likely meant Pa s."""
-    if config.scales is None:
+    if scales is None:
         return
-    viscosity = config.cell.viscosity * config.scales.factor("viscosity")
+    viscosity = cell.viscosity * scales.factor("viscosity")
     if viscosity < THIN:
         yield (
             f"note: the fluid has a viscosity of {viscosity:.4g} Pa s, but water has 0.001; cell.viscosity = "
-            f"{config.cell.viscosity:g} is a multiple of scales.viscosity = {config.scales.viscosity:g} Pa s; write it "
+            f"{cell.viscosity:g} is a multiple of scales.viscosity = {scales.viscosity:g} Pa s; write it "
             "with its unit, such as 1 mPa s"
         )
 
@@ -192,32 +192,32 @@ def coefficients_of_consolidation(
     )
 
 
-def _consolidation(config: RunConfig, coefficients: LinearCoefficients | RestCoefficients) -> Iterator[str]:
-    nodes, units = len(body_mesh(config.macro).points), config.result_units
-    head = "consolidation" if config.cells else "  consolidation"  # else below the lines of the cell
+def _consolidation(
+    macro: MacroSetup, coefficients: LinearCoefficients | RestCoefficients, units: ResultUnits, head: str
+) -> Iterator[str]:
+    """Yield in which time the body consolidates, and notes on times that do not fit it; ``head`` begins the line."""
+    nodes = len(body_mesh(macro).points)
     if nodes > MOST_NODES:
         yield f"{head}: not computed, since the body has more than {MOST_NODES:,} nodes, {nodes:,}"
         return
-    time = drainage_time(config.macro, coefficients)
+    time = drainage_time(macro, coefficients)
     if time is None:
         return
-    sideways = (
-        "; within a factor of two where it gives way sideways" if held_sideways(config.macro) is None else ""
-    )
+    sideways = "; within a factor of two where it gives way sideways" if held_sideways(macro) is None else ""
     yield (
         f"{head}: after {units.text(time, 'time', 3)}, 95 % of the fluid that a sudden load drives out has "
-        f"left this body through {', '.join(drained_surfaces(config.macro))} (by the confined moduli{sideways})"
+        f"left this body through {', '.join(drained_surfaces(macro))} (by the confined moduli{sideways})"
     )
     one_cell = coefficients if isinstance(coefficients, LinearCoefficients) else None
-    relaxation = None if one_cell is None else relaxation_time(config.macro, one_cell)
+    relaxation = None if one_cell is None else relaxation_time(macro, one_cell)
     if relaxation is not None:
         yield (
             f"  relaxation: {units.text(relaxation, 'time', 3)} until the force after a sudden displacement is "
             "within 5 % of its final value"
         )
-    elif moved(config.macro):
+    elif moved(macro):
         yield "  the body is moved by displacements, not by a load: how fast its force relaxes is another time"
-    yield from (f"note: {note}" for note in run_times(config.macro, time, units))
+    yield from (f"note: {note}" for note in run_times(macro, time, units))
 
 
 def _along(values: Array, quantity: str, units: ResultUnits) -> str:
@@ -234,13 +234,7 @@ def _axes(values: Array, unit: str) -> str:
     return f"{texts} {unit}".rstrip() + ("" if same else " along x, y, z")
 
 
-def edges(config: RunConfig) -> Iterator[str]:
-    """Yield the edges of the cell where it has a length."""
-    length = cell_length(config)
+def edges(cell: Cell, length: float | None) -> Iterator[str]:
+    """Yield the edges of a cell where its length [m] is known."""
     if length is not None:
-        yield f"  edges of the cell: {length_text(*(length * side for side in config.cell.geometry.sides))}"
-
-
-def cell_length(config: RunConfig) -> float | None:
-    """Return the length of the cell [m]; None where it is not known."""
-    return config.cell.geometry.length if config.scales is None else config.scales.pore
+        yield f"  edges of the cell: {length_text(*(length * side for side in cell.geometry.sides))}"

@@ -24,7 +24,6 @@ from porocore.study.config.config import RunConfig, lines_of_cell
 from porocore.study.notes.abilities import resolution, slow_states
 from porocore.study.notes.at_rest import (
     MOST_TETRAHEDRA,
-    cell_length,
     cell_lines,
     coefficients_of_consolidation,
     edges,
@@ -73,7 +72,7 @@ def outline_of_cells(config: RunConfig, store: ResultStore | None) -> Iterator[s
                 yield f"  a family of cells: {ranges}; meshes, pores and moduli are those of the middle"
             yield from _cost(one.cell, solid * math.prod(one.cell.supercell), fluid)
             yield from _at_rest(one, name, store)
-            yield from lines_of_cell(name, thin_fluid(one))
+            yield from lines_of_cell(name, thin_fluid(one.cell, one.scales))
 
 
 def _cost(cell: Cell, solid: int, fluid: int) -> Iterator[str]:
@@ -122,7 +121,7 @@ def table_of_cell(config: RunConfig, found: EffectiveProperties) -> Iterator[str
     cell, units = config.cell, config.result_units
     with speaking(units):
         yield f"{cell.geometry.description}; {cell.solid.description}"
-        yield from (line.strip() for line in edges(config))
+        yield from (line.strip() for line in edges(cell, config.cell_length))
         rows = [*_flow_rows(config, found), *held_rows(found), *(moduli_rows(found) if found.stiff else ())]
         width = max(len(name) for name, _ in rows)
         yield from (f"{name:{width}}  {text}" for name, text in rows)
@@ -152,7 +151,7 @@ def notes(config: RunConfig) -> Iterator[str]:
     yield from grains(single)
     if single.geometry.error_of_shape:
         yield single.geometry.error_of_shape
-    for line in resolution(single, cell_length(config)):
+    for line in resolution(single, config.cell_length):
         if line.startswith("note: "):
             yield line.removeprefix("note: ")
     if config.cell.solid.swells:
@@ -168,12 +167,12 @@ def notes(config: RunConfig) -> Iterator[str]:
             f"the pores do not run through the cell along {', '.join(axes)}; K and k there are 0, up to the error of "
             "the mesh"
         )
-    yield from (note.removeprefix("note: ") for note in thin_fluid(config))
+    yield from (note.removeprefix("note: ") for note in thin_fluid(config.cell, config.scales))
 
 
 def _flow_rows(config: RunConfig, found: EffectiveProperties) -> Iterator[tuple[str, str]]:
     """Yield porosity, permeability and conductivity."""
-    cell, units, length = config.cell, config.result_units, cell_length(config)
+    cell, units, length = config.cell, config.result_units, config.cell_length
     described = cell.geometry.porosity
     before = ", before the solid swells" if cell.solid.swells else ""
     yield f"porosity φ_f of the mesh{before}", number(found.porosity if described else 0.0)

@@ -140,24 +140,24 @@ def check_backend(kind: Kind, config: RunConfig) -> None:
         require_states(config.sampling.sampler, backend.expected)
     if kind == "surrogate":
         require_learner(backend, config.surrogate.backend, config.cell)
-        _require_responses(backend, config)
+        _require_responses(backend, config.surrogate.backend, config.closure)
     if kind == "macro solver":
         problem = config.macro.problem(config.macro.loads[0])
         require_parts(type(backend), config.macro_backend, problem)
         backend.prepare(problem)
 
 
-def _require_responses(surrogate: Surrogate, config: RunConfig) -> None:
+def _require_responses(surrogate: Surrogate, backend: str, closure: str) -> None:
     """Refuse a surrogate that does not provide what the closure needs, as far as it declares that."""
     provided = surrogate.provides
     if provided is None:
         return
-    missing = [name for name in CLOSURES[config.closure].responses if name not in provided]
+    missing = [name for name in CLOSURES[closure].responses if name not in provided]
     if missing:
         model = f" with model '{surrogate.model}'" if surrogate.model else ""
-        what = f"'{config.surrogate.backend}'{model}"
+        what = f"'{backend}'{model}"
         raise ConfigurationError(
-            f"closure: '{config.closure}' needs {', '.join(missing)} of the cell, which the surrogate {what} does not "
+            f"closure: '{closure}' needs {', '.join(missing)} of the cell, which the surrogate {what} does not "
             "provide; leave surrogate.model at auto, or choose another closure or surrogate"
         )
 

@@ -22,12 +22,12 @@ from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.composition.regions import regions_of_cell
 from porocore.macro.integration.stepping import SAME, Stepper
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
-from porocore.macro.problem import TimePlan, body_mesh
+from porocore.macro.problem import MacroSetup, TimePlan, body_mesh
 from porocore.plugins.border import body_solution_of
 from porocore.report.format import percent
 from porocore.report.words.results import LEAST_FLAGGED
 from porocore.states import MacroState
-from porocore.study.config.config import RunConfig, lines_of_cell
+from porocore.study.config.config import MacroSettings, RunConfig, lines_of_cell
 from porocore.study.notes.forecast import sheared
 from porocore.study.notes.magnitudes import WARNING, known, prescribed_times, pulls, too_thin
 from porocore.study.notes.parameters import extents, too_wide
@@ -54,9 +54,9 @@ PARTS = 8
 MOST = 200_000
 
 
-def too_large(config: RunConfig) -> str:
+def too_large(macro: MacroSettings) -> str:
     """Return in words why the body is not solved before a run; empty where it is."""
-    size, steps = body_mesh(config.macro).size, len(_times(config, 1)) * len(_loads(config))
+    size, steps = body_mesh(macro).size, len(_times(macro, 1)) * len(_loads(macro))
     if size * steps <= MOST:
         return ""
     return f"{size:,} unknowns of the body times {steps} time steps are more than the {MOST:,} of a check"
@@ -73,30 +73,30 @@ def linear_solutions(config: RunConfig, linear: LinearCoefficients | MacroLaw) -
         A step fails, as one under a follower may.
     """
     law = LinearPoroelasticity(linear) if isinstance(linear, LinearCoefficients) else linear
-    solver, plan, found = make_backend("macro solver", config), _plan(config), []
-    for load in _loads(config):
+    solver, plan, found = make_backend("macro solver", config), _plan(config.macro), []
+    for load in _loads(config.macro):
         problem = config.macro.problem(load).model_copy(update={"time": plan})
         found.append(body_solution_of(solver, solver.prepare(problem), law, problem))
     return found
 
 
-def _loads(config: RunConfig) -> list[float]:
+def _loads(macro: MacroSettings) -> list[float]:
     """Return the ends of the loads and of zero that are not zero."""
-    return [load for load in (min(0.0, *config.macro.loads), max(0.0, *config.macro.loads)) if load != 0]
+    return [load for load in (min(0.0, *macro.loads), max(0.0, *macro.loads)) if load != 0]
 
 
-def _plan(config: RunConfig) -> TimePlan:
+def _plan(macro: MacroSettings) -> TimePlan:
     """Return a time plan of as many steps as a check may take, with fields kept after each."""
-    most = MOST // (body_mesh(config.macro).size * max(1, len(_loads(config))))
-    parts = next((n for n in range(PARTS, 1, -1) if len(_times(config, n)) <= most), 1)
-    return TimePlan.model_validate(_whole_segments(config) | {"profiles": _times(config, parts)})
+    most = MOST // (body_mesh(macro).size * max(1, len(_loads(macro))))
+    parts = next((n for n in range(PARTS, 1, -1) if len(_times(macro, n)) <= most), 1)
+    return TimePlan.model_validate(_whole_segments(macro.time) | {"profiles": _times(macro, parts)})
 
 
-def _times(config: RunConfig, parts: int) -> tuple[float, ...]:
+def _times(macro: MacroSettings, parts: int) -> tuple[float, ...]:
     """Return the ends of steps, ``parts`` from each kink to the next, but none shorter than steps that are given."""
-    time = config.macro.time
+    time = macro.time
     ramp = time.ramp_increments * time.ramp_step
-    stepper, times = Stepper(TimePlan.model_validate(_whole_segments(config)), config.macro.corners), [0.0]
+    stepper, times = Stepper(TimePlan.model_validate(_whole_segments(time)), macro.corners), [0.0]
     while not stepper.done:
         stepper.accept()
         times.append(stepper.time)
@@ -109,9 +109,8 @@ def _times(config: RunConfig, parts: int) -> tuple[float, ...]:
     return tuple(found)
 
 
-def _whole_segments(config: RunConfig) -> dict[str, object]:
+def _whole_segments(time: TimePlan) -> dict[str, object]:
     """Return settings of time whose only stops are the kinks of what is prescribed, the end of the ramp and the end."""
-    time = config.macro.time
     ramp = time.ramp_increments * time.ramp_step
     settings = time.model_dump() | {"ramp_increments": 1, "ramp_step": ramp, "tolerance": None}
     return settings | {"step": time.end, "profiles": ()}
@@ -137,7 +136,7 @@ def predicted_reach(config: RunConfig, linear: LinearCoefficients | MacroLaw) ->
     Where the body is too large for a check, or its linear solution fails, that is said, and what is prescribed is
     looked at alone.
     """
-    why = too_large(config)
+    why = too_large(config.macro)
     solutions = []
     try:
         solutions = [] if why else linear_solutions(config, linear)
@@ -208,7 +207,7 @@ def _reach(
     )
     yield from (f"  {each.line(units, LINEAR_MARGIN)}, since {each.in_words(units)}" for each in reached)
     if any(each.name in DIAGONAL and each.value > 0 for each in reached):
-        yield from (f"note: {note}" for note in pulls(config))
+        yield from (f"note: {note}" for note in pulls(config.macro))
     yield from crushed
     new = [each.name for each in reached if each.name not in config.sampling.inputs]
     if new and body_mesh(config.macro).element.shape == "tetrahedron":
@@ -218,7 +217,7 @@ def _reach(
         )
     nodes = len(config.cell.make_mesh("solid", "whole").points)
     for note in sheared(config.cell, config.sampling.inputs, nodes, left):
-        yield f"note: {note}{_without(config, reached, found)}"
+        yield f"note: {note}{_without(reached, found) if config.learns_potential else ''}"
 
 
 def _unlikely(config: RunConfig, reached: Sequence[Reach]) -> Iterator[str]:
@@ -238,16 +237,15 @@ def _unlikely(config: RunConfig, reached: Sequence[Reach]) -> Iterator[str]:
             "these out by a factor of ten, or by a unit?"
         )
         yield (
-            f"  the loads and times under macro{_weight(config)}; {solid}; {pores}; cell.viscosity = "
+            f"  the loads and times under macro{_weight(config.macro, units)}; {solid}; {pores}; cell.viscosity = "
             f"{units.text(config.cell.viscosity, 'viscosity')}"
         )
         return
 
 
-def _weight(config: RunConfig) -> str:
+def _weight(macro: MacroSetup, units: ResultUnits) -> str:
     """Return the body force of a study with its unit; empty where there is none."""
-    units, force = config.result_units, config.macro.body_force
-    numbers = [value for value in force if isinstance(value, int | float)]
+    numbers = [value for value in macro.body_force if isinstance(value, int | float)]
     if not any(numbers):
         return ""
     largest = max(numbers, key=abs)
@@ -270,10 +268,8 @@ def _crushed(found: Sequence[Found]) -> Iterator[str]:
     )
 
 
-def _without(config: RunConfig, reached: Sequence[Reach], found: Sequence[Found]) -> str:
+def _without(reached: Sequence[Reach], found: Sequence[Found]) -> str:
     """Return what leaving the reached shears out would change, for a cell with mirrors and no sampled shear."""
-    if config.surrogate_model != "potential":
-        return ""
     shear = max((each for each in reached if each.name in shears(NAMES)), key=lambda each: abs(each.value))
     largest = max(float(np.abs(states.grad_u).max()) for states, _ in found)
     return (
@@ -288,7 +284,10 @@ def prescribed_reach(config: RunConfig, mesh: BodyMesh) -> list[str]:
 
     Of several cells it is not known which of them reaches it, so it is noted where it leaves the ranges of all.
     """
-    each = [_beyond(config.of_cell(name), [_prescribed(config, mesh)]) for name in config.cell_names]
+    each = [
+        _beyond(config.of_cell(name), [_prescribed(config.macro, config.result_units, mesh)])
+        for name in config.cell_names
+    ]
     reached = min(each, key=len)
     if not reached:
         return []
@@ -300,7 +299,7 @@ def _beyond(config: RunConfig, found: Sequence[Found]) -> list[Reach]:
     """Return the components that leave the sampled ranges in any of the states that were found, the worst first."""
     inputs, states = config.sampling.input_space(), MacroState.concatenate([states for states, _ in found])
     starts = np.cumsum([0, *(len(states) for states, _ in found)])
-    if config.surrogate_model == "potential":
+    if config.learns_potential:
         states = inputs.without_rotation(states)
 
     def where(row: int) -> str:
@@ -315,7 +314,7 @@ def _share(config: RunConfig, solution: MacroSolution, states: MacroState) -> fl
     inputs = config.sampling.input_space()
     # Fields do not leave the ranges of their parameters.
     states = replace(states, parameters=None)
-    if config.surrogate_model == "potential":
+    if config.learns_potential:
         states = inputs.without_rotation(states)
     unit = inputs.to_unit(inputs.gather(states))
     outside = inputs.moves_other(states) | (np.abs(unit - 0.5) > 0.5 + ROUND_OFF).any(axis=1)
@@ -328,16 +327,11 @@ def _of_solution(solution: MacroSolution, units: ResultUnits) -> Found:
     return states, lambda row: f"{where(row)} under the load {solution.load:g}"
 
 
-def _prescribed(config: RunConfig, mesh: BodyMesh) -> Found:
+def _prescribed(macro: MacroSettings, units: ResultUnits, mesh: BodyMesh) -> Found:
     """Return states of single components that are sure to occur, under all loads, and where each does."""
-    units, times, rows, where = (
-        config.result_units,
-        prescribed_times(config.macro),
-        [np.zeros(10)],
-        ["at rest"],
-    )
-    for load in config.macro.loads:
-        for each in known(config.macro, mesh, times):
+    times, rows, where = prescribed_times(macro), [np.zeros(10)], ["at rest"]
+    for load in macro.loads:
+        for each in known(macro, mesh, times):
             k = int(np.abs(each.values).argmax())
             rows.append(np.zeros(10))
             rows[-1][NAMES.index(each.name)] = load * each.values[k]

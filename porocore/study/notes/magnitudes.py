@@ -6,13 +6,14 @@ line that joins them, so it reaches at least this mean somewhere on the line.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 from pydantic import BaseModel
 
+from porocore.cell.cell import Cell
 from porocore.cell.materials.material import SWELLING
 from porocore.core.echo import echo
 from porocore.core.files.yaml_document import dotted
@@ -271,13 +272,12 @@ def long_step(macro: MacroSetup, units: ResultUnits) -> Iterator[str]:
         )
 
 
-def unloaded(config: RunConfig) -> Iterator[str]:
-    """Yield a note where all that is prescribed is 0 and no solid swells, so that the body stays as it is."""
-    macro, times = config.macro, prescribed_times(config.macro)
+def unloaded(macro: MacroSetup, cells: Iterable[Cell]) -> Iterator[str]:
+    """Yield a note where all that is prescribed is 0 and no solid of the cells swells, so that the body rests."""
+    times = prescribed_times(macro)
     values = [*macro.body_force, *(value for face in macro.boundary.values() for value in _values(face))]
     acts = any(_course(macro, value, times).any() for value in values)
     begun = macro.initial.pressure != 0 or np.any(macro.initial.gradient)
-    cells = [config.of_cell(name).cell for name in config.cell_names]
     swells = any(cell.solid.swells or any(p.path[-1] == SWELLING for p in cell.parameters) for cell in cells)
     if acts or begun or swells:
         return
@@ -288,9 +288,9 @@ def unloaded(config: RunConfig) -> Iterator[str]:
     )
 
 
-def pulls(config: RunConfig) -> Iterator[str]:
+def pulls(macro: MacroSettings) -> Iterator[str]:
     """Yield a note on the plane surfaces that are pulled under a load, and on how they would be pressed."""
-    macro, times = config.macro, prescribed_times(config.macro)
+    times = prescribed_times(macro)
     mesh = body_mesh(macro)
     for name, face in macro.boundary.items():
         facets = Facets(mesh, mesh.surface(name, name))

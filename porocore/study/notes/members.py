@@ -11,6 +11,7 @@ import numpy as np
 
 from porocore.cell.family.family import parameter_quantities
 from porocore.core.files.store import ResultStore
+from porocore.core.units import ResultUnits
 from porocore.interfaces.law import CellLaw, MacroLaw
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.composition.body_fields import cells_of_elements
@@ -19,7 +20,7 @@ from porocore.macro.composition.regions import NearestMemberLaw, regions_of_cell
 from porocore.macro.laws import CLOSURES
 from porocore.macro.laws.direct import direct_records
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
-from porocore.macro.problem import body_mesh
+from porocore.macro.problem import MacroSetup, body_mesh
 from porocore.report.context import AdaptiveSurrogateCost, DirectCost
 from porocore.report.format import number
 from porocore.report.words.parameters import BodyCells, volumes_of
@@ -141,7 +142,7 @@ class BodyMembers:
         law = NearestMemberLaw([*map(LinearPoroelasticity, found)], values, ranges)
         return cls(tuple(ranges), values, tuple(found), law)
 
-    def as_lines(self, config: RunConfig) -> Iterator[str]:
+    def as_lines(self, units: ResultUnits) -> Iterator[str]:
         """Yield the parameters of the members and their least and largest moduli and conductivities."""
         ends = ", ".join(f"{name} {_from_to(self.values[:, k])}" for k, name in enumerate(self.names))
         count = len(self.values)
@@ -150,7 +151,6 @@ class BodyMembers:
             if count > 1
             else f"in the body, with {ends}:"
         )
-        units = config.result_units
         moduli = np.array([np.einsum("iiii->i", c.stiffness) for c in self.coefficients])
         K = np.array([np.diag(c.conductivity) for c in self.coefficients])
         E = units.name("stress") if units.given else "E"
@@ -162,10 +162,10 @@ class BodyMembers:
 
 
 def linear_in_body(
-    config: RunConfig, law: MacroLaw, coefficients: LinearCoefficients
+    macro: MacroSetup, law: MacroLaw, coefficients: LinearCoefficients
 ) -> LinearCoefficients | RestCoefficients:
     """Return linear poroelasticity of the elements of a body at first; of one cell everywhere its ``coefficients``."""
-    cells = cells_of_elements(config.macro, body_mesh(config.macro), law, [0.0])
+    cells = cells_of_elements(macro, body_mesh(macro), law, [0.0])
     return coefficients if cells is None else coefficients_of_elements(law, cells)
 
 

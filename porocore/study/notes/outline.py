@@ -32,7 +32,7 @@ from porocore.study.notes.abilities import (
     uncovered,
     unmirrored,
 )
-from porocore.study.notes.at_rest import cell_length, edges
+from porocore.study.notes.at_rest import edges
 from porocore.study.notes.checks import place
 from porocore.study.notes.forecast import RunTimes, Workload, decisions, share_solved, sheared, work_lines
 from porocore.study.notes.magnitudes import (
@@ -97,7 +97,7 @@ def outline(config: RunConfig) -> Iterator[str]:
     parts = (*part_as_it_is(config.macro), *free_cuts(config.macro))
     tables = level_tables(config.macro, config.result_units)
     yield from (f"note: {text}" for text in (*sideways(config.macro), *parts, *tables))
-    yield from (f"{WARNING}{text}" for text in unloaded(config))
+    yield from (f"{WARNING}{text}" for text in unloaded(config.macro, config.all_cells))
     # K is not known yet, but along which axes it is positive in any of the cells.
     percolates = [any(axis not in quality.blocked for quality in measured.values()) for axis in "xyz"]
     yield from (f"note: {warning}" for warning in undrained(config.macro, np.diag(percolates).astype(float)))
@@ -121,15 +121,15 @@ def cell_outline(config: RunConfig, name: str | None, quality: MeshQuality) -> I
     cell, units = config.cell, config.result_units
     head = "cell" if name is None else f"cell {name}"
     yield from (f"{head}: {line}" if i == 0 else f"  {line}" for i, line in enumerate(quality_lines(quality)))
-    yield from resolution(cell, cell_length(config))
-    _require_that_the_fluid_follows(config)
+    yield from resolution(cell, config.cell_length)
+    _require_that_the_fluid_follows(config.fem.backend, cell, config.conductivity)
     if cell.materials is not None:
         cell.solid.on(cell.make_mesh("solid", "whole"))
-    yield from edges(config)
+    yield from edges(cell, config.cell_length)
     with speaking(units):
         yield f"  {cell.solid.description}, viscosity {units.text(cell.viscosity, 'viscosity')}"
     yield f"  point group {cell.point_group.name} of pores and solid together"
-    yield from _without_contact(config)
+    yield from _without_contact(config.fem.backend, cell)
 
 
 def _samples(config: RunConfig, name: str | None) -> str:
@@ -157,28 +157,28 @@ def _notes(config: RunConfig, nodes: int) -> Iterator[str]:
     yield from unmirrored(Symmetry.of(config.macro).normals, group)
 
 
-def _require_that_the_fluid_follows(config: RunConfig) -> None:
+def _require_that_the_fluid_follows(backend: str, cell: Cell, conductivity: str) -> None:
     """Refuse meshes of the core on which the conductivity of the deformed pore cannot be computed."""
-    solver = _cell_solver(config)
-    if solver is not None and config.conductivity == "deformed" and solver.meshes == "core":
-        require_one_cell(config.cell)
-        require_one_wall(config.cell)
+    solver = _cell_solver(backend)
+    if solver is not None and conductivity == "deformed" and solver.meshes == "core":
+        require_one_cell(cell)
+        require_one_wall(cell)
 
 
-def _without_contact(config: RunConfig) -> Iterator[str]:
+def _without_contact(backend: str, cell: Cell) -> Iterator[str]:
     """Yield a note if the cell solver cannot do what ``cell.contact`` asks for."""
-    solver = _cell_solver(config)
-    if solver is not None and config.cell.contact.kind != "none" and not solver.contact:
+    solver = _cell_solver(backend)
+    if solver is not None and cell.contact.kind != "none" and not solver.contact:
         yield (
-            f"note: the cell solver '{config.fem.backend}' does not know contact of the pore wall with itself; a state "
+            f"note: the cell solver '{backend}' does not know contact of the pore wall with itself; a state "
             "whose wall passes through itself has no values"
         )
 
 
-def _cell_solver(config: RunConfig) -> type[CellSolver] | None:
+def _cell_solver(backend: str) -> type[CellSolver] | None:
     """Return the cell solver if it is installed; a stage that needs it reports why it is not."""
     try:
-        return registry.get("cell solver", config.fem.backend)
+        return registry.get("cell solver", backend)
     except PluginError:
         return None
 

@@ -175,7 +175,7 @@ Extents = Mapping[str, tuple[float, float]]
 def extents(config: RunConfig, found: Sequence[MacroState]) -> Extents:
     """Return the least and largest value of each input of one cell in some states, zero included."""
     inputs, states = config.sampling.input_space(), MacroState.concatenate(list(found))
-    if config.surrogate_model == "potential":
+    if config.learns_potential:
         states = inputs.without_rotation(states)
     rows = components(states)
     values = {name: rows[NAMES.index(name)] for name in inputs.names}

@@ -460,7 +460,7 @@ def _learning(folder: RunFolder, pool: CellPool, stack: ExitStack, name: str) ->
         training_set(folder),
         partial(make_backend, "surrogate", config),
         config.surrogate.seed,
-        objective=config.surrogate_model == "potential",
+        objective=config.learns_potential,
     )
     law = AdaptiveLaw(
         adaptive.known(surrogate),

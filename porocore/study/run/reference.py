@@ -70,7 +70,7 @@ def warn_of_loading(folder: RunFolder, *, console: Console) -> None:
 
     The cells are solved.
     """
-    for warning in (*folder.config.unit_notes, *unloaded(folder.config)):
+    for warning in (*folder.config.unit_notes, *unloaded(folder.config.macro, folder.config.all_cells)):
         console.warn(warning)
     found = [load_reference(files).conductivity for files in folder.of_each_cell]
     for warning in undrained(folder.config.macro, np.max(found, axis=0)):

@@ -35,7 +35,6 @@ from porocore.report.words.results import solved_shares, visited_shares
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Status
 from porocore.study.config.config import RunConfig, with_closure
-from porocore.study.notes.at_rest import cell_length
 from porocore.study.notes.members import rest_of_body
 from porocore.study.run.composition import held_out_states
 from porocore.study.run.folder import FinishedRun, RunFolder, timed
@@ -204,7 +203,7 @@ def _of_cell(results: RunResults, context: ReportContext) -> dict[str, Any]:
     closure = context.surrogate.closure_error
     found = {
         "cell": figures_with_units(_cell(results), context.units)
-        | {"properties": context.cell.properties.in_units(context.units, cell_length(results.config))},
+        | {"properties": context.cell.properties.in_units(context.units, results.config.cell_length)},
         "sampling": _sampling(results, context),
         "surrogate": _surrogate(context),
         "closure": None if closure is None else closure.for_json(),

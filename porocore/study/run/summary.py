@@ -71,7 +71,7 @@ def report_context(results: RunResults) -> ReportContext:
         config_text=config.resolved_yaml(),
         published=published_values(config),
         warnings=(
-            *unloaded(config),
+            *unloaded(config.macro, config.all_cells),
             *undrained(
                 config.macro, np.max([each.reference.conductivity for each in cells.values()], axis=0)
             ),
@@ -153,7 +153,7 @@ def _case(results: RunResults, load: float) -> LoadCase:
         parts = [(_case(each, load).flagged, each.folder) for each in results.by_cell.values()]
         flagged = " ".join(files.said_of_cell(said) for said, files in parts if said)
         return LoadCase(nonlinear, linear, tuple(others.values()), flagged=flagged)
-    objective = results.config.surrogate_model == "potential"
+    objective = results.config.learns_potential
     surrogate, units = results.surrogates[closure], results.config.result_units
     flagged = flagged_place(nonlinear, surrogate, objective, units, _more_states(results))
     left_out = None
@@ -227,7 +227,7 @@ def _in_bodies(results: RunResults) -> MacroState | None:
     if not found:
         return None
     states, inputs = MacroState.concatenate(found), results.dataset.inputs
-    return inputs.without_rotation(states) if results.config.surrogate_model == "potential" else states
+    return inputs.without_rotation(states) if results.config.learns_potential else states
 
 
 def _cell_summary(results: RunResults) -> CellSummary:
@@ -248,7 +248,7 @@ def _cell_summary(results: RunResults) -> CellSummary:
         remarks=(
             *cell.geometry.notes,
             *grains(single),
-            *(line.strip() for line in edges(results.config)),
+            *(line.strip() for line in edges(cell, results.config.cell_length)),
             *([CLOSED_PORES] if closed else []),
             *([cell.geometry.error_of_shape] if cell.geometry.error_of_shape else []),
         ),
