@@ -22,7 +22,7 @@ from porocore.report.html import render
 from porocore.report.metrics import LoadCase
 from porocore.report.words.held_out import OutputCheck
 from porocore.states import CellResponse, CellTangent, Status
-from porocore.study.notes.publication import DEHGHANI_ZILIAN
+from porocore.study.run.summary import DEHGHANI_ZILIAN
 
 
 def reference() -> CellResponse:

@@ -10,7 +10,7 @@ import yaml
 
 from porocore import load_config
 from porocore.core.files.plain_data import merged
-from porocore.study.notes.parameters import too_wide
+from porocore.study.notes.linear_reach import too_wide
 
 SIDE = {"displacement": [0, None, 0]}
 STUDY: dict[str, Any] = {

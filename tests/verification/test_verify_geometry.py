@@ -17,8 +17,8 @@ from porocore.cell.meshing.tetrahedra import tetrahedron_rule
 from porocore.errors import ConfigurationError
 from porocore.macro.reference import CellReference
 from porocore.study.config.loading import load_config
-from porocore.study.notes.publication import published_values
 from porocore.study.run.reference import solve_cell
+from porocore.study.run.summary import published_values
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "dehghani2022.yaml"
 COARSE = MeshSettings(size=0.25, fluid_size=0.25)

@@ -35,10 +35,10 @@ from porocore.report.words.results import solved_shares, visited_shares
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Status
 from porocore.study.config.config import RunConfig, with_closure
-from porocore.study.notes.members import rest_of_body
 from porocore.study.run.composition import held_out_states
 from porocore.study.run.folder import FinishedRun, RunFolder, timed
 from porocore.study.run.results import RunResults, finished, times_of_all_cells
+from porocore.study.run.summary import rest_of_body
 
 
 def report(folder: RunFolder, *, console: Console, processes: CallProcesses | None = None) -> Path:

@@ -1,28 +1,41 @@
-"""Contents of the report page from the results of a run: cases, costs, errors of surrogate and closure."""
+"""Contents of the report page from the results of a run: cases, cells of the body, costs, errors, published values."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from porocore.cell.cell import Cell
+from porocore.cell.family.family import parameter_quantities
+from porocore.cell.geometry.channels import OrthogonalChannels
 from porocore.cell.level_sets.agreement import disagreements, grains
 from porocore.cell.level_sets.voxels import Voxels
+from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.cell.meshing.connectivity import pieces
 from porocore.cell.meshing.mesh_quality import CLOSED_PORES, closed_pores
+from porocore.interfaces.law import CellLaw
+from porocore.interfaces.solution import MacroSolution
 from porocore.interfaces.surrogate import Surrogate
+from porocore.macro.body.kinds import Box
 from porocore.macro.boundary.drainage import undrained
-from porocore.macro.composition.linearised_law import RestCoefficients
+from porocore.macro.composition.linearised_law import RestCoefficients, coefficients_of_elements
 from porocore.macro.composition.regions import regions_of_cell
 from porocore.macro.laws import CLOSURES, ClosedLaw
 from porocore.macro.laws.closure import ClosureError, closure_error
+from porocore.macro.laws.direct import direct_records
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.reference import CellReference, diffusion_time, unresolved
 from porocore.report.context import (
+    AdaptiveSurrogateCost,
     CellSummary,
+    DirectCost,
     LoadingMode,
+    Published,
     ReportContext,
     SamplingSummary,
     Stage,
@@ -30,19 +43,17 @@ from porocore.report.context import (
     TrainingCurve,
 )
 from porocore.report.metrics import LoadCase
-from porocore.report.words.parameters import FamilySummary
+from porocore.report.words.parameters import BodyCells, FamilySummary, volumes_of
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.samplers.active import LearningSampler
-from porocore.states import MacroState
+from porocore.states import Array, IntArray, MacroState, Status
 from porocore.study.config.config import RunConfig
 from porocore.study.notes.at_rest import edges
 from porocore.study.notes.magnitudes import unloaded
-from porocore.study.notes.members import body_cells, direct_costs, fallbacks_done, rest_of_body
 from porocore.study.notes.parameters import family_summary, output_checks
-from porocore.study.notes.publication import crease_line, published_values
 from porocore.study.notes.reach import MORE, flagged_place, left_out_shear, shears
-from porocore.study.run.composition import make_backend
-from porocore.study.run.folder import LINEAR, versions
+from porocore.study.run.composition import macro_laws, make_backend
+from porocore.study.run.folder import LINEAR, RunFiles, direct_law, fallback_law, versions
 from porocore.study.run.results import RunResults, load_undeformed, times_of_all_cells
 from porocore.study.run.training import read_training_curve
 
@@ -255,3 +266,146 @@ def _cell_summary(results: RunResults) -> CellSummary:
         image_porosity=cell.geometry.porosity if isinstance(cell.geometry, Voxels) else None,
         which="in the middle of the ranges" if cell.is_family else "",
     )
+
+
+def body_solution(results: RunResults) -> MacroSolution:
+    """Return the solution of the first load with the closure that is shown."""
+    return results.solutions[results.config.macro.loads[0]][results.config.closure]
+
+
+def rest_of_body(results: RunResults) -> LinearCoefficients | RestCoefficients:
+    """Return linear poroelasticity at rest of the elements at first; of one cell everywhere that of the cell."""
+    cells, config = body_solution(results).element_cells, results.config
+    if cells is None:
+        return results.coefficients
+    with ExitStack() as stack:
+        law = macro_laws(results.folder, stack, ("surrogate",))[config.closure].law
+        return coefficients_of_elements(law, cells)
+
+
+def body_cells(results: RunResults, rest: LinearCoefficients | RestCoefficients) -> BodyCells | None:
+    """Return the cells of the body; None for a body of one cell without parameters.
+
+    ``rest`` is that of :func:`rest_of_body`.
+    """
+    solution, config = body_solution(results), results.config
+    cells = solution.element_cells
+    if cells is None:
+        return None
+    assert isinstance(rest, RestCoefficients)
+    quantities: dict[str, str] = {}
+    for each in results.by_cell.values():
+        quantities |= parameter_quantities(each.config.cell)
+    names = [region.cell for region in config.macro.regions.values()] if config.cells else []
+    return BodyCells(
+        cells,
+        tuple(profile.time for profile in solution.profiles),
+        volumes_of(solution),
+        rest.conductivity,
+        _porosity(results, cells.region),
+        quantities,
+        tuple(name or "cell" for name in (None, *names)) if config.cells else (),
+    )
+
+
+def _porosity(results: RunResults, region: IntArray) -> Array | None:
+    """Return φ_f of the undeformed cells of the elements at first, by their regions; None for a body of one cell."""
+    if not results.config.cells and not results.config.cell.is_family:
+        return None
+    found = np.full(len(region), np.nan)
+    for name, each in results.by_cell.items():
+        cells = body_solution(each).element_cells
+        values = None if cells is None else cells.values_at(0)
+        surrogate: CellLaw = each.surrogates[each.config.closure]
+        undeformed = None if values is None else surrogate.undeformed(values)
+        inside = np.isin(region, regions_of_cell(results.config.macro.regions, name))
+        found[inside] = each.reference.porosity if undeformed is None else undeformed.porosity
+    return found
+
+
+def direct_costs(results: RunResults) -> tuple[DirectCost, ...]:
+    """Return the cost of every solution by direct FE² whose cost was recorded."""
+    timings, found = results.seconds, []
+    for closure, law, load, work in _recorded(results, lambda files: files.direct_work, direct_law):
+        seconds = timings.get(f"macro, {law}, load {load:g}")
+        if seconds is not None:
+            failed = sum(work.get(status.name, 0) for status in Status if not status.has_values)
+            counts = (int(work["points"]), int(work["solves"]), int(failed))
+            of_surrogate = timings.get(f"macro, {closure}, load {load:g}")
+            found.append(DirectCost(law, load, *counts, work["seconds"], seconds, of_surrogate))
+    return tuple(found)
+
+
+def fallbacks_done(results: RunResults) -> tuple[AdaptiveSurrogateCost, ...]:
+    """Return the work of the fallback in every solution that has one."""
+    found = []
+    for _, law, load, work in _recorded(results, lambda files: files.fallback_work, fallback_law):
+        solves, failed, learned, refits = (
+            int(work[name]) for name in ("solves", "failed", "learned", "refits")
+        )
+        seconds = work["solve_seconds"], work["fit_seconds"]
+        found.append(AdaptiveSurrogateCost(law, load, solves, failed, learned, refits, *seconds))
+    return tuple(found)
+
+
+def _recorded(
+    results: RunResults, record: Callable[[RunFiles], Path], law_with: Callable[[str], str]
+) -> Iterator[tuple[str, str, float, dict[str, float]]]:
+    """Yield closure, law, load and work, of all cells together, of every solution with a law that solves cells."""
+    records = [direct_records(record(each.folder)) for each in results.by_cell.values()]
+    for load, solutions in results.solutions.items():
+        for closure in CLOSURES:
+            law = law_with(closure)
+            stem = results.folder.solution(law, load).stem
+            found = [each[stem] for each in records if stem in each]
+            if found and law in solutions:
+                names = dict.fromkeys(name for each in found for name in each)
+                yield closure, law, load, {name: sum(each.get(name, 0) for each in found) for name in names}
+
+
+#: The benchmark of Dehghani & Zilian.
+DEHGHANI_ZILIAN = Published(
+    source="H. Dehghani and A. Zilian, Finite strain poro-hyperelasticity: an asymptotic multi-scale ALE-FSI "
+    "approach supported by ANNs",
+    load=-0.2,
+    porosity=0.29,
+    conductivity_viscosity=1.943e-3,
+    mean_grad_2222=-0.23,
+    mean_grad_2211=-0.076,
+    mean_grad_p_11=-0.113,
+    settlement="around 20 % smaller",
+    steady_time=38.0,
+    duration="considerably shorter time",
+    note="The text of the paper gives the radius 0.2, and the published porosity belongs to this radius. But the "
+    "published K, M and Q belong to a radius of 0.25 and a Poisson ratio of 0.35.",
+)
+
+
+def published_values(config: RunConfig) -> Published | None:
+    """Return the values of Dehghani & Zilian for their cell and column with either radius; None for other studies."""
+    macro, geometry = config.macro, config.cell.geometry
+    same = (
+        isinstance(geometry, OrthogonalChannels)
+        and geometry.axes == "xyz"
+        and geometry.radius in (0.2, 0.25)
+        and isinstance(macro.body, Box)
+        and macro.body.size == (0.1, 7.5, 0.1)
+        and -0.2 in macro.loads
+        and not config.cells
+    )
+    return DEHGHANI_ZILIAN if same else None
+
+
+def crease_line(cell: Cell) -> tuple[float, float] | None:
+    """Return (a, b) of the benchmark's cell, None for others.
+
+    Beyond H_22 = a + b p the ridges of its solid crease on a very fine mesh.
+    """
+    geometry = cell.geometry
+    same = (
+        isinstance(geometry, OrthogonalChannels)
+        and geometry.axes == "xyz"
+        and abs(geometry.radius - 0.25) < 1e-12
+        and cell.solid == NeoHookean(poisson_ratio=0.35)
+    )
+    return (-0.15, -0.33) if same else None
