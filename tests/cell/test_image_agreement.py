@@ -20,6 +20,10 @@ def image(folder, pores, **settings):
     return Voxels(kind="voxels", path=str(folder / "image.npy"), pore=1, **settings)
 
 
+def said(cell, **how):
+    return (note.text for note in disagreements(cell, **how))
+
+
 def cell_of(geometry, size):
     return Cell(geometry=geometry, mesh=MeshSettings(size=size, fluid_size=size, element="linear"))
 
@@ -68,7 +72,7 @@ def test_a_neck_that_the_mesh_closes_is_named_with_its_axis(tmp_path):
     # The lattice of the mesh has its nodes 4 voxels apart, none of them in the neck.
     geometry = image(tmp_path, np.roll(necked(4), 2, axis=(1, 2)), repeat="periodic")
     assert "x" not in "".join(p.axes for p in measure_mesh_quality(cell_of(geometry, 0.33)).fluid.pieces)
-    notes = list(disagreements(cell_of(geometry, 0.33)))
+    notes = list(said(cell_of(geometry, 0.33)))
     (closed,) = [note for note in notes if "do not" in note]
     assert closed.startswith(
         "the image's pores run through along x, those of the mesh do not: give cell.mesh.fluid_size"
@@ -79,19 +83,19 @@ def test_a_neck_that_the_mesh_closes_is_named_with_its_axis(tmp_path):
 
 def test_an_open_neck_of_less_than_two_elements_is_named(tmp_path):
     geometry = image(tmp_path, necked(6), repeat="periodic")
-    (note,) = [note for note in disagreements(cell_of(geometry, 0.15)) if "necks" in note]
+    (note,) = [note for note in said(cell_of(geometry, 0.15)) if "necks" in note]
     assert note.startswith(
         "the image's pores run through along x, but its narrowest necks there let only balls up to a width of 0.2"
     )
     assert "the permeability there depends on the mesh: give cell.mesh.fluid_size: 0.1" in note
-    assert [note for note in disagreements(cell_of(geometry, 0.1)) if "necks" in note] == []
+    assert [note for note in said(cell_of(geometry, 0.1)) if "necks" in note] == []
 
 
 @pytest.mark.parametrize("size", [0.06, 0.065, 0.08, 0.1, 0.12])
 def test_every_neck_of_less_than_two_elements_is_told_with_one_width_and_one_advice(tmp_path, size):
     geometry = image(tmp_path, necked(4), repeat="periodic")
     width = necks(~geometry.solid, np.full(3, 1 / 24), 1.0, periodic=True)["x"]
-    notes = [note for note in disagreements(cell_of(geometry, size)) if "pores run through along x" in note]
+    notes = [note for note in said(cell_of(geometry, size)) if "pores run through along x" in note]
     assert bool(notes) == (width / lattice_edges(geometry, size)[0] < 2)
     assert all("fluid_size: 0.083" in note for note in notes)
     assert all(f"width of {width:.2g} of" in note for note in notes if "ball" in note)
@@ -99,10 +103,10 @@ def test_every_neck_of_less_than_two_elements_is_told_with_one_width_and_one_adv
 
 def test_what_smoothing_closes_asks_for_less_smoothing(tmp_path):
     geometry = image(tmp_path, necked(3), repeat="periodic", smoothing=3)
-    (closed,) = [note for note in disagreements(cell_of(geometry, 0.06)) if "do not" in note]
+    (closed,) = [note for note in said(cell_of(geometry, 0.06)) if "do not" in note]
     assert "smoothing closes necks; give cell.geometry.smoothing: 0.5 and cell.mesh.fluid_size" in closed
     better = geometry.model_copy(update={"smoothing": 0.5})
-    assert not any("do not" in note for note in disagreements(cell_of(better, 0.06)))
+    assert not any("do not" in note for note in said(cell_of(better, 0.06)))
 
 
 def test_pieces_that_only_the_mesh_closes_are_counted(tmp_path):
@@ -111,17 +115,17 @@ def test_pieces_that_only_the_mesh_closes_are_counted(tmp_path):
     for axis in range(3):
         np.moveaxis(pores, axis, 0)[:, :7, :7] = True
     pores[14:22, 14:22, 14:22] = pores[7:14, 17:19, 17:19] = pores[7:9, 5:19, 17:19] = True
-    notes = list(disagreements(cell_of(image(tmp_path, pores), 0.1)))
+    notes = list(said(cell_of(image(tmp_path, pores), 0.1)))
     (shut,) = [note for note in notes if "open in the image" in note]
     assert shut.startswith("of the mesh of the fluid 8 pieces of the volumes 0.0")
     pores[7:9] = pores[9:14, 17:19, 17:19] = False  # closed in the image too
-    notes = list(disagreements(cell_of(image(tmp_path, pores), 0.1)))
+    notes = list(said(cell_of(image(tmp_path, pores), 0.1)))
     assert not any("open in the image" in note for note in notes)
 
 
 def test_a_solid_that_the_mesh_cuts_is_named(tmp_path):
     geometry = image(tmp_path, ~np.roll(necked(4), 2, axis=(1, 2)), repeat="periodic")
-    notes = list(disagreements(cell_of(geometry, 0.33)))
+    notes = list(said(cell_of(geometry, 0.33)))
     assert any(
         note.startswith(
             "the image's solid runs through along x, that of the mesh does not: give cell.mesh.size"
@@ -134,7 +138,7 @@ def test_a_porosity_that_differs_comes_with_the_size_that_mends_it(tmp_path):
     x, y, z = np.meshgrid(*[(np.arange(24) + 0.5) / 24 * 2 * np.pi] * 3, indexing="ij")
     pores = np.sin(2 * x) * np.cos(y) + np.sin(y) * np.cos(2 * z) + np.sin(z) * np.cos(x) < -0.5
     geometry = image(tmp_path, pores, repeat="periodic")
-    note = next(disagreements(cell_of(geometry, 0.2), tried=True))
+    note = next(said(cell_of(geometry, 0.2), tried=True))
     pattern = (
         r"is ([\d.]+), .* solid ([\d.]+); .*size: ([\d.]+) was meshed here and has ([\d.]+), within ([\d.]+)"
     )
@@ -143,8 +147,8 @@ def test_a_porosity_that_differs_comes_with_the_size_that_mends_it(tmp_path):
     assert abs(of_image - of_mesh) > limit == pytest.approx(0.03 * geometry.porosity, rel=0.05)
     mesh = cell_of(geometry, size).make_mesh("solid", "whole")
     assert 1 - volume(mesh.points, mesh.cells) == pytest.approx(finer, abs=1e-4)
-    assert not any("porosity" in note for note in disagreements(cell_of(geometry, size)))
-    assert "try cell.mesh.size: 0.1" in next(disagreements(cell_of(geometry, 0.2)))
+    assert not any("porosity" in note for note in said(cell_of(geometry, size)))
+    assert "try cell.mesh.size: 0.1" in next(said(cell_of(geometry, 0.2)))
 
 
 def test_a_grain_that_the_mesh_joins_keeps_or_loses_is_said(tmp_path):
@@ -174,12 +178,12 @@ def test_small_closed_pieces_are_told_by_what_they_cost_and_with_no_advice(tmp_p
     pores[17:20, 17:20, 17:20] = pores[18, 12:18, 18] = pores[18, 11, 11:19] = True
     for size in (0.06, 0.07):
         cell = cell_of(image(tmp_path, pores, repeat="periodic", smoothing=0.5), size)
-        (note,) = [note for note in disagreements(cell) if "open in the image" in note]
+        (note,) = [note for note in said(cell) if "open in the image" in note]
         assert "% of the fluid; this share bears the pressure p and does not flow; it is small" in note
 
 
 def test_cells_without_an_image_have_no_disagreement():
-    assert list(disagreements(Cell(geometry=OrthogonalChannels()))) == []
+    assert list(said(Cell(geometry=OrthogonalChannels()))) == []
 
 
 def test_the_pressure_of_closed_pores_is_said_once(tmp_path):

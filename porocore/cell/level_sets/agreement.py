@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 
@@ -44,13 +46,24 @@ NAMED = 3
 _PHASES: tuple[tuple[str, Phase, str], ...] = (("pores", "fluid", "fluid_size"), ("solid", "solid", "size"))
 
 
+class Advice(NamedTuple):
+    """What to write in words, and the sizes of elements in it by their keys under ``cell.mesh``."""
+
+    text: str
+    sizes: Mapping[str, float] = MappingProxyType({})
+
+    def of(self, what: str) -> Advice:
+        """Return a note on a difference, which ends with this advice."""
+        return Advice(f"{what}{self.text}", self.sizes)
+
+
 def voxel_edges(geometry: Voxels) -> Array:
     """Return the edges of a voxel in units of the cell, (3,)."""
     part = 1.0 if geometry.unfolding == "whole" else 0.5
     return np.asarray(np.multiply(geometry.sides, part) / geometry.solid.shape)
 
 
-def disagreements(cell: Cell, *, tried: bool = False) -> Iterator[str]:
+def disagreements(cell: Cell, *, tried: bool = False) -> Iterator[Advice]:
     """Yield in what the meshes of a cell differ from its image, and what to write; nothing for cells without one.
 
     With ``tried`` a size that is advised for the porosity was meshed, where that is cheap.
@@ -62,7 +75,7 @@ def disagreements(cell: Cell, *, tried: bool = False) -> Iterator[str]:
             yield from _Compared.of(single, cell.geometry, *phase).notes()
 
 
-def _porosities(cell: Cell, geometry: Voxels, tried: bool) -> Iterator[str]:
+def _porosities(cell: Cell, geometry: Voxels, tried: bool) -> Iterator[Advice]:
     image = geometry.porosity
     limit, noted = min(SHARE * image, POINTS), set[float]()
     for _, phase, key in reversed(_PHASES):
@@ -71,13 +84,12 @@ def _porosities(cell: Cell, geometry: Voxels, tried: bool) -> Iterator[str]:
         porosity = 1 - share if phase == "solid" else share
         if abs(porosity - image) > limit and size not in noted:
             noted.add(size)
-            yield (
+            yield _closer(cell, phase, key, porosity, limit, tried).of(
                 f"the porosity of the image is {image:.4g}, that of the mesh of the {phase} {porosity:.4g}; "
-                f"{_closer(cell, phase, key, porosity, limit, tried)}"
             )
 
 
-def _closer(cell: Cell, phase: Phase, key: str, porosity: float, limit: float, tried: bool) -> str:
+def _closer(cell: Cell, phase: Phase, key: str, porosity: float, limit: float, tried: bool) -> Advice:
     """Return the size that brings the porosity of a mesh within a limit, meshed here, or else one to try."""
     geometry, size = cell.geometry, float(getattr(cell.mesh, key))
     image, spent = geometry.porosity, 0.0
@@ -87,17 +99,19 @@ def _closer(cell: Cell, phase: Phase, key: str, porosity: float, limit: float, t
         size = at_most(max(SMALLEST, lattice_edges(geometry, size)[0] * min(factor, STEP)))
         spent += geometry.elements(size) / (1 if geometry.unfolding == "whole" else 8)
         if not can_be_meshed(geometry, size):
-            return too_fine(size)
+            return Advice(too_fine(size))
         if not tried or spent > TRIED or size <= SMALLEST:
-            return (
+            return Advice(
                 f"try cell.mesh.{key}: {size:g}; it was not meshed for this note, and the porosity does not approach "
-                "the image's evenly"
+                "the image's evenly",
+                {key: size},
             )
         part = geometry.tetrahedra(size, cell.mesh.element)[phase]
         share = volume(part.points, part.cells) * (1 if geometry.unfolding == "whole" else 8)
         porosity = 1 - share if phase == "solid" else share
         if abs(porosity - image) <= limit:
-            return f"cell.mesh.{key}: {size:g} was meshed here and has {porosity:.4g}, within {limit:.2g}"
+            said = f"cell.mesh.{key}: {size:g} was meshed here and has {porosity:.4g}, within {limit:.2g}"
+            return Advice(said, {key: size})
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +152,7 @@ class _Compared:
         of_mesh = pieces(cell.make_mesh(phase, "whole"))
         return cls(geometry, name, phase, key, size, of_mesh, *runs(voxels, periodic=periodic), narrow)
 
-    def notes(self) -> Iterator[str]:
+    def notes(self) -> Iterator[Advice]:
         """Yield what is open in the image and closed in the mesh, or the other way round, and narrow necks."""
         image = through_axes(self.axes)
         mesh = "".join(axis for axis in "xyz" if axis not in blocked(self.mesh))
@@ -148,25 +162,25 @@ class _Compared:
                 [self.narrow[axis] for axis in closed if axis in self.narrow],
                 lambda _, axes: set(closed) <= set(through_axes(axes)),
             )
-            yield (
-                f"the image's {self.name} {run} through along {joined(closed)}, {that} of the mesh {do} not: {advice}"
+            yield advice.of(
+                f"the image's {self.name} {run} through along {joined(closed)}, {that} of the mesh {do} not: "
             )
         if opened := [axis for axis in mesh if axis not in image]:
-            yield (
+            yield Advice(
                 f"the mesh's {self.name} {run} through along {joined(opened)}, {that} of the image {do} not: give "
                 f"a smaller cell.mesh.{self.key} or cell.geometry.smoothing"
             )
         if weak := sorted(axis for axis in self.narrow if axis in mesh):
             width = min(self.narrow[axis] for axis in weak)
             what = "permeability" if self.phase == "fluid" else "stiffness"
-            yield (
+            yield self._advice([width]).of(
                 f"the image's {self.name} {run} through along {joined(weak)}, but its narrowest necks there let only "
                 f"balls up to a width of {width:.2g} of the cell pass, {count_text(width / self.size)} of "
-                f"mesh.{self.key}; the {what} there depends on the mesh: {self._advice([width])}"
+                f"mesh.{self.key}; the {what} there depends on the mesh: "
             )
         yield from self._shut()
 
-    def _shut(self) -> Iterator[str]:
+    def _shut(self) -> Iterator[Advice]:
         """Yield a note on pieces that are closed in the mesh only."""
         shut = [
             piece for piece in self.mesh if piece.rank == 0 and self.axes[self._label(self.labels, piece)]
@@ -183,13 +197,13 @@ class _Compared:
         if self.phase == "fluid":
             share += "; this share bears the pressure p and does not flow"
             if part < LITTLE:
-                yield f"{share}; it is small enough to be left so"
+                yield Advice(f"{share}; it is small enough to be left so")
                 return
         # Specks may lie where the smoothed image has the other phase.
         advice = self._advice(
             [self._way_out(shut[0])], lambda labels, axes: bool(axes[self._label(labels, shut[0])])
         )
-        yield f"{share}: {advice}"
+        yield advice.of(f"{share}: ")
 
     def _way_out(self, piece: Piece) -> float:
         solid = self.geometry.solid
@@ -203,11 +217,12 @@ class _Compared:
 
     def _advice(
         self, widths: list[float], is_open: Callable[[IntArray, list[str]], bool] = lambda labels, axes: True
-    ) -> str:
+    ) -> Advice:
         """Return what to write so that necks of these widths are resolved, and that ``is_open`` holds once smoothed."""
         width = min(widths, default=self.size)
         size, few = at_most(width / FEWEST), can_be_meshed(self.geometry, at_most(width / FEWEST))
         finer = f"cell.mesh.{self.key}: {size:g}" if few else too_fine(size)
+        sizes = {self.key: size} if few else {}
         less = [value for value in LESS if value < self.geometry.smoothing]
         if is_open(*self._smoothed(self.geometry.smoothing)):
             narrow = width < SMOOTHED * float(voxel_edges(self.geometry).min())
@@ -216,12 +231,14 @@ class _Compared:
                 if narrow and less
                 else ""
             )
-            return f"{'give ' if few else ''}{finer}{keeps}"
+            return Advice(f"{'give ' if few else ''}{finer}{keeps}", sizes)
         for smoothing in less:
             if is_open(*self._smoothed(smoothing)):
                 wider = f"smoothing closes necks; give cell.geometry.smoothing: {smoothing:g}"
-                return f"{wider}{' and' if few else ';'} {finer}"
-        return "their necks are of a voxel or two and lost in any mesh; take an image of smaller voxels"
+                return Advice(f"{wider}{' and' if few else ';'} {finer}", sizes)
+        return Advice(
+            "their necks are of a voxel or two and lost in any mesh; take an image of smaller voxels"
+        )
 
     def _smoothed(self, smoothing: float) -> tuple[IntArray, list[str]]:
         level_set = self.geometry.model_copy(update={"smoothing": smoothing}).level_set()

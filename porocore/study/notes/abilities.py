@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 
@@ -14,6 +13,7 @@ from porocore.cell.cell import Cell
 from porocore.cell.family.mesh import undeformed_count
 from porocore.cell.level_sets.agreement import (
     FEWEST,
+    Advice,
     at_most,
     can_be_meshed,
     count_text,
@@ -492,7 +492,7 @@ def resolution(cell: Cell, length: float | None = None) -> Iterator[str]:
     voxel = voxel_edges(geometry)
     for key, size in (("size", cell.mesh.size), ("fluid_size", cell.mesh.fluid_size)):
         yield f"  mesh.{key} {size:g} {_edge_text(geometry, size, length)}"
-    notes = []
+    notes = list[Advice]()
     for name, phase, key, size in (
         ("thinnest wall", solid, "size", cell.mesh.size),
         ("narrowest pore", ~solid, "fluid_size", cell.mesh.fluid_size),
@@ -507,19 +507,20 @@ def resolution(cell: Cell, length: float | None = None) -> Iterator[str]:
         )
         if elements < FEWEST and voxels >= SEEN:
             needed = at_most(thickness / FEWEST)
-            advice = f"cell.mesh.{key}: {needed:g} has {FEWEST:g} there"
-            advice = advice if can_be_meshed(geometry, needed) else too_fine(needed)
-            notes.append(f"note: {count_text(elements)} across the {name} resolve it poorly; {advice}")
-    notes += [f"note: {note}" for note in disagreements(cell, tried=True)]
-    yield from notes
+            advice = Advice(f"cell.mesh.{key}: {needed:g} has {FEWEST:g} there", {key: needed})
+            advice = advice if can_be_meshed(geometry, needed) else Advice(too_fine(needed))
+            notes.append(advice.of(f"{count_text(elements)} across the {name} resolve it poorly; "))
+    notes += disagreements(cell, tried=True)
+    yield from (f"note: {note.text}" for note in notes)
     yield from _together(notes)
 
 
-def _together(notes: Iterable[str]) -> Iterator[str]:
+def _together(notes: Iterable[Advice]) -> Iterator[str]:
     """Yield the sizes that serve all notes, where they advise several of one key."""
     advised: dict[str, set[float]] = {}
-    for key, size in re.findall(r"cell\.mesh\.(\w+): ([\d.]*\d)", " ".join(notes)):
-        advised.setdefault(key, set()).add(float(size))
+    for note in notes:
+        for key, size in note.sizes.items():
+            advised.setdefault(key, set()).add(size)
     several = [f"cell.mesh.{key}: {min(sizes):g}" for key, sizes in advised.items() if len(sizes) > 1]
     if several:
         yield f"note: of these sizes the smallest serves all that is said above: {joined(several)}"

@@ -89,7 +89,10 @@ def report_context(results: RunResults) -> ReportContext:
             *(
                 each.folder.said_of_cell(warning)
                 for each in cells.values()
-                for warning in (*each.config.cell.geometry.warnings, *disagreements(each.config.cell))
+                for warning in (
+                    *each.config.cell.geometry.warnings,
+                    *(note.text for note in disagreements(each.config.cell)),
+                )
             ),
             *_overshoots(results, rest),
         ),
