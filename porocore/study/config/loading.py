@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 import yaml
 from pydantic import ValidationError, create_model
+from pydantic_core import ErrorDetails
 
 from porocore.cell.cell import Cell
 from porocore.cell.level_sets.voxels import stated_size
@@ -207,13 +208,10 @@ def validated(document: YamlDocument, *, alone: bool = False) -> RunConfig:
     if scales is not None:
         data["scales"].setdefault("pore", scales.pore)
     found += faulty
-    unread = {at for at, _ in found}
-    config: RunConfig | None = None
-    try:
-        with speaking(_units(data, scales)):
-            config = RunConfig.model_validate(data, context={"folder": document.folder})
-    except ValidationError as error:
-        found += [fault for fault in faults(document, error.errors(), RunConfig) if fault[0] not in unread]
+    unread = bool(found)
+    with speaking(_units(data, scales)):
+        config = _as_model(document, RunConfig, data, found)
+    if config is None:
         found += _surfaces_beside(document, found)
     else:
         config._sections = sections
@@ -317,16 +315,33 @@ def read_settings(document: YamlDocument, root: type[Section], scales: Scales | 
         Lists every fault on a line of its own, as :func:`load_config`.
     """
     data, found = resolved(root, document.data, scales)
-    unread = {at for at, _ in found}
-    read = None
-    try:
-        read = root.model_validate(data, context={"folder": document.folder})
-    except ValidationError as error:
-        found += [fault for fault in faults(document, error.errors(), root) if fault[0] not in unread]
+    read = _as_model(document, root, data, found)
     found += [fault for fault in switched(document, root) if fault[0] not in dict(found)]
     if found or read is None:
         raise refusal(document, found)
     return read
+
+
+def _as_model(
+    document: YamlDocument,
+    model: type[Section],
+    data: Any,
+    found: list[tuple[Location, str]],
+    of: Callable[[ErrorDetails], bool] = lambda error: True,
+    root: type[StrictModel] | None = None,
+) -> Section | None:
+    """Return data as a model has them; None where it does not take them, with its faults added to ``found``.
+
+    A value that could not be read is a fault already. ``of`` chooses the errors that count, and
+    the advice is on the keys of ``root``, by default the model.
+    """
+    unread = {at for at, _ in found}
+    try:
+        return model.model_validate(data, context={"folder": document.folder})
+    except ValidationError as error:
+        complaints = faults(document, filter(of, error.errors()), root or model)
+        found += [fault for fault in complaints if fault[0] not in unread]
+        return None
 
 
 def _without_viscosity(config: RunConfig) -> Iterator[tuple[Location, str]]:
@@ -347,16 +362,14 @@ def _scales(document: YamlDocument) -> tuple[Scales | None, list[tuple[Location,
     if section is None:
         return None, []
     data, found = resolved(_OnlyScales, {"scales": section}, None)
-    unread = {at for at, _ in found}
     length, refused = _length(document)
     found += refused
     if isinstance(data["scales"], dict) and (length is not None or refused):
         data["scales"].setdefault("pore", length or 1.0)
-    try:
-        scales = _OnlyScales.model_validate(data).scales
-    except ValidationError as error:
-        found += [fault for fault in faults(document, error.errors(), RunConfig) if fault[0] not in unread]
+    read = _as_model(document, _OnlyScales, data, found, root=RunConfig)
+    if read is None:
         return None, [(at, _with_voxel_size(document, at, text)) for at, text in found]
+    scales = read.scales
     if not found and length is not None and not math.isclose(scales.pore, length, rel_tol=SAME_LENGTH):
         edges = document.value(("cell", "geometry", "voxel_size"))
         found.append((("scales", "pore"), _other_length(length, section["pore"], edges)))
@@ -383,13 +396,8 @@ def _beside_the_scales(document: YamlDocument) -> list[tuple[Location, str]]:
     """
     data, found = resolved(RunConfig, document.data, ANY_SCALES)
     found = [fault for fault in found if fault[0][0] != "scales"]
-    unread = {at for at, _ in found}
     data = {**data, "scales": ANY_SCALES.model_dump(exclude_none=True)}
-    try:
-        RunConfig.model_validate(data, context={"folder": document.folder})
-    except ValidationError as error:
-        names = [each for each in error.errors() if each["type"] in OF_NAMES]
-        found += [fault for fault in faults(document, names, RunConfig) if fault[0] not in unread]
+    _as_model(document, RunConfig, data, found, lambda error: error["type"] in OF_NAMES)
     return [*found, *_surfaces_beside(document, found)]
 
 
@@ -403,14 +411,11 @@ def _length(document: YamlDocument) -> tuple[float | None, list[tuple[Location, 
     if not isinstance(geometry, Mapping) or geometry.get("voxel_size") is None:
         return None, []
     data, found = resolved(_OnlyCell, {"cell": {"geometry": geometry}}, None)
-    unread = {at for at, _ in found}
-    try:
-        cell = _OnlyCell.model_validate(data, context={"folder": document.folder}).cell
-    except ValidationError as error:
-        found += [fault for fault in faults(document, error.errors(), _OnlyCell) if fault[0] not in unread]
+    read = _as_model(document, _OnlyCell, data, found)
+    if read is None:
         return None, found
     with located(document):
-        return cell.geometry.length, found
+        return read.cell.geometry.length, found
 
 
 def _other_length(length: float, given: Any, edges: Any) -> str:
