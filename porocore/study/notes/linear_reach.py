@@ -1,4 +1,4 @@
-"""Linear solutions of a body before its cells are solved; notes on the ranges that it leaves.
+"""Linear solutions of a body before its cells are solved; notes on the ranges that it leaves or hardly uses.
 
 What is prescribed is reached in any case, see :mod:`porocore.study.notes.magnitudes`.
 """

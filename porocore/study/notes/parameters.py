@@ -1,4 +1,4 @@
-"""Undeformed cell over its parameters; notes on wide ranges; errors on held-out states."""
+"""Undeformed cell over its parameters, and errors of the surrogate on held-out states, for the report."""
 
 from __future__ import annotations
 
