@@ -102,7 +102,7 @@ def state(
     kept = chosen_store(store, no_store)
     path, settings = read_config(config, fem, cell_only=True)
     units, file = settings.result_units, settings
-    with interruptible(), located(path), in_units_of(settings):
+    with interruptible(), located(path), in_units_of(settings.result_units):
         settings = one_cell(settings, cell, parameters)
         found = read_state(at, grad_u, p, settings.cell.modulus, {}, settings.scales)
         from porocore.core.inputs import NAMES
@@ -121,7 +121,7 @@ def state(
         if as_json:
             if properties is not None:
                 result["properties"] = properties.in_units(units, settings.cell_length)
-                result["notes"] = [*warnings, *notes(settings)]
+                result["notes"] = [*warnings, *notes(settings.cell, settings.cell_length, settings.scales)]
             result["cell"] = which | {"description": settings.cell.geometry.description}
             typer.echo(json.dumps(result, allow_nan=False))
             return

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from porocore.core.files.store import ResultStore
-    from porocore.core.units import Scales
+    from porocore.core.units import ResultUnits, Scales
     from porocore.study.config.config import RunConfig
     from porocore.study.run.folder import RunFolder
 
@@ -41,11 +41,11 @@ class Interrupted(Exception):
         self.status = status
 
 
-def in_units_of(settings: RunConfig) -> AbstractContextManager[None]:
-    """Return a context whose messages have the units of a configuration."""
+def in_units_of(units: ResultUnits) -> AbstractContextManager[None]:
+    """Return a context whose messages have these units."""
     from porocore.core.units import speaking
 
-    return speaking(settings.result_units)
+    return speaking(units)
 
 
 @contextmanager

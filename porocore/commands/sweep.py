@@ -93,7 +93,7 @@ def sweep(
         check_backends(plan.family)
     kept = chosen_store(store, no_store)
     folder = claim(path.with_name(path.stem + plan.suffix), plan.family, out, resume)
-    with located(path), in_units_of(settings), folder:
+    with located(path), in_units_of(settings.result_units), folder:
         found = run_sweep(folder, plan, console=Console(), laws=laws, store=kept)
         print_sweep(found)
     for written in (found.table, *found.pictures):

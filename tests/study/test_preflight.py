@@ -87,18 +87,20 @@ def test_check_tells_the_time_of_macro_runs_between_rounds(tmp_path):
     config = load_config(study_of(tmp_path, **options))
     sampler = make_backend("sampler", config)
     assert rounds(sampler) == 3  # after 12, 18 and 24 states; none is made before the first of them
-    (line,) = decisions(config, sampler)
-    each = decision_time(config, sampler)
+    (line,) = decisions(config.macro, config.closure, sampler)
+    each = decision_time(config.macro, config.closure, sampler)
     assert line.startswith(
         f"  exploring by macro runs between the rounds: at most some 3 times {as_time(each)}, "
     )
     loads = config.model_copy(update={"macro": config.macro.model_copy(update={"loads": (0.02, 0.04, 0.06)})})
-    assert decision_time(loads, sampler) == pytest.approx(3 * each)
+    assert decision_time(loads.macro, loads.closure, sampler) == pytest.approx(3 * each)
     fine = make_backend("sampler", load_config(study_of(tmp_path, sampling__options={"count": 24})))
-    assert decision_time(config, fine) > 1.3 * each  # on 6 and 20 elements along each axis, not 4
+    assert (
+        decision_time(config.macro, config.closure, fine) > 1.3 * each
+    )  # on 6 and 20 elements along each axis, not 4
     plan = {"sampler": "sobol", "inputs": {"p": {"range": [-0.1, 0.1]}}, "options": {"count": 24}}
     plain = load_config(study_of(tmp_path, sampling=plan))
-    assert list(decisions(plain, make_backend("sampler", plain))) == []
+    assert list(decisions(plain.macro, plain.closure, make_backend("sampler", plain))) == []
 
 
 def study_of(tmp_path, **changes):

@@ -67,7 +67,7 @@ def fields(
     if (extrema := found.response.extrema) is not None:
         from porocore.report.format import multiple
 
-        with in_units_of(settings):
+        with in_units_of(settings.result_units):
             mean, largest = (
                 multiple(float(value[0]), "energy-density", 6)
                 for value in (extrema.energy_mean, extrema.energy)

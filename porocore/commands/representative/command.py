@@ -100,7 +100,7 @@ def rev(
     kept = chosen_store(store, no_store)
     path, settings = read_config(config, fem, cell_only=True)
     settings = named_cell(settings, cell)
-    with located(path), in_units_of(settings):
+    with located(path), in_units_of(settings.result_units):
         from porocore.commands.representative.study import study_representative_volume
         from porocore.commands.representative.tables import summary, verdict
 

@@ -71,7 +71,7 @@ def sensitivity(
     """
     kept = chosen_store(store, no_store)
     _, settings = read_config(config, fem)
-    with in_units_of(settings):
+    with in_units_of(settings.result_units):
         from porocore.commands.sensitivity.study import study_sensitivity
 
         check_workers(workers)

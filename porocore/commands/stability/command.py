@@ -79,7 +79,7 @@ def stability(
     """
     kept = chosen_store(store, no_store)
     _, settings = read_config(config, fem)
-    with in_units_of(settings):
+    with in_units_of(settings.result_units):
         from porocore.commands.stability.study import map_stability
 
         check_workers(workers)

@@ -154,7 +154,7 @@ class Study:
                 raise ConfigurationError(
                     f"{name}: no installed plugin has a command with this section; 'porocore plugins' lists all"
                 )
-            return section_settings(self._document, name, model, self.config)
+            return section_settings(self._document, name, model, self.config.scales)
 
     if not TYPE_CHECKING:  # else a misspelt name would have a type
 

@@ -226,7 +226,10 @@ def validated(document: YamlDocument, *, alone: bool = False) -> RunConfig:
         )
         with located(document):
             found += other_lengths(config) if alone else cell_faults(config)
-        found += _without_viscosity(config) if scales is not None else ()
+        if scales is not None:
+            cells: dict[Location, Cell] = {("cell",): config.cell}
+            cells |= {("cells", name): cell for name, cell in config.cells.items()}
+            found += _without_viscosity(cells)
     found += [fault for fault in switched(document, RunConfig) if fault[0] not in dict(found)]
     if found or config is None:
         # A unit that cannot be read is a fault itself.
@@ -291,7 +294,9 @@ def command_of_file(document: YamlDocument) -> Offered | None:
     return find_command(lambda offer: offer.section not in keys and bool(keys & set(offer.file_keys)))
 
 
-def section_settings(document: YamlDocument, key: str, model: type[Section], config: RunConfig) -> Section:
+def section_settings(
+    document: YamlDocument, key: str, model: type[Section], scales: Scales | None
+) -> Section:
     """Return the section of a command as its model has it, dimensionless by the scales of the study.
 
     Raises
@@ -301,7 +306,7 @@ def section_settings(document: YamlDocument, key: str, model: type[Section], con
     """
     root: Any = create_model("Section", __base__=StrictModel, **{key: (model, ...)})  # type: ignore[call-overload]
     section: Section = getattr(
-        read_settings(replace(document, data={key: document.data.get(key) or {}}), root, config.scales), key
+        read_settings(replace(document, data={key: document.data.get(key) or {}}), root, scales), key
     )
     return section
 
@@ -344,10 +349,8 @@ def _as_model(
         return None
 
 
-def _without_viscosity(config: RunConfig) -> Iterator[tuple[Location, str]]:
+def _without_viscosity(cells: Mapping[Location, Cell]) -> Iterator[tuple[Location, str]]:
     """Yield faults of cells whose fluid has no viscosity."""
-    cells: dict[Location, Cell] = {("cell",): config.cell}
-    cells |= {("cells", name): cell for name, cell in config.cells.items()}
     for at, cell in cells.items():
         if "viscosity" not in cell.model_fields_set:
             yield (*at, "viscosity"), f"{dotted(at)}.viscosity: {NO_VISCOSITY} '{dotted(at)}:'"

@@ -196,7 +196,7 @@ def family_lines(config: RunConfig, sampler: Sampler) -> Iterator[str]:
     if not config.cell.is_family:
         return
     sampled, held_out = members_of(config, sampler)
-    used = _used(config)
+    used = _used(np.array(config.used_parameters), config.cell)
     ranges = (f"{each.name} in [{each.lower:g}, {each.upper:g}]" for each in config.cell.parameters)
     yield (
         f"  family of cells over {', '.join(ranges)}: {undeformed_count(config.cell)} undeformed "
@@ -204,16 +204,15 @@ def family_lines(config: RunConfig, sampler: Sampler) -> Iterator[str]:
     )
 
 
-def _used(config: RunConfig) -> str:
+def _used(rows: Array, cell: Cell) -> str:
     """Return where the body is among the parameters, after a comma; empty where the whole ranges are sampled."""
-    rows = np.array(config.used_parameters)
     if not len(rows):
         return ""
     ends = [
         f"{low:g}" if low == high else f"{low:g} to {high:g}"
         for low, high in zip(rows.min(0), rows.max(0), strict=True)
     ]
-    names = (each.name for each in config.cell.parameters)
+    names = (each.name for each in cell.parameters)
     there = ", ".join(f"{name} {at}" for name, at in zip(names, ends, strict=True))
     return f", where the body is: {there} (sampling.parameters: body)"
 

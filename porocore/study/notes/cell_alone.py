@@ -13,7 +13,7 @@ from porocore.cell.level_sets.agreement import grains
 from porocore.cell.meshing.connectivity import blocked, pieces
 from porocore.cell.meshing.mesh_quality import CLOSED_PORES, closed_pores, measure_mesh_quality
 from porocore.core.files.store import ResultStore
-from porocore.core.units import MULTIPLES, ResultUnits, speaking
+from porocore.core.units import MULTIPLES, ResultUnits, Scales, speaking
 from porocore.errors import PluginError
 from porocore.macro.laws.linear import SAME, EffectiveProperties
 from porocore.plugins import registry
@@ -131,7 +131,7 @@ def table_of_cell(config: RunConfig, found: EffectiveProperties) -> Iterator[str
     yield AXES
     if not units.given:
         yield DIMENSIONLESS
-    yield from (f"note: {note}" for note in notes(config))
+    yield from (f"note: {note}" for note in notes(cell, config.cell_length, config.scales))
 
 
 def _class_of(cell: Cell, found: EffectiveProperties) -> str:
@@ -143,18 +143,21 @@ def _class_of(cell: Cell, found: EffectiveProperties) -> str:
     return text
 
 
-def notes(config: RunConfig) -> Iterator[str]:
-    """Yield what a reader of the properties of a cell has to know of its pores, image and fluid."""
-    single = config.cell.model_copy(update={"supercell": (1, 1, 1)})
+def notes(cell: Cell, length: float | None, scales: Scales | None) -> Iterator[str]:
+    """Yield what a reader of the properties of a cell has to know of its pores, image and fluid.
+
+    ``length`` is that of the cell [m], where it is known.
+    """
+    single = cell.model_copy(update={"supercell": (1, 1, 1)})
     yield from single.geometry.warnings
     yield from single.geometry.notes
     yield from grains(single)
     if single.geometry.error_of_shape:
         yield single.geometry.error_of_shape
-    for line in resolution(single, config.cell_length):
+    for line in resolution(single, length):
         if line.startswith("note: "):
             yield line.removeprefix("note: ")
-    if config.cell.solid.swells:
+    if cell.solid.swells:
         yield (
             "the solid swells: moduli, α, M_B and c_v are those of small changes of the cell whose swelling is held at "
             "H = 0"
@@ -167,7 +170,7 @@ def notes(config: RunConfig) -> Iterator[str]:
             f"the pores do not run through the cell along {', '.join(axes)}; K and k there are 0, up to the error of "
             "the mesh"
         )
-    yield from (note.removeprefix("note: ") for note in thin_fluid(config.cell, config.scales))
+    yield from (note.removeprefix("note: ") for note in thin_fluid(cell, scales))
 
 
 def _flow_rows(config: RunConfig, found: EffectiveProperties) -> Iterator[tuple[str, str]]:

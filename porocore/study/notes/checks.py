@@ -97,7 +97,7 @@ def check_file(
     command, settings = registry.make_command(offered), None
     model = command.section()
     if config is not None and model is not None:
-        settings = section_settings(document, key, model, config)
+        settings = section_settings(document, key, model, config.scales)
     with located(document):
         checked = command.check(document, config, settings)
     if not isinstance(checked, FileCheck):

@@ -19,7 +19,7 @@ from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.sampling.forecast import Guess
 from porocore.sampling.samplers.macro_driven import MacroDriven
 from porocore.states import Array
-from porocore.study.config.config import RunConfig, SamplingSettings
+from porocore.study.config.config import MacroSettings, RunConfig, SamplingSettings
 from porocore.study.notes import cost
 from porocore.study.notes.cost import CellCost
 from porocore.study.notes.reach import shears
@@ -268,7 +268,7 @@ class RunTimes:
         macro = [macro_time(config.closure, config.macro.problem(load)) for load in config.macro.loads]
         return cls(
             work.cell_time + start,
-            rounds(sampler) * decision_time(config, sampler),
+            rounds(sampler) * decision_time(config.macro, config.closure, sampler),
             None if training is None else training.at(sampler.expected),
             max(*macro, sum(macro) / bodies_at_once(config, 2 * len(macro))),
             cost.BEGIN + cost.REPORT + cost.REPORT_OF_LOAD * len(config.macro.loads),
@@ -342,15 +342,12 @@ def expected_steps(problem: MacroProblem) -> float:
     return max(planned, cost.STEPS * len(kinks) / math.sqrt(plan.tolerance))
 
 
-def decision_time(config: RunConfig, sampler: Sampler) -> float:
+def decision_time(macro: MacroSettings, closure: str, sampler: Sampler) -> float:
     """Return the time in which a sampler chooses a round on a quiet core [s]."""
     if not isinstance(sampler, MacroDriven):
         return sampler.outlook.decision
-    problems = [
-        coarse_problem(config.macro.problem(load), sampler.elements, sampler.steps)
-        for load in config.macro.loads
-    ]
-    return sum(_law_time(config.closure, problem) for problem in problems)
+    problems = [coarse_problem(macro.problem(load), sampler.elements, sampler.steps) for load in macro.loads]
+    return sum(_law_time(closure, problem) for problem in problems)
 
 
 def rounds(sampler: Sampler) -> int:
@@ -376,7 +373,7 @@ def guessed_times(config: RunConfig, sampler: Sampler, solved: Array | None = No
         Seconds of states that these workers have solved before.
     """
     workers, slow = config.sampling.workers_here, slowness()
-    decision = decision_time(config, sampler) * slow
+    decision = decision_time(config.macro, config.closure, sampler) * slow
     if solved is not None and len(solved):
         return Guess(max(workers, 1), 0.0, float(solved.mean()), decision, first=1.0)
     start = 0.0 if workers == 1 else cost.START * slow
@@ -415,10 +412,10 @@ def trains_beside(cell: Cell, sampling: SamplingSettings) -> bool:
     return processes > 1 and sampling.test.count * state / processes >= WORTHWHILE
 
 
-def decisions(config: RunConfig, sampler: Sampler) -> Iterator[str]:
+def decisions(macro: MacroSettings, closure: str, sampler: Sampler) -> Iterator[str]:
     """Yield the time that a sampler takes to choose its rounds, beside that of the cells; nothing where it is none."""
     if count := rounds(sampler):
-        each = decision_time(config, sampler)
+        each = decision_time(macro, closure, sampler)
         yield (
             f"  {sampler.choosing} between the rounds: at most some {count} times {as_time(each)}, "
             f"{as_time(count * each)} in all"

@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from porocore.core.inputs import NAMES, components
+from porocore.core.inputs import NAMES, InputSpace, components
 from porocore.core.units import ResultUnits, length_text
 from porocore.errors import SolveError
 from porocore.interfaces.law import MacroLaw
@@ -149,8 +149,10 @@ def predicted_reach(config: RunConfig, linear: LinearCoefficients | MacroLaw) ->
     parts = {name: _part(config, solutions, name) for name in config.cell_names}
     units = config.result_units
     found = {name: [_of_solution(each, units) for each in part] for name, part in parts.items()}
+    spaces = {name: config.of_cell(name).sampling.input_space() for name in parts}
     reached = {
-        name: extents(config.of_cell(name), [states for states, _ in each]) for name, each in found.items()
+        name: extents(spaces[name], config.learns_potential, [states for states, _ in each])
+        for name, each in found.items()
     }
     mesh = body_mesh(config.macro)
     thin = any(too_thin(config, mesh))  # a length is wrong, and with it the time that decides what p does
@@ -186,8 +188,9 @@ def _reach(
     """
     units, where = config.result_units, "the body" if mesh is not None else "its part of the body"
     key = "sampling.inputs" if name is None else f"sampling.cells.{name}.inputs"
-    share = max(map(partial(_share, config), solutions, [states for states, _ in found]))
-    reached = _beyond(config, found) if share >= LEAST_FLAGGED else []
+    sampled = config.sampling.input_space(), config.learns_potential
+    share = max(map(partial(_share, *sampled), solutions, [states for states, _ in found]))
+    reached = _beyond(*sampled, found) if share >= LEAST_FLAGGED else []
     if not reached:
         yield "reach of the body: by linear poroelasticity it stays within the sampled ranges"
         if mesh is not None:
@@ -284,10 +287,9 @@ def prescribed_reach(config: RunConfig, mesh: BodyMesh) -> list[str]:
 
     Of several cells it is not known which of them reaches it, so it is noted where it leaves the ranges of all.
     """
-    each = [
-        _beyond(config.of_cell(name), [_prescribed(config.macro, config.result_units, mesh)])
-        for name in config.cell_names
-    ]
+    found = [_prescribed(config.macro, config.result_units, mesh)]
+    spaces = [config.of_cell(name).sampling.input_space() for name in config.cell_names]
+    each = [_beyond(inputs, config.learns_potential, found) for inputs in spaces]
     reached = min(each, key=len)
     if not reached:
         return []
@@ -295,11 +297,11 @@ def prescribed_reach(config: RunConfig, mesh: BodyMesh) -> list[str]:
     return [f"what is prescribed leaves the sampled ranges, on average or more: {said}"]
 
 
-def _beyond(config: RunConfig, found: Sequence[Found]) -> list[Reach]:
+def _beyond(inputs: InputSpace, objective: bool, found: Sequence[Found]) -> list[Reach]:
     """Return the components that leave the sampled ranges in any of the states that were found, the worst first."""
-    inputs, states = config.sampling.input_space(), MacroState.concatenate([states for states, _ in found])
+    states = MacroState.concatenate([states for states, _ in found])
     starts = np.cumsum([0, *(len(states) for states, _ in found)])
-    if config.learns_potential:
+    if objective:
         states = inputs.without_rotation(states)
 
     def where(row: int) -> str:
@@ -309,12 +311,11 @@ def _beyond(config: RunConfig, found: Sequence[Found]) -> list[Reach]:
     return beyond(inputs, components(states), where)
 
 
-def _share(config: RunConfig, solution: MacroSolution, states: MacroState) -> float:
+def _share(inputs: InputSpace, objective: bool, solution: MacroSolution, states: MacroState) -> float:
     """Return the largest share of the body that leaves the sampled ranges at one time, given the states at all."""
-    inputs = config.sampling.input_space()
     # Fields do not leave the ranges of their parameters.
     states = replace(states, parameters=None)
-    if config.learns_potential:
+    if objective:
         states = inputs.without_rotation(states)
     unit = inputs.to_unit(inputs.gather(states))
     outside = inputs.moves_other(states) | (np.abs(unit - 0.5) > 0.5 + ROUND_OFF).any(axis=1)
@@ -352,10 +353,13 @@ MARGIN = 0.5
 Extents = Mapping[str, tuple[float, float]]
 
 
-def extents(config: RunConfig, found: Sequence[MacroState]) -> Extents:
-    """Return the least and largest value of each input of one cell in some states, zero included."""
-    inputs, states = config.sampling.input_space(), MacroState.concatenate(list(found))
-    if config.learns_potential:
+def extents(inputs: InputSpace, objective: bool, found: Sequence[MacroState]) -> Extents:
+    """Return the least and largest value of each input of one cell in some states, zero included.
+
+    States are ``objective`` where the surrogate does not change when they are turned.
+    """
+    states = MacroState.concatenate(list(found))
+    if objective:
         states = inputs.without_rotation(states)
     rows = components(states)
     values = {name: rows[NAMES.index(name)] for name in inputs.names}

@@ -81,7 +81,7 @@ def outline(config: RunConfig) -> Iterator[str]:
         yield from lines_of_cell(name, family_lines(one, sampler))
     yield from work_lines(works)
     for name, one in cells.items():
-        yield from lines_of_cell(name, decisions(one, samplers[name]))
+        yield from lines_of_cell(name, decisions(one.macro, one.closure, samplers[name]))
     times = [RunTimes.of(one, works[name], samplers[name]) for name, one in cells.items()]
     yield RunTimes.together(times).line(max(1, works[None].workers))
     mesh = place(config)

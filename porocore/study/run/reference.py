@@ -16,6 +16,7 @@ from porocore.cell.family.mesh import UnstressedFamily
 from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
 from porocore.macro.boundary.drainage import undrained
+from porocore.macro.laws.closure import ConductivityLaw
 from porocore.macro.laws.linear import EffectiveProperties
 from porocore.macro.reference import CellReference, porosity_at_rest
 from porocore.plugins.border import conductivity_of, solution_of
@@ -171,7 +172,7 @@ def solve_cell(
         if holder is not None:
             found[part] = {name: value[0] for name, value in vars(holder).items() if value is not None}
     if rest:
-        found |= _properties(response, porosity, conductivity, config)
+        found |= _properties(response, porosity, conductivity, cell, config.conductivity, config.fem.backend)
     if response.slopes is not None:
         found["slopes"] = _by_parameter(response.slopes, [each.name for each in config.cell.parameters])
     return found | {
@@ -183,21 +184,26 @@ def solve_cell(
 
 
 def _properties(
-    response: CellResponse, porosity: float, conductivity: Array, config: RunConfig
+    response: CellResponse,
+    porosity: float,
+    conductivity: Array,
+    cell: Cell,
+    law: ConductivityLaw,
+    backend: str,
 ) -> dict[str, Any]:
     """Return the effective properties of the cell by its response at rest, and warnings."""
-    cell, derivatives = config.cell, response.tangent
+    derivatives = response.tangent
     flow = EffectiveProperties.of_flow(porosity, conductivity, cell.viscosity)
     if response.status[0] != Status.converged:
         name = Status(int(response.status[0])).name
         why = f"at rest the cell ended with the status '{name}', so its moduli are not known"
         return {"properties": flow, "warnings": [why]}
     if derivatives is None or response.fluid_volume is None or derivatives.stress_grad_u is None:
-        why = f"the cell solver '{config.fem.backend}' gives no derivatives, so there are no moduli"
+        why = f"the cell solver '{backend}' gives no derivatives, so there are no moduli"
         return {"properties": flow, "warnings": [why]}
     reference = CellReference("", response, conductivity, {}, porosity if cell.solid.swells else None)
     return {
-        "properties": reference.properties(cell, config.conductivity),
+        "properties": reference.properties(cell, law),
         "warnings": broken_by_the_mesh(response, cell.point_group),
     }
 

@@ -1,4 +1,4 @@
-"""Contents of the report page from the results of a run: cases, cells of the body, costs, errors, published values."""
+"""Contents of the report page from the results of a run: cases, cells, costs, errors, published values."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ from porocore.macro.boundary.drainage import undrained
 from porocore.macro.composition.linearised_law import RestCoefficients, coefficients_of_elements
 from porocore.macro.composition.regions import regions_of_cell
 from porocore.macro.laws import CLOSURES, ClosedLaw
-from porocore.macro.laws.closure import ClosureError, closure_error
+from porocore.macro.laws.closure import Closure, ClosureError, closure_error
 from porocore.macro.laws.direct import direct_records
 from porocore.macro.laws.linear import LinearCoefficients
-from porocore.macro.reference import CellReference, diffusion_time, unresolved
+from porocore.macro.reference import diffusion_time, unresolved
 from porocore.report.context import (
     AdaptiveSurrogateCost,
     CellSummary,
@@ -207,15 +207,16 @@ def _surrogate_summary(results: RunResults, closure: str) -> SurrogateSummary:
         outputs=output_checks(results.dataset, results.held_out, surrogate, _in_bodies(results)),
         # A fit that is done at once has no curve.
         curve=None if table is None or len(table) < 2 else TrainingCurve(*table.T),
-        closure_error=_closure_error(config, results.reference, results.dataset, surrogate),
+        # Only stress and storage are compared, and not all states have a conductivity.
+        closure_error=_closure_error(
+            results.reference.closure(closure, config.cell.solid, "piola"), results.dataset, surrogate
+        ),
         closure=closure,
         exact_closure="stress" in CLOSURES[closure].responses,
     )
 
 
-def _closure_error(
-    config: RunConfig, reference: CellReference, dataset: Dataset, surrogate: Surrogate
-) -> ClosureError | None:
+def _closure_error(closure: Closure, dataset: Dataset, surrogate: Surrogate) -> ClosureError | None:
     """Return the error of a closure on the stable states; None without stresses of the cell solver.
 
     The surrogate gives φ_f of the undeformed members of a family.
@@ -224,8 +225,6 @@ def _closure_error(
     exact = dataset.responses()[solved]
     if exact.stress is None or exact.fluid_volume is None:
         return None
-    # Only stress and storage are compared, and not all states have a conductivity.
-    closure = reference.closure(config.closure, config.cell.solid, "piola")
     states = dataset.states()[solved]
     cells = None if states.parameters is None else surrogate.undeformed(states.parameters)
     return closure_error(closure, states, exact, cells)

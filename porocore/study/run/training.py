@@ -21,7 +21,7 @@ from porocore.core.units import speaking
 from porocore.errors import DataError, RunFolderError
 from porocore.interfaces.surrogate import Surrogate, TrainingProgress, TrainingSet
 from porocore.states import Array
-from porocore.study.config.config import RunConfig
+from porocore.study.config.config import SurrogateSettings
 from porocore.study.run.composition import make_backend, training_set
 from porocore.study.run.folder import RunFolder, StageClock, timed
 from porocore.study.run.results import load_surrogate
@@ -48,7 +48,7 @@ def train(
         return
     data, stage, checkpoint = training_set(folder), training_stage(folder), folder.training_checkpoint
     files = {"surrogates": path, "training-curves": folder.training_curve}
-    key = "" if store is None else _key(folder.config, data)
+    key = "" if store is None else _key(folder.config.surrogate, folder.config.surrogate_model, data)
     saved = None if begun is not None or checkpoint.exists() else fetch_files(store, key, files)
     if saved is not None:
         with timed(folder.timings, stage) as clock:
@@ -87,7 +87,9 @@ def begin_training(folder: RunFolder, processes: CallProcesses, store: ResultSto
         return None
     if store is not None and not folder.training_checkpoint.exists():
         with suppress(DataError):  # which is told when it is trained
-            if store.find("surrogates", _key(folder.config, training_set(folder))) is not None:
+            config = folder.config
+            key = _key(config.surrogate, config.surrogate_model, training_set(folder))
+            if store.find("surrogates", key) is not None:
                 return None
     return processes.submit("while it trained the surrogate", train_elsewhere, folder)
 
@@ -117,9 +119,8 @@ def _fit(folder: RunFolder, data: TrainingSet, show: Callable[[TrainingProgress]
     surrogate.save(folder.surrogate)
 
 
-def _key(config: RunConfig, data: TrainingSet) -> str:
-    options = config.surrogate.options | {"model": config.surrogate_model}
-    return training_key(config.surrogate.backend, options, config.surrogate.seed, data)
+def _key(settings: SurrogateSettings, model: str, data: TrainingSet) -> str:
+    return training_key(settings.backend, settings.options | {"model": model}, settings.seed, data)
 
 
 class TrainingCurveFile:
