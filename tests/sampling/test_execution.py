@@ -185,8 +185,9 @@ def test_the_options_of_the_command_line(tmp_path: Path, monkeypatch: pytest.Mon
     asked: list[Any] = []
     reached: list[str] = []
 
-    def interrupted(folder: Any, config: Any, **how: Any) -> None:
-        asked.append((config.sampling.executor, config.sampling.scheduler, how["retry_lost"]))
+    def interrupted(folder: Any, **how: Any) -> None:
+        sampling = folder.config.sampling
+        asked.append((sampling.executor, sampling.scheduler, how["retry_lost"]))
         raise KeyboardInterrupt
 
     monkeypatch.setattr(pipeline, "solve_reference", lambda *given, **how: None)

@@ -82,6 +82,16 @@ def tetrahedra_solved(cell: Cell) -> int:
     return len(cell.make_mesh("solid", part).cells) + len(cell.make_mesh("fluid", part).cells)
 
 
+def too_large_to_solve(tetrahedra: int, of: str = "the cell") -> str:
+    """Return in words why a check does not solve a cell of so many tetrahedra; empty where it does."""
+    if tetrahedra <= MOST_TETRAHEDRA:
+        return ""
+    return (
+        f"not solved here, since {of} has {tetrahedra:,} tetrahedra, and a check solves up to {MOST_TETRAHEDRA:,}; "
+        "'porocore cell' solves it"
+    )
+
+
 def _cell_at_rest(
     config: RunConfig, name: str | None, store: ResultStore | None
 ) -> Generator[str, None, tuple[LinearCoefficients, MacroLaw] | None]:
@@ -92,11 +102,8 @@ def _cell_at_rest(
     one, units = config.of_cell(name), config.result_units
     head, of = ("at rest", "the cell") if name is None else (f"cell {name} at rest", f"the cell {name}")
     count = tetrahedra_solved(one.cell)
-    if count > MOST_TETRAHEDRA:
-        yield (
-            f"at rest: not solved here, since {of} has {count:,} tetrahedra, and a check solves up to "
-            f"{MOST_TETRAHEDRA:,}; 'porocore cell' solves it"
-        )
+    if said := too_large_to_solve(count, of):
+        yield f"at rest: {said}"
         return None
     reference = undeformed(one.cell, one.fem, one.conductivity, store)
     coefficients, found = (

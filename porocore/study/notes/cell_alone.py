@@ -23,11 +23,12 @@ from porocore.states import Array
 from porocore.study.config.config import RunConfig, lines_of_cell
 from porocore.study.notes.abilities import resolution, slow_states
 from porocore.study.notes.at_rest import (
-    MOST_TETRAHEDRA,
     cell_lines,
     coefficients_of_consolidation,
     edges,
+    tetrahedra_solved,
     thin_fluid,
+    too_large_to_solve,
 )
 from porocore.study.notes.cost import CellCost
 from porocore.study.notes.forecast import as_time, parts_at_rest
@@ -96,13 +97,8 @@ def _at_rest(one: RunConfig, name: str | None, store: ResultStore | None) -> Ite
         yield f"{head}: not solved: {error}"
         return
     cell = one.cell
-    count = sum(len(cell.make_mesh(phase, "whole").cells) for phase in ("solid", "fluid"))
-    count //= 8 if cell.mirrored else 1
-    if count > MOST_TETRAHEDRA:
-        yield (
-            f"{head}: not solved here, since the cell has {count:,} tetrahedra, and a check solves up to "
-            f"{MOST_TETRAHEDRA:,}; 'porocore cell' solves it"
-        )
+    if said := too_large_to_solve(tetrahedra_solved(cell)):
+        yield f"{head}: {said}"
         return
     middle = ", in the middle of the ranges" if cell.is_family else ""
     if cell.is_family:

@@ -44,129 +44,6 @@ LINEAR = "linear"
 DATA_SETS = ("samples.h5", "test.h5", "undeformed.h5", "fallback.h5")
 
 
-class RunFiles:
-    """The files of one run; nothing is read or written here.
-
-    Attributes
-    ----------
-    path
-        The folder.
-    config
-        Configuration of the run, or the other settings with which it continues.
-    written
-        Configuration that the run began with, which names the files: a run that continues with another closure
-        keeps the solutions of each, and one surrogate for each model.
-    surrogate, training_curve, training_checkpoint
-        The surrogate that ``config`` needs, the table of its losses against epochs, and the checkpoint of a training
-        that was interrupted. ``surrogate.h5`` belongs to the closure that the run began with; another model of
-        surrogate lies beside it as ``surrogate-MODEL.h5``.
-    reference, dataset, test_dataset
-        The undeformed cell, and the data sets of the states to learn from and of the held-out ones.
-    undeformed
-        Data set of the undeformed members of a family of cells.
-    decisions
-        Decisions of a sampler that explores, for a sampling that is resumed.
-    direct_work, fallback, fallback_work
-        Record of the cells that direct FE² has solved; data set of the states that solves with a fallback needed
-        outside the sampled range, and the record of their cells.
-    fields, figures, metrics, report
-        Folders of the files for ParaView and of the report's figures, figures of merit, and page of the report.
-    timings
-        Record of the seconds that each stage took.
-    body
-        Folder of the macro solutions, their histories and checkpoints: that of the run, or one below it.
-    cell
-        Name of the cell whose files these are; None: that of the rest of the body, or the only one.
-    whole
-        Files of the whole run.
-    """
-
-    def __init__(self, path: Path, config: RunConfig) -> None:
-        self.path = self.body = path
-        self.cell: str | None = None
-        self.whole: RunFiles = self
-        self.config = self.written = config
-        self.reference = path / "cell.json"
-        self.dataset, self.test_dataset, self.undeformed, self.fallback = (path / name for name in DATA_SETS)
-        self.decisions = path / "decisions.json"
-        self.direct_work = path / "direct.json"
-        self.fallback_work = path / "fallback.json"
-        self.fields, self.figures = path / "fields", path / "figures"
-        self.metrics, self.report = path / "metrics.json", path / "report.html"
-        self.timings = path / "timings.json"
-        self._lock: int | None = None
-
-    def with_config(self, config: RunConfig, body: str = "") -> Self:
-        """Return the files of the same run that goes on with other settings.
-
-        With another ``body`` its solutions are in a folder of this name below that of the run.
-        """
-        other = copy(self)
-        other.config, other.body = config, self.body / body
-        if self.whole is self:
-            other.whole = other
-        return other
-
-    @property
-    def surrogate(self) -> Path:
-        """See :class:`RunFiles`."""
-        return self.path / f"surrogate{self._suffix}.h5"
-
-    @property
-    def training_curve(self) -> Path:
-        """See :class:`RunFiles`."""
-        return self.path / f"training{self._suffix}.csv"
-
-    @property
-    def training_checkpoint(self) -> Path:
-        """See :class:`RunFiles`."""
-        return self.path / "checkpoints" / f"training{self._suffix}.h5"
-
-    @property
-    def _suffix(self) -> str:
-        model = self.config.surrogate_model
-        return "" if model == self.written.surrogate_model else f"-{model}"
-
-    def stage_of_cell(self, stage: str) -> str:
-        """Return the name of a stage of a cell, with the name of the cell where it has one."""
-        return stage if self.cell is None else f"{stage}, {self.cell}"
-
-    def said_of_cell(self, text: str) -> str:
-        """Return a sentence with the name of the cell before it where it has one."""
-        return text if self.cell is None else f"cell {self.cell}: {text}"
-
-    def macro_checkpoint(self, law: str, load: float) -> Path:
-        """Return the checkpoint of an interrupted macro solve."""
-        return self.body / "checkpoints" / f"{_file_name(law, load)}.h5"
-
-    def solution(self, law: str, load: float) -> Path:
-        """Return the file of the macro solution with one law under one load."""
-        return self.body / "solutions" / f"{_file_name(law, load)}.h5"
-
-    def solutions(self, *laws: str) -> list[Path]:
-        """Return the files of the solutions for each load with each of ``laws``; by default the closure and linear."""
-        laws = laws or (self.config.closure, LINEAR)
-        return [self.solution(law, load) for load in self.config.macro.loads for law in laws]
-
-    def solved(self, load: float) -> list[str]:
-        """Return the nonlinear laws with a solution under ``load``: closures, with fallback, direct FE²."""
-        closures = dict.fromkeys((self.written.closure, *CLOSURES))
-        laws = (*closures, *map(fallback_law, closures), *map(direct_law, closures))
-        return [law for law in laws if self.solution(law, load).exists()]
-
-    @property
-    def shown_closure(self) -> str:
-        """Closure that a report shows: the first one with solutions of all loads, else the run's first."""
-        loads = self.config.macro.loads
-        complete = [c for c in CLOSURES if all(self.solution(c, load).exists() for load in loads)]
-        first = self.written.closure
-        return first if first in complete or not complete else complete[0]
-
-    def history(self, law: str, load: float) -> Path:
-        """Return the table of everything against time of one macro solution."""
-        return self.body / "histories" / f"{_file_name(law, load)}.csv"
-
-
 def direct_law(closure: str) -> str:
     """Return the name of the law of direct FE² with a closure."""
     return f"direct-{closure}"
@@ -284,13 +161,129 @@ _HALF_WRITTEN = re.compile(r"\..+\.\d+\.part")
 NOT_PART_OF_A_RUN = ("title ", "scales", "output_units", "scenarios")
 
 
-class RunFolder(RunFiles):
-    """A claimed run folder; used as a context manager it holds the folder's lock.
+class RunFolder:
+    """The folder of one run with its files; used as a context manager it holds the folder's lock.
 
     Create one by :meth:`claim` (a new run, or the same run resumed) or :meth:`open` (a later step of a run).
+
+    Attributes
+    ----------
+    path
+        The folder.
+    config
+        Configuration of the run, or the other settings with which it continues.
+    written
+        Configuration that the run began with, which names the files: a run that continues with another closure
+        keeps the solutions of each, and one surrogate for each model.
+    surrogate, training_curve, training_checkpoint
+        The surrogate that ``config`` needs, the table of its losses against epochs, and the checkpoint of a training
+        that was interrupted. ``surrogate.h5`` belongs to the closure that the run began with; another model of
+        surrogate lies beside it as ``surrogate-MODEL.h5``.
+    reference, dataset, test_dataset
+        The undeformed cell, and the data sets of the states to learn from and of the held-out ones.
+    undeformed
+        Data set of the undeformed members of a family of cells.
+    decisions
+        Decisions of a sampler that explores, for a sampling that is resumed.
+    direct_work, fallback, fallback_work
+        Record of the cells that direct FE² has solved; data set of the states that solves with a fallback needed
+        outside the sampled range, and the record of their cells.
+    fields, figures, metrics, report
+        Folders of the files for ParaView and of the report's figures, figures of merit, and page of the report.
+    timings
+        Record of the seconds that each stage took.
+    body
+        Folder of the macro solutions, their histories and checkpoints: that of the run, or one below it.
+    cell
+        Name of the cell whose files these are; None: that of the rest of the body, or the only one.
+    whole
+        Files of the whole run.
     """
 
-    whole: RunFolder
+    def __init__(self, path: Path, config: RunConfig) -> None:
+        self.path = self.body = path
+        self.cell: str | None = None
+        self.whole = self
+        self.config = self.written = config
+        self.reference = path / "cell.json"
+        self.dataset, self.test_dataset, self.undeformed, self.fallback = (path / name for name in DATA_SETS)
+        self.decisions = path / "decisions.json"
+        self.direct_work = path / "direct.json"
+        self.fallback_work = path / "fallback.json"
+        self.fields, self.figures = path / "fields", path / "figures"
+        self.metrics, self.report = path / "metrics.json", path / "report.html"
+        self.timings = path / "timings.json"
+        self._lock: int | None = None
+
+    def with_config(self, config: RunConfig, body: str = "") -> Self:
+        """Return the files of the same run that goes on with other settings.
+
+        With another ``body`` its solutions are in a folder of this name below that of the run.
+        """
+        other = copy(self)
+        other.config, other.body = config, self.body / body
+        if self.whole is self:
+            other.whole = other
+        return other
+
+    @property
+    def surrogate(self) -> Path:
+        """See :class:`RunFiles`."""
+        return self.path / f"surrogate{self._suffix}.h5"
+
+    @property
+    def training_curve(self) -> Path:
+        """See :class:`RunFiles`."""
+        return self.path / f"training{self._suffix}.csv"
+
+    @property
+    def training_checkpoint(self) -> Path:
+        """See :class:`RunFiles`."""
+        return self.path / "checkpoints" / f"training{self._suffix}.h5"
+
+    @property
+    def _suffix(self) -> str:
+        model = self.config.surrogate_model
+        return "" if model == self.written.surrogate_model else f"-{model}"
+
+    def stage_of_cell(self, stage: str) -> str:
+        """Return the name of a stage of a cell, with the name of the cell where it has one."""
+        return stage if self.cell is None else f"{stage}, {self.cell}"
+
+    def said_of_cell(self, text: str) -> str:
+        """Return a sentence with the name of the cell before it where it has one."""
+        return text if self.cell is None else f"cell {self.cell}: {text}"
+
+    def macro_checkpoint(self, law: str, load: float) -> Path:
+        """Return the checkpoint of an interrupted macro solve."""
+        return self.body / "checkpoints" / f"{_file_name(law, load)}.h5"
+
+    def solution(self, law: str, load: float) -> Path:
+        """Return the file of the macro solution with one law under one load."""
+        return self.body / "solutions" / f"{_file_name(law, load)}.h5"
+
+    def solutions(self, *laws: str) -> list[Path]:
+        """Return the files of the solutions for each load with each of ``laws``; by default the closure and linear."""
+        laws = laws or (self.config.closure, LINEAR)
+        return [self.solution(law, load) for load in self.config.macro.loads for law in laws]
+
+    def solved(self, load: float) -> list[str]:
+        """Return the nonlinear laws with a solution under ``load``: closures, with fallback, direct FE²."""
+        closures = dict.fromkeys((self.written.closure, *CLOSURES))
+        laws = (*closures, *map(fallback_law, closures), *map(direct_law, closures))
+        return [law for law in laws if self.solution(law, load).exists()]
+
+    @property
+    def shown_closure(self) -> str:
+        """Closure that a report shows: the first one with solutions of all loads, else the run's first."""
+        loads = self.config.macro.loads
+        complete = [c for c in CLOSURES if all(self.solution(c, load).exists() for load in loads)]
+        first = self.written.closure
+        return first if first in complete or not complete else complete[0]
+
+    def history(self, law: str, load: float) -> Path:
+        """Return the table of everything against time of one macro solution."""
+        return self.body / "histories" / f"{_file_name(law, load)}.csv"
 
     @classmethod
     def claim(cls, path: Path | str, config: RunConfig, *, resume: bool = False) -> RunFolder:
@@ -588,25 +581,22 @@ class StageClock:
         True if the stage found its work done, so that its time is not to be added.
     now
         Tells the time; another clock where another process works.
+    saved
+        Seconds that stored results had taken.
     """
 
     def __init__(self, now: Callable[[], float] = time.perf_counter) -> None:
         self.now = now
-        self._began, self._saved, self.idle = now(), 0.0, False
+        self._began, self.saved, self.idle = now(), 0.0, False
 
     @property
     def seconds(self) -> float:
         """Seconds so far, stored results included."""
-        return self.now() - self._began + self._saved
-
-    @property
-    def saved(self) -> float:
-        """Seconds that stored results had taken."""
-        return self._saved
+        return self.now() - self._began + self.saved
 
     def add(self, seconds: float) -> None:
         """Count the seconds that a result from the store had taken."""
-        self._saved += seconds
+        self.saved += seconds
 
 
 @contextmanager

@@ -53,7 +53,7 @@ from porocore.study.notes.magnitudes import unloaded
 from porocore.study.notes.parameters import family_summary, output_checks
 from porocore.study.notes.reach import MORE, flagged_place, left_out_shear, shears
 from porocore.study.run.composition import macro_laws, make_backend
-from porocore.study.run.folder import LINEAR, RunFiles, direct_law, fallback_law, versions
+from porocore.study.run.folder import LINEAR, RunFolder, direct_law, fallback_law, versions
 from porocore.study.run.results import RunResults, load_undeformed, times_of_all_cells
 from porocore.study.run.training import read_training_curve
 
@@ -351,7 +351,7 @@ def fallbacks_done(results: RunResults) -> tuple[AdaptiveSurrogateCost, ...]:
 
 
 def _recorded(
-    results: RunResults, record: Callable[[RunFiles], Path], law_with: Callable[[str], str]
+    results: RunResults, record: Callable[[RunFolder], Path], law_with: Callable[[str], str]
 ) -> Iterator[tuple[str, str, float, dict[str, float]]]:
     """Yield closure, law, load and work, of all cells together, of every solution with a law that solves cells."""
     records = [direct_records(record(each.folder)) for each in results.by_cell.values()]
