@@ -171,7 +171,11 @@ class _Here:
         return StageClock()
 
     def end(
-        self, case: SolutionCase, show: Callable[[StepReport], None], busy: Callable[[str], None], *_: Any
+        self,
+        case: SolutionCase,
+        show: Callable[[StepReport], None],
+        busy: Callable[[str], None],
+        note: Callable[[str], None],
     ) -> list[str]:
         """Solve a case, and return lines on its work."""
         run = self._laws[case.law]
@@ -239,7 +243,7 @@ def solve_elsewhere(tell: Tell, folder: RunFolder, laws: Sequence[LawKind], case
         # All of them, since the libraries of a surrogate are loaded before those of the solver, as in one process.
         solves = _Here(folder, macro_laws(folder, stack, laws), make_backend("macro solver", config))
         solves.begin(case, tell)
-        return solves.end(case, tell, tell)
+        return solves.end(case, tell, tell, tell)
 
 
 def prepared_body(solver: MacroSolver, name: str, problem: MacroProblem) -> Any:
