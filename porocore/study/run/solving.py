@@ -35,12 +35,7 @@ from porocore.study.run.composition import (
     make_backend,
     require_laws,
 )
-from porocore.study.run.folder import (
-    RunFolder,
-    StageClock,
-    cut_short_timed,
-    timed,
-)
+from porocore.study.run.folder import RunFolder, StageClock, cut_short_timed, timed
 from porocore.study.run.results import load_solution
 
 
