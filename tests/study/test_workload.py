@@ -77,17 +77,19 @@ def test_a_state_that_takes_long_is_said_with_a_size_that_does_not(costs, share)
 
 def test_sheared_states_are_whole_cells_and_those_at_rest_an_eighth():
     """K is that of an eighth; the flow through a deformed pore is solved where its state is."""
-    sheared = forecast.Workload(40, 1, 10, 2, 5, 2, 20_000, 30_000, (1.0, 1 / 8), 1 / 8, serial=True)
+    sheared = forecast.Workload(
+        40, 1, 10, 2, 5, 2, cost.CellCost(20_000, 30_000, (1.0, 1 / 8)), 1 / 8, serial=True
+    )
     whole, eighth = cost.WHOLE, cost.EIGHTH
     first, rest = whole.first.at(20_000), cost.LEAST + eighth.state.at(2_500) + eighth.first.at(2_500)
     flow = eighth.conductivity.at(30_000 / 8)
     assert sheared.cell.state == pytest.approx(cost.LEAST + whole.state.at(20_000))
     assert sheared.cell_time == pytest.approx(rest + first + 40 * sheared.cell.state + flow)
-    assert replace(sheared, deformed=True).cell.state - sheared.cell.state == pytest.approx(
+    assert replace(sheared.cell, deformed=True).state - sheared.cell.state == pytest.approx(
         whole.conductivity.at(30_000)
     )
     config = load_config(BENCHMARK.with_name("soil-strip.yaml"))  # samples H12
-    assert forecast.Workload.of(config, 8, 1, (8_000, 8_000)).parts == (1.0, 1 / 8)
+    assert forecast.Workload.of(config, 8, 1, (8_000, 8_000)).cell.parts == (1.0, 1 / 8)
     assert forecast.Workload.of(config, 8, 1, (8_000, 8_000)).rest == 1 / 8
 
 
@@ -121,7 +123,7 @@ def test_a_rough_time_is_read_in_its_unit(seconds, text):
 
 
 def test_the_time_of_a_study_is_that_of_its_states_on_its_workers():
-    one = forecast.Workload(40, 1, 10, 2, 5, 2, 20_000, 30_000)
+    one = forecast.Workload(40, 1, 10, 2, 5, 2, cost.CellCost(20_000, 30_000))
     four = replace(one, workers=4)
     whole, eighth = cost.WHOLE, cost.EIGHTH
     each, first = cost.LEAST + whole.state.at(20_000), whole.first.at(20_000)
@@ -129,8 +131,8 @@ def test_the_time_of_a_study_is_that_of_its_states_on_its_workers():
     assert one.cell_time == pytest.approx(2 * first + 41 * each + flow)  # the run itself has a first one too
     assert replace(one, serial=True).cell_time == pytest.approx(first + 41 * each + flow)
     assert four.cell_time == pytest.approx(2 * first + 11 * each + flow)
-    assert replace(one, deformed=True).cell.state == pytest.approx(each + flow)
-    part = replace(one, parts=(1 / 8, 1 / 8), rest=1 / 8)
+    assert replace(one.cell, deformed=True).state == pytest.approx(each + flow)
+    part = replace(one, cell=replace(one.cell, parts=(1 / 8, 1 / 8)), rest=1 / 8)
     assert part.cell.state == pytest.approx(cost.LEAST + eighth.state.at(2_500))
     assert part.cell.conductivity == pytest.approx(eighth.conductivity.at(30_000 / 8))
     # Every parity of the derivatives has a factor of its own: an image of 13,010 nodes took 1.9 to 2.3 s, one of 25,596
@@ -145,7 +147,7 @@ def test_the_time_of_a_study_is_that_of_its_states_on_its_workers():
 
 def test_the_memory_is_that_of_all_processes_at_once():
     """An eighth of 12,128 nodes was told to take 1.5 GB; two workers and their parent held 4.0 to 4.5 GB."""
-    two = forecast.Workload(32, 2, 17, 2, 8, 4, 97_020, 107_653, (1 / 8, 1 / 8))
+    two = forecast.Workload(32, 2, 17, 2, 8, 4, cost.CellCost(97_020, 107_653, (1 / 8, 1 / 8)))
     assert two.memory == pytest.approx(3 * two.cell.memory)
     assert two.memory == pytest.approx(4.25e9, rel=0.2)
     assert two.cell.memory == pytest.approx(1.5e9, rel=0.2)

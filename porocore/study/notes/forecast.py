@@ -52,14 +52,10 @@ class Workload:
         Macro runs: each load with the cell's law and linearly.
     elements, profiles
         Elements of the body, and times at which fields are kept.
-    solid, fluid
-        Nodes of the cell's solid and fluid.
-    parts
-        Shares of them that are solved for the sampled states and for K.
+    cell
+        Costs of the cell's problems for the sampled states.
     rest
         Share of the solid that is solved at rest.
-    deformed
-        True if every state also has the flow through its deformed pore.
     serial
         True if states are solved by the run's own process, without workers.
     undeformed, members
@@ -72,11 +68,8 @@ class Workload:
     runs: int
     elements: int
     profiles: int
-    solid: int
-    fluid: int
-    parts: tuple[float, float] = (1.0, 1.0)
+    cell: CellCost
     rest: float = 1.0
-    deformed: bool = False
     serial: bool = False
     undeformed: int = 0
     members: int = 0
@@ -87,6 +80,7 @@ class Workload:
     ) -> Workload:
         """Return the counts of ``config``, of which the others are known from its sampler and meshes."""
         time, (rest, flow) = config.macro.time, parts_at_rest(config.cell)
+        share = share_solved(config.cell, config.sampling.inputs)
         return cls(
             states + config.sampling.test.count,
             config.sampling.workers_here,
@@ -94,10 +88,8 @@ class Workload:
             2 * len(config.macro.loads),
             elements,
             len(time.profiles) + 2,
-            *nodes,
-            (share_solved(config.cell, config.sampling.inputs), flow),
+            CellCost(*nodes, (share, flow), config.conductivity == "deformed"),
             rest,
-            config.conductivity == "deformed",
             config.sampling.solves_itself,
             undeformed_count(config.cell) if config.cell.is_family else 0,
             members,
@@ -111,7 +103,7 @@ class Workload:
     @property
     def disk_of_states(self) -> float:
         """Approximate size of the solved states [bytes]."""
-        return self.states * (STATE + NODE * self.solid)
+        return self.states * (STATE + NODE * self.cell.solid)
 
     @property
     def disk_of_runs(self) -> float:
@@ -123,11 +115,6 @@ class Workload:
     def memory(self) -> float:
         """Approximate memory of all processes at once [bytes]: workers, and the run itself, which solves K and rest."""
         return max((1 if self.serial else self.workers + 1) * self.cell.memory, self.cell.memory_of_flow)
-
-    @property
-    def cell(self) -> CellCost:
-        """Costs of the cell's problems for the sampled states."""
-        return CellCost(self.solid, self.fluid, self.parts, self.deformed)
 
     @property
     def cell_time(self) -> float:
