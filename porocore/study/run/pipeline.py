@@ -15,11 +15,10 @@ from porocore.core.parallel.calls import Call, CallProcesses
 from porocore.plugins.registry import registry
 from porocore.study.notes.forecast import processes_here, starts_early, trains_beside
 from porocore.study.run import reference, sampling, training
-from porocore.study.run.composition import USUAL_LAWS, LawKind, law_names
+from porocore.study.run.composition import USUAL_LAWS, LawKind, cell_pool, law_names
 from porocore.study.run.folder import RunFolder, cut_short_timed
 from porocore.study.run.reference import solve_cell
 from porocore.study.run.reporting import kept_report, report
-from porocore.study.run.sampling import cell_pool
 from porocore.study.run.solving import solve
 from porocore.study.run.training import begin_training, training_stage
 
@@ -66,7 +65,7 @@ def _learn(folder: RunFolder, console: Console, store: ResultStore | None, proce
 
     with (
         cut_short_timed(folder.timings, begun, processes),
-        cell_pool(config, console=console, store=store, begin=load_libraries) as pool,
+        cell_pool(config, store, on_warning=console.warn, on_start=load_libraries) as pool,
     ):
         begin = pool.start if starts_early(config.cell, config.sampling) else load_libraries
         if folder.cell is None:

@@ -19,19 +19,18 @@ from porocore.sampling.execution import CellPool
 from porocore.sampling.execution.interrupts import listening
 from porocore.sampling.forecast import Guess
 from porocore.states import Array, Status
-from porocore.study.config.config import RunConfig
 from porocore.study.notes.abilities import uncovered
 from porocore.study.notes.forecast import guessed_times
 from porocore.study.run.composition import (
+    cell_pool,
     drop_misplaced,
-    factory_of,
     held_out_states,
     informed_sampler,
     prepare_undeformed,
 )
 from porocore.study.run.folder import RunFolder, timed, versions
 from porocore.study.run.results import load_reference, undeformed_members
-from porocore.study.store import solved_members, solved_states, told
+from porocore.study.store import solved_members, told
 
 
 def sample(
@@ -45,10 +44,10 @@ def sample(
 ) -> None:
     """Solve the sampler's states and the held-out random states; those that ``store`` holds are taken from there.
 
-    ``pool`` solves them, one of :func:`cell_pool`; by default a new one. ``sampled`` is called when the sampler's
-    states are known, before the held-out ones. With ``retry_lost``, states over which workers died or hung in an
-    earlier session are solved again. The undeformed members of a family of cells are solved before, by workers of
-    their own.
+    ``pool`` solves them, as :func:`~porocore.study.run.composition.cell_pool` makes them; by default new ones.
+    ``sampled`` is called when the sampler's states are known, before the held-out ones. With ``retry_lost``, states
+    over which workers died or hung in an earlier session are solved again. The undeformed members of a family of
+    cells are solved before, by workers of their own.
     """
     config = folder.config
     inputs = config.input_space()
@@ -66,7 +65,7 @@ def sample(
             solve_undeformed(folder, provenance, console=console, retry_lost=retry_lost, store=store)
         sampler = informed_sampler(folder)
         workers = (
-            stack.enter_context(cell_pool(config, console=console, store=store)) if pool is None else pool
+            stack.enter_context(cell_pool(config, store, on_warning=console.warn)) if pool is None else pool
         )
         states, ended, known = sampler, 0, workers.known
         solved: Array | None = None
@@ -131,21 +130,6 @@ def solve_undeformed(
             f"{folder.undeformed}: no member of the family could be solved; narrow the ranges of the cell, refine its "
             f"mesh (cell.mesh.size), or see single members with porocore cell state --parameters"
         )
-
-
-def cell_pool(
-    config: RunConfig,
-    *,
-    console: Console,
-    store: ResultStore | None = None,
-    begin: Callable[[], None] = lambda: None,
-) -> CellPool:
-    """Return the workers that solve the cells of a run; ``begin`` is called before they start."""
-    arguments = (config.fem.backend, config.fem.options, config.cell, config.conductivity)
-    known, options = solved_states(store, *arguments), config.sampling.pool_options()
-    return CellPool(
-        factory_of(config.cell), arguments, **options, on_warning=console.warn, known=known, on_start=begin
-    )
 
 
 def _campaign(
