@@ -24,7 +24,7 @@ from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import Domain, MeshSettings
 from porocore.states import Status
 from porocore.study.notes import cost
-from porocore.testing.cell_laws.base import image_cell
+from porocore.testing.cell_checks.base import image_cell
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 
 #: Voxels along an edge of the images of whole cells and of eighths.

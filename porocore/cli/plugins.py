@@ -17,12 +17,11 @@ from porocore.errors import PluginError
 from porocore.plugins.kinds import Kind, kind_of
 
 if TYPE_CHECKING:
-    from porocore.plugins.discovery import Offered
     from porocore.plugins.table import PluginRow
-    from porocore.testing.installed.check import LawResult
+    from porocore.testing.plugin_check import CheckResult
 
 plugin = command_group(
-    "Write a project for a plugin, or check a plugin against its laws.", no_args_is_help=True
+    "Write a project for a plugin, or check a plugin by the conformance kit.", no_args_is_help=True
 )
 COLOURS = {"passed": "green", "failed": "bold red", "expected failure": "yellow", "skipped": "dim"}
 
@@ -46,7 +45,7 @@ def new(
 
     folder = write_project(name, kind, to)
     typer.echo(folder)
-    # The laws are run by pytest, which the extra brings.
+    # The checks are run by pytest, which the extra brings.
     install = shlex.join(["pip", "install", "-e", f"{folder}[test]"])
     typer.secho(f"next: {install}, then {command('plugin', 'check', name, '--kind', kind)}", err=True)
 
@@ -66,78 +65,66 @@ def check(
     only: Annotated[
         str,
         typer.Option(
-            "--only", metavar="LAW", help="Only this law, by its name or its sentence.", show_default="all"
+            "--only",
+            metavar="CHECK",
+            help="Only this check, by its name or its sentence.",
+            show_default="all",
         ),
     ] = "",
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print every law with its outcome as JSON.")
+        bool, typer.Option("--json", help="Print every check with its outcome as JSON.")
     ] = False,
 ) -> None:
-    """Check an installed plugin against the laws of its interface.
+    """Check an installed plugin by the conformance kit.
 
-    Exit status 1 if it breaks a law that it does not list among its expected failures.
+    Exit status 1 if it fails a check that it does not list among its expected failures.
     """
-    from porocore.testing.installed.check import UnknownLaw, find_offers
+    from porocore.core.console import Console
+    from porocore.testing.plugin_check import UnknownCheck, check_plugin, find_offers
 
-    laws: list[LawResult] = []
-    unknown: UnknownLaw | None = None
+    results: list[CheckResult] = []
+    unknown: UnknownCheck | None = None
     with interruptible():
         for offered in find_offers(name, None if kind is None else kind_of(kind)):
+            title = f"checking {offered.kind} '{offered.offer.name}' of {offered.source}"
             try:
-                laws += _check(offered, only)
-            except UnknownLaw as error:  # another kind of the same name may have this law
+                with Console().task(title, "checks") as task:
+                    results += check_plugin(offered, task, only)
+            except UnknownCheck as error:  # another kind of the same name may have this check
                 unknown = error
-    if unknown is not None and not laws:
+    if unknown is not None and not results:
         raise unknown
     if as_json:
         from porocore.testing import KIT_VERSION
 
-        document = {"plugin": name, "kit_version": KIT_VERSION, "laws": [asdict(law) for law in laws]}
+        document = {"plugin": name, "kit_version": KIT_VERSION, "laws": [asdict(each) for each in results]}
         typer.echo(json.dumps(document, indent=2, ensure_ascii=False))
     else:
-        _show(laws)
-    if any(law.result == "failed" for law in laws):
+        _show(results)
+    if any(each.result == "failed" for each in results):
         raise typer.Exit(1)
 
 
-def _check(offered: Offered, only: str) -> list[LawResult]:
-    """Check one offer against its laws and show the progress."""
-    from porocore.core.console import Console
-    from porocore.testing.installed.check import check_plugin
-
-    title = f"checking {offered.kind} '{offered.offer.name}' of {offered.source}"
-    with Console().task(title, "laws") as task:
-        done = failed = 0
-
-        def begin(law: str, total: int) -> None:
-            task.update(done, total, failed=failed, detail=law)
-
-        def end(law: LawResult, total: int) -> None:
-            nonlocal done, failed
-            done, failed = done + 1, failed + (law.result == "failed")
-            task.update(done, total, failed=failed)
-
-        return check_plugin(offered, end, only=only, on_start=begin)
-
-
-def _show(laws: list[LawResult]) -> None:
+def _show(results: list[CheckResult]) -> None:
     """Print a table for each suite, and the counts."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
 
     console = Console(highlight=False)
-    for kind, suite in dict.fromkeys((law.kind, law.suite) for law in laws):
+    for kind, suite in dict.fromkeys((each.kind, each.suite) for each in results):
         table = Table(title=f"{kind}: {suite}", title_justify="left", expand=False)
-        for column in ("law", "result", "reason"):
+        for column in ("check", "result", "reason"):
             table.add_column(column, overflow="fold", no_wrap=column == "result")
-        for law in laws:
-            if (law.kind, law.suite) == (kind, suite):
-                table.add_row(Text(law.text), Text(law.result, style=COLOURS[law.result]), Text(law.reason))
+        for each in results:
+            if (each.kind, each.suite) == (kind, suite):
+                table.add_row(
+                    Text(each.text), Text(each.result, style=COLOURS[each.result]), Text(each.reason)
+                )
         console.print(table)
-    counts = {result: sum(law.result == result for law in laws) for result in COLOURS}
+    counts = {result: sum(each.result == result for each in results) for result in COLOURS}
     words = [f"{count} {result}" for result, count in counts.items() if count]
-    console.print(f"{len(laws)} {'law' if len(laws) == 1 else 'laws'}: {', '.join(words)}")
+    console.print(f"{len(results)} {'check' if len(results) == 1 else 'checks'}: {', '.join(words)}")
 
 
 def plugins(
@@ -196,7 +183,7 @@ def _suite_faults(kind: Kind, name: str, implementation: type[Any]) -> list[str]
     if find_spec("pytest") is None:
         return []
     from porocore.plugins.table import complaint
-    from porocore.testing.installed.suites import find_suites
+    from porocore.testing.plugin_process import find_suites
 
     offered = registry().find(kind, name)
     found = attempt(find_suites, kind, offered.offer, implementation)

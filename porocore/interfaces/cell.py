@@ -61,7 +61,7 @@ class CellSolution:
 class CellSolver(ABC, Generic[Prepared]):
     """Solves the fluid and the solid cell problem; set-up is apart from the repeated solves.
 
-    The laws that an implementation obeys are tested by ``porocore.testing.CellSolverSuite``:
+    The checks that an implementation obeys are tested by ``porocore.testing.CellSolverSuite``:
     the derivatives are the slopes of the responses, ∂P_E/∂p = −∂φ/∂H, W is objective, and a state that
     cannot be solved is a row with a status and NaN while the others are returned.
 

@@ -40,7 +40,7 @@ class MacroSolver(ABC, Generic[Prepared]):
 
     The law is asked once an iteration for all quadrature points and returns the exact tangent; a step whose
     Newton iteration fails is halved. Inf–sup stable: quadratic u, linear p.
-    ``porocore.macro`` has what all implementations share, and ``porocore.testing.macro_laws.states`` tests them.
+    ``porocore.macro`` has what all implementations share, and ``porocore.testing.macro_checks.states`` tests them.
 
     What a solver offers is declared by the attributes of its class; a study that needs more is refused before anything
     is solved, and the suite skips what is not offered.

@@ -1,6 +1,6 @@
 """Rows of ``porocore plugins``: every plugin with its state and advice; version of the conformance kit.
 
-The first number is raised when a law is added or sharpened, so that a plugin that passed may fail; the second when
+The first number is raised when a check is added or sharpened, so that a plugin that passed may fail; the second when
 suites gain something that no passing plugin can notice.
 """
 
@@ -126,7 +126,7 @@ def complaint(pinned: str) -> str:
     asked = tuple(map(int, numbers))
     if asked[0] < here[0]:
         return (
-            f"was made for version {pinned} of the kit, and this porocore has {KIT_VERSION}, with sharper laws; "
+            f"was made for version {pinned} of the kit, and this porocore has {KIT_VERSION}, with sharper checks; "
             f'see which of them fail below, mend them, and write kit_version = "{major}"'
         )
     if asked > here:

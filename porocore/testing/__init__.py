@@ -1,4 +1,4 @@
-"""The conformance kit: for each interface the laws that its implementations obey, as tests to subclass.
+"""The conformance kit: for each interface the checks that its implementations pass, as tests to subclass.
 
 .. code-block:: python
 

@@ -1,4 +1,4 @@
-"""Expectations of a law (near, same, refused), messages of violations, comparison of responses."""
+"""Expectations of a check (near, same, refused), messages of violations, comparison of responses."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ LONGEST = 300
 
 
 class Violation(AssertionError):
-    """A law that does not hold; ``state`` is what was asked, or the circumstances."""
+    """A check that does not hold; ``state`` is what was asked, or the circumstances."""
 
     def __init__(self, state: str, expected: str, got: object) -> None:
         text = " ".join(str(got).split())
         if len(text) > LONGEST:
             text = f"{text[:LONGEST]} …"
-        super().__init__(f"law '{_running()}', {state}: expected {expected}; got {text or 'nothing'}")
+        super().__init__(f"check '{_running()}', {state}: expected {expected}; got {text or 'nothing'}")
 
 
 class Undefined(NotImplementedError):
@@ -100,14 +100,14 @@ def refused(*errors: type[Exception], state: str, naming: tuple[str, ...] = ()) 
         raise Violation(state, expected, "no error")
 
 
-def as_violation(law: Callable[..., None]) -> Callable[..., None]:
-    """Return the law with a :class:`Violation` in the place of an error that the implementation raises in it."""
+def as_violation(check: Callable[..., None]) -> Callable[..., None]:
+    """Return the check with a :class:`Violation` in the place of an error that the implementation raises in it."""
 
-    @wraps(law)
+    @wraps(check)
     def telling(*arguments: Any, **named: Any) -> None:
         __tracebackhide__ = True
         try:
-            law(*arguments, **named)
+            check(*arguments, **named)
         except (AssertionError, Undefined):
             raise
         except Exception as error:
@@ -140,7 +140,7 @@ def options(given: Mapping[str, Any]) -> str:
 
 
 def _running() -> str:
-    """The law that pytest runs, in words."""
+    """The check that pytest runs, in words."""
     test = os.environ.get("PYTEST_CURRENT_TEST", "").rpartition(" (")[0].rpartition("::")[2]
     return test.removeprefix("test_").replace("_", " ") or "unknown"
 
@@ -159,7 +159,7 @@ def _place(place: tuple[Any, ...]) -> str:
     return f"[{', '.join(map(str, place))}]" if place else ""
 
 
-Check = Callable[[str, Any, Any, str], None]
+Compare = Callable[[str, Any, Any, str], None]
 RESPONSES = ("mean_grad", "potential", "stress", "fluid_volume")
 #: Responses with the names of their derivatives in :class:`~porocore.states.CellTangent`.
 DERIVATIVES = {name: (f"{name}_grad_u", f"{name}_p") for name in ("mean_grad", "stress", "fluid_volume")}
@@ -188,7 +188,9 @@ def assert_identical(found: CellResponse, expected: CellResponse, state: str) ->
     assert_alike(found, expected, state, same, same)
 
 
-def assert_alike(found: CellResponse, expected: CellResponse, state: str, value: Check, slope: Check) -> None:
+def assert_alike(
+    found: CellResponse, expected: CellResponse, state: str, value: Compare, slope: Compare
+) -> None:
     """Check values and slopes, given name, found, expected and state; flags are alike to the last bit."""
     doubts = [require("doubt", each.doubt, state) for each in (found, expected)]
     same("doubt", doubts[0], doubts[1], state)

@@ -1,4 +1,4 @@
-"""Base of all suites (Suite): version of the kit that a plugin pins, laws that it breaks knowingly."""
+"""Base of all suites (Suite): version of the kit that a plugin pins, checks that it breaks knowingly."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from porocore.testing.expect import Undefined, as_violation, holds
 
 
 class Suite:
-    """Laws of one interface; a plugin subclasses it as ``class TestMine(…)`` and says what is to be tested.
+    """Checks of one interface; a plugin subclasses it as ``class TestMine(…)`` and says what is to be tested.
 
     Attributes
     ----------
     kit_version
-        The version of the kit that the plugin passes, such as ``"2"``. With another one a single law fails and says
+        The version of the kit that the plugin passes, such as ``"2"``. With another one a single check fails and says
         what to do.
     expected_failures
-        Laws that the implementation is known to break: name of the test → reason. A name without brackets holds for
-        all cases of the law. They are reported as expected failures, and fail if they pass.
+        Checks that the implementation is known to break: name of the test → reason. A name without brackets holds for
+        all cases of the check. They are reported as expected failures, and fail if they pass.
     """
 
     kit_version: ClassVar[str] = ""
@@ -32,14 +32,14 @@ class Suite:
 
     def __init_subclass__(cls, **more: Any) -> None:
         super().__init_subclass__(**more)
-        for name, law in list(vars(cls).items()):
-            if name.startswith("test_") and callable(law):
-                setattr(cls, name, as_violation(law))
+        for name, check in list(vars(cls).items()):
+            if name.startswith("test_") and callable(check):
+                setattr(cls, name, as_violation(check))
         for name, reason in cls.expected_failures.items():
-            law = name.partition("[")[0]
-            if not callable(getattr(cls, law, None)):
-                advice = did_you_mean(law, laws_of(cls)) or "see the laws of its base class"
-                raise TypeError(f"{cls.__name__}.expected_failures: there is no law '{law}'; {advice}")
+            check = name.partition("[")[0]
+            if not callable(getattr(cls, check, None)):
+                advice = did_you_mean(check, checks_of(cls)) or "see the checks of its base class"
+                raise TypeError(f"{cls.__name__}.expected_failures: there is no check '{check}'; {advice}")
             if not isinstance(reason, str) or not reason.strip():
                 raise TypeError(
                     f"{cls.__name__}.expected_failures['{name}']: expected a reason, got {reason!r}"
@@ -58,13 +58,13 @@ class Suite:
 
     @staticmethod
     def needs(offered: bool, what: str) -> None:
-        """Skip the law where the implementation declares not to offer what it tests; ``what`` says so."""
+        """Skip the check where the implementation declares not to offer what it tests; ``what`` says so."""
         if not offered:
             pytest.skip(what)
 
     @pytest.fixture(autouse=True)
     def _expect_failures(self, request: pytest.FixtureRequest) -> None:
-        """Mark the laws that are known to be broken."""
+        """Mark the checks that are known to be broken."""
         item: Any = request.node
         for name in (item.name, item.originalname):
             if name in self.expected_failures:
@@ -78,6 +78,6 @@ class Suite:
         holds(not wrong, state, f"a suite for version {KIT_VERSION} of the kit", f"one that {wrong}")
 
 
-def laws_of(suite: type[Suite]) -> list[str]:
+def checks_of(suite: type[Suite]) -> list[str]:
     """Names of the tests of a suite."""
     return sorted(name for name in dir(suite) if name.startswith("test_") and callable(getattr(suite, name)))

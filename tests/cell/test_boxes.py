@@ -18,7 +18,7 @@ from porocore.cell.meshing.tetrahedra import volume
 from porocore.commands.fields.points import PointFields
 from porocore.errors import ConfigurationError
 from porocore.states import MacroState
-from porocore.testing.cell_laws.base import noise
+from porocore.testing.cell_checks.base import noise
 
 GENERAL = MacroState.single(np.array([[0.02, 0.03, 0.0], [-0.01, -0.04, 0.02], [0.01, 0.0, 0.01]]), 0.05)
 RESPONSES = ("mean_grad", "potential", "stress", "fluid_volume")

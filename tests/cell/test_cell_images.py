@@ -11,7 +11,7 @@ from porocore.cell.meshing.connectivity import crumbs, pieces
 from porocore.cell.meshing.mesh import MeshSettings, make_mesh
 from porocore.cell.meshing.mesh_quality import measure_mesh_quality, quality_lines, unmatched
 from porocore.errors import ConfigurationError
-from porocore.testing.cell_laws.base import image_cell
+from porocore.testing.cell_checks.base import image_cell
 
 
 @pytest.mark.parametrize("seed", range(4))

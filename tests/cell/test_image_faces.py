@@ -11,7 +11,7 @@ from porocore.cell.level_sets.voxels import blended, mismatch_note
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cell.meshing.mesh_quality import measure_mesh_quality, quality_lines
 from porocore.errors import ConfigurationError
-from porocore.testing.cell_laws.base import noise
+from porocore.testing.cell_checks.base import noise
 
 SAMPLE = noise(4, 32, 2.0)[:20, :24, :20] == 0
 

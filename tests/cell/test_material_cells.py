@@ -20,7 +20,7 @@ from porocore.interfaces.surrogate import TrainingSet
 from porocore.macro.laws import ClosedLaw, LinearCellLaw, MeanGradientClosure, PotentialClosure
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
-from porocore.testing.cell_laws import identities
+from porocore.testing.cell_checks import identities
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 from porocore_fem_skfem.solid import SkfemSolid
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from porocore.states import MacroState
-from porocore.testing.cell_laws.identities import cubic_symmetry
+from porocore.testing.cell_checks.identities import cubic_symmetry
 from porocore.testing.expect import perturbed, with_derivatives
 from porocore.testing.synthetic.potential_cell import respond
 

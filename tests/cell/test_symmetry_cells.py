@@ -22,7 +22,7 @@ from porocore.sampling.execution import CellPool
 from porocore.states import MacroState
 from porocore.study.run.composition import prepare_cell
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
-from porocore.testing.cell_laws.identities import cubic_symmetry
+from porocore.testing.cell_checks.identities import cubic_symmetry
 from porocore.testing.synthetic.response import confined_column
 from porocore_fem_skfem.macro import SkfemMacroSolver
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from porocore.macro.body.kinds import Box
-from porocore.testing.macro_laws.bodies import write_tetrahedra
+from porocore.testing.macro_checks.bodies import write_tetrahedra
 
 PORES: dict[str, dict[str, Any]] = {
     "isotropic": {"kind": "orthogonal-channels", "radius": 0.25},

@@ -11,7 +11,7 @@ from porocore.macro.body.kinds import Box
 from porocore.macro.laws import ClosedLaw
 from porocore.macro.problem import MacroProblem
 from porocore.states import Array
-from porocore.testing.macro_laws.bodies import write_tetrahedra
+from porocore.testing.macro_checks.bodies import write_tetrahedra
 from porocore.testing.synthetic.response import cubic_reference, mean_gradient_law
 
 TIME = {"end": 0.15, "step": 0.05, "ramp_increments": 2, "ramp_step": 0.05, "profiles": ()}

@@ -18,7 +18,7 @@ from porocore.cell.meshing.mesh import CellMesh, MeshSettings
 from porocore.commands.crosscheck.bodies import relative
 from porocore.commands.crosscheck.comparison import CELL
 from porocore.states import MacroState, Status
-from porocore.testing.cell_laws import identities
+from porocore.testing.cell_checks import identities
 
 LINEAR = MeshSettings(size=0.2, fluid_size=0.25, element="linear")
 CURVED = MeshSettings(size=0.2, fluid_size=0.2)

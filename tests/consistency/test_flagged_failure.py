@@ -8,7 +8,7 @@ import pytest
 from porocore.errors import SolveError
 from porocore.interfaces.law import MacroLaw
 from porocore.states import Doubt
-from porocore.testing.macro_laws.runs import NONLINEAR
+from porocore.testing.macro_checks.runs import NONLINEAR
 from porocore.testing.synthetic.response import AlteredLaw, confined_column
 
 TIME = {"ramp_increments": 4, "ramp_step": 1.0, "smallest_step": 0.5, "step": 1.0, "end": 5.0, "profiles": ()}

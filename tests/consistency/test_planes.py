@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from porocore.testing.macro_laws.runs import NONLINEAR
+from porocore.testing.macro_checks.runs import NONLINEAR
 
 sys.path.insert(0, str(Path(__file__).parent))
 from planes import NAMES, isotropic_law, problem, turned_box

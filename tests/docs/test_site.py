@@ -118,11 +118,11 @@ def test_the_front_page_says_what_it_is_for_and_what_it_cannot_do(site):
     assert all((site / "docs" / picture).is_file() for picture in pictures)
 
 
-def test_every_law_of_the_kit_is_in_the_reference(site):
+def test_every_check_of_the_kit_is_in_the_reference(site):
     text = text_of(site, "docs/reference/testing.html")
     suites = [getattr(porocore.testing, name) for name in porocore.testing.__all__ if name.endswith("Suite")]
-    laws = {law for suite in suites for law in dir(suite) if law.startswith("test_")} - set(
+    checks = {check for suite in suites for check in dir(suite) if check.startswith("test_")} - set(
         dir(porocore.testing.Suite)
     )
-    assert len(laws) > 80
-    assert not {law for law in laws if law.removeprefix("test_").replace("_", " ") not in text}
+    assert len(checks) > 80
+    assert not {check for check in checks if check.removeprefix("test_").replace("_", " ") not in text}

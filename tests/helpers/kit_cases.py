@@ -1,15 +1,15 @@
-"""The wrong implementations in ``wrong/``, each a right one with one thing spoilt, and the laws that catch them.
+"""The wrong implementations in ``wrong/``, each a right one with one thing spoilt, and the checks that catch them.
 
 What a class there says:
 
 ``caught_by``
-    The law that it breaks; empty for a right one, which obeys all.
+    The check that it breaks; empty for a right one, which obeys all.
 ``raises``
-    The error in which the law ends, where that is none of its own assertions.
+    The error in which the check ends, where that is none of its own assertions.
 ``slow``
-    That the law takes a second or more.
+    That the check takes a second or more.
 
-``python tests/helpers/kit_cases.py`` writes ``docs/reference/caught.md``, a table of the laws with what each catches.
+``python tests/helpers/kit_cases.py`` writes ``docs/reference/caught.md``, a table of the checks with what each catches.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import porocore.testing
-from porocore.testing.suite import Suite, laws_of
+from porocore.testing.suite import Suite, checks_of
 
 WRONG = Path(__file__).parents[1] / "testing" / "wrong"
 TABLE = Path(__file__).parents[2] / "docs" / "reference" / "caught.md"
@@ -62,9 +62,9 @@ class Case:
     def __str__(self) -> str:
         return f"{self.file}.{self.name}"
 
-    def node(self, law: str = "") -> str:
-        """As pytest names it, or one of its laws."""
-        return f"{WRONG / self.file}.py::{self.name}" + (f"::{law}" if law else "")
+    def node(self, check: str = "") -> str:
+        """As pytest names it, or one of its checks."""
+        return f"{WRONG / self.file}.py::{self.name}" + (f"::{check}" if check else "")
 
     @property
     def words(self) -> str:
@@ -98,35 +98,35 @@ def suites() -> list[type[Suite]]:
     return [suite for suite in found if isinstance(suite, type) and issubclass(suite, Suite)]
 
 
-def wrong_ones(suite: type[Suite], law: str) -> list[Case]:
-    """Those that a law of a suite catches.
+def wrong_ones(suite: type[Suite], check: str) -> list[Case]:
+    """Those that a check of a suite catches.
 
-    Laws that several suites share are one law; those of one name in different suites are not.
+    Checks that several suites share are one check; those of one name in different suites are not.
     """
     return [
         case
         for case in WRONGS
-        if case.caught_by == law and getattr(SUITES[case.file], law) is getattr(suite, law)
+        if case.caught_by == check and getattr(SUITES[case.file], check) is getattr(suite, check)
     ]
 
 
 def table() -> str:
-    """Every law, once, with what it catches."""
+    """Every check, once, with what it catches."""
     lines = [
-        "# What the laws of the conformance kit catch",
+        "# What the checks of the conformance kit catch",
         "",
-        "Every law of the [conformance kit](testing.md) is tested on implementations that break it, each made of a",
-        "right one by spoiling one thing. A law that suites share is listed once.",
+        "Every check of the [conformance kit](testing.md) is tested on implementations that break it, each made of a",
+        "right one by spoiling one thing. A check that suites share is listed once.",
         "`python tests/helpers/kit_cases.py` writes this page.",
     ]
     listed: set[object] = set()
     for suite in sorted(suites(), key=lambda suite: (len(suite.__mro__), suite.__name__)):
-        own = [law for law in laws_of(suite) if getattr(suite, law) not in listed]
-        lines += ["", f"## {suite.__name__}", "", "| law | catches |", "|---|---|"]
-        for law in own:
-            listed.add(getattr(suite, law))
-            words = law.removeprefix("test_").replace("_", " ")
-            lines.append(f"| {words} | {'; '.join(case.words for case in wrong_ones(suite, law))} |")
+        own = [check for check in checks_of(suite) if getattr(suite, check) not in listed]
+        lines += ["", f"## {suite.__name__}", "", "| check | catches |", "|---|---|"]
+        for check in own:
+            listed.add(getattr(suite, check))
+            words = check.removeprefix("test_").replace("_", " ")
+            lines.append(f"| {words} | {'; '.join(case.words for case in wrong_ones(suite, check))} |")
     return "\n".join(lines) + "\n"
 
 

@@ -9,8 +9,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from xml.etree import ElementTree
 
-#: (class, law) → passed, failure, error or skipped, and the message, of each case of the law. An expected failure is
-#: skipped. The class is named with its file.
+#: (class, check) → passed, failure, error or skipped, and the message, of each case of the check. An expected failure
+#: is skipped. The class is named with its file.
 Outcomes = dict[tuple[str, str], list[tuple[str, str]]]
 
 

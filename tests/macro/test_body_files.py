@@ -8,7 +8,7 @@ from porocore.macro.body.kinds import Box
 from porocore.macro.body.mesh import Facets, boundary_facets
 from porocore.macro.body.mesh_file import read_body
 from porocore.macro.problem import MacroProblem
-from porocore.testing.macro_laws.bodies import write_tetrahedra
+from porocore.testing.macro_checks.bodies import write_tetrahedra
 
 
 @pytest.mark.parametrize("suffix", [".msh", ".vtu"])

@@ -6,7 +6,7 @@ import pytest
 from porocore.macro.body.kinds import Box, point_states
 from porocore.macro.problem import MacroProblem
 from porocore.plugins import registry
-from porocore.testing.macro_laws.bodies import write_tetrahedra
+from porocore.testing.macro_checks.bodies import write_tetrahedra
 
 
 @pytest.mark.parametrize("body", ["box", "wedge", "file"])

@@ -8,7 +8,7 @@ import pytest
 from porocore.macro.body.kinds import Box
 from porocore.macro.problem import MacroProblem
 from porocore.macro.reference import diffusion_time, overshoot, unresolved
-from porocore.testing.macro_laws.bodies import write_tetrahedra
+from porocore.testing.macro_checks.bodies import write_tetrahedra
 from porocore.testing.synthetic.response import confined_column, linear_law
 
 Solver = pytest.importorskip("porocore_fem_skfem.macro").SkfemMacroSolver

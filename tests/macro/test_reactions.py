@@ -7,7 +7,7 @@ from porocore.macro.body.kinds import Box, make_body
 from porocore.macro.body.mesh import BodyMesh, Facets
 from porocore.macro.body.mesh_file import read_body
 from porocore.macro.boundary.reactions import Support, shares
-from porocore.testing.macro_laws.bodies import write_tetrahedra
+from porocore.testing.macro_checks.bodies import write_tetrahedra
 
 SIZE = (1.0, 2.0, 1.5)
 #: A rotation about no axis in particular.

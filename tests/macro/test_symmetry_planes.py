@@ -13,7 +13,7 @@ from porocore.interfaces.sensitivities import BoundaryChange, LoadChange
 from porocore.macro.boundary.symmetry import Symmetry, part_problem, whole_sensitivities, whole_specimen
 from porocore.macro.problem import MacroProblem
 from porocore.report.context import relaxation
-from porocore.testing.macro_laws.runs import COEFFICIENTS, LINEAR
+from porocore.testing.macro_checks.runs import COEFFICIENTS, LINEAR
 from porocore.testing.synthetic.response import confined_column
 from porocore_fem_skfem.macro import SkfemMacroSolver
 

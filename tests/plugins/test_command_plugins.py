@@ -239,7 +239,7 @@ def test_an_offer_of_another_kind_is_no_command(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     "offered", [o for o in own().offers if o.kind == "command"], ids=lambda o: o.offer.name
 )
-def test_the_commands_of_porocore_obey_the_laws(offered, tmp_path):
+def test_the_commands_of_porocore_pass_the_checks(offered, tmp_path):
     """Those that need no run; each run has tests of its own."""
     from porocore.testing import CommandSuite
 

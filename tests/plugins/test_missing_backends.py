@@ -10,7 +10,7 @@ from porocore.plugins.kinds import OF_A_STUDY
 from porocore.plugins.registry import Registry
 from porocore.study.config.loading import benchmark_path, load_config
 from porocore.study.notes import checks as preflight
-from porocore.testing.installed import check as plugin_check
+from porocore.testing import plugin_check
 
 SKFEM = "'skfem' is not installed; install it: pip install porocore-fem-skfem"
 FEM = "skfem (not installed): pip install porocore-fem-skfem; dolfinx (not installed): pip install porocore-fem-dolfinx"

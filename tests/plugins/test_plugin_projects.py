@@ -171,14 +171,14 @@ def test_new_and_check_by_the_command(site):
     assert row["modules"] == ["numpy"]
     out, _ = porocore(site, "plugin", "check", "my-own")
     assert re.search(r"any number of inputs \[three inputs\] +│ passed", out)
-    assert out.splitlines()[-1] == "19 laws: 18 passed, 1 skipped"
+    assert out.splitlines()[-1] == "19 checks: 18 passed, 1 skipped"
     out, _ = porocore(site, "plugin", "check", "my-own", "--only", "it is deterministic")
-    assert out.splitlines()[-1] == "1 law: 1 passed"
+    assert out.splitlines()[-1] == "1 check: 1 passed"
     _, err = porocore(site, "plugin", "check", "my-own", "--only", "test_its_deterministic", status=2)
-    assert "--only: there is no law 'its deterministic'; did you mean 'it is deterministic'" in err
+    assert "--only: there is no check 'its deterministic'; did you mean 'it is deterministic'" in err
 
 
-def test_a_broken_law_is_told_and_ends_with_status_1(site):
+def test_a_failed_check_is_listed_and_ends_with_status_1(site):
     project = write_project("my-own", "sampler", site / "project")
     install(project, site)
     code = project / "porocore_sampler_my_own" / "sampler.py"
@@ -192,7 +192,7 @@ def test_a_broken_law_is_told_and_ends_with_status_1(site):
         "utf-8",
     )
     document = json.loads(porocore(site, "plugin", "check", "my-own", "--json", status=1)[0])
-    found = {law["law"]: law for law in document["laws"]}
+    found = {each["law"]: each for each in document["laws"]}
     assert found["test_it_says_when_it_is_done"]["result"] == "failed"
     assert "it was done while" in found["test_it_says_when_it_is_done"]["reason"]
     assert found["test_it_keeps_to_its_budget"]["result"] == "expected failure"

@@ -12,7 +12,7 @@ from porocore.study.config.loading import load_config
 from porocore.study.notes import linear_reach
 from porocore.study.notes.linear_reach import predicted_reach
 from porocore.study.notes.reach import visited
-from porocore.testing.macro_laws.bodies import write_tetrahedra
+from porocore.testing.macro_checks.bodies import write_tetrahedra
 
 ONE = np.eye(3)
 #: λ = μ = 1 before the confined modulus of 3.

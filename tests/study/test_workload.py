@@ -11,7 +11,7 @@ from porocore.errors import ConfigurationError
 from porocore.study.config.loading import load_config
 from porocore.study.notes import abilities as limits
 from porocore.study.notes import cost, forecast
-from porocore.testing.cell_laws.base import image_cell
+from porocore.testing.cell_checks.base import image_cell
 
 
 def study(tmp_path, size, fluid_size=0.2, **sampling):

@@ -1,4 +1,4 @@
-"""The conformance kit: versions, expected failures, and what it says to authors; its laws are in test_kit_laws.py."""
+"""The conformance kit: versions, expected failures, what it says to authors; its checks: test_kit_checks.py."""
 
 from __future__ import annotations
 
@@ -29,35 +29,39 @@ def test_versions_of_the_kit():
     major = int(KIT_VERSION.partition(".")[0])
     assert complaint(str(major)) == complaint(KIT_VERSION) == ""
     assert f'write kit_version = "{major}"' in complaint("")
-    assert "sharper laws; see which of them fail" in complaint(str(major - 1))
+    assert "sharper checks; see which of them fail" in complaint(str(major - 1))
     assert "pip install --upgrade porocore" in complaint(str(major + 1))
     assert "pip install --upgrade porocore" in complaint(f"{major}.99")
     assert "expected a text such as" in complaint("latest")
 
 
 def test_expected_failures_are_strict_and_their_names_are_checked(tmp_path):
-    (tmp_path / "test_laws.py").write_text(
+    (tmp_path / "test_checks.py").write_text(
         """
 from porocore.testing import Suite
 import pytest
 
-class Laws(Suite):
+class Checks(Suite):
     kit_version = "3"
     def test_holds(self): pass
     def test_breaks(self): assert 1 == 2
     @pytest.mark.parametrize("n", [1, 2])
     def test_cases(self, n): assert n == 1
 
-class TestKnown(Laws):
+class TestKnown(Checks):
     expected_failures = {"test_breaks": "numbers differ", "test_cases[2]": "two is not one"}
 
-class TestStale(Laws):
+class TestStale(Checks):
     expected_failures = {"test_holds": "mended long ago", "test_breaks": "numbers differ"}
 """
     )
-    found = run_pytest(tmp_path, tmp_path, [str(tmp_path / "test_laws.py")])
+    found = run_pytest(tmp_path, tmp_path, [str(tmp_path / "test_checks.py")])
     known, stale = (
-        {law: [outcome for outcome, _ in cases] for (name, law), cases in found.items() if name.endswith(n)}
+        {
+            check: [outcome for outcome, _ in cases]
+            for (name, check), cases in found.items()
+            if name.endswith(n)
+        }
         for n in ("Known", "Stale")
     )
     assert known["test_breaks"] == ["skipped"]
@@ -65,13 +69,13 @@ class TestStale(Laws):
     assert known["test_holds"] == ["passed"]
     assert stale["test_holds"] == ["failure"]
     assert stale["test_cases"] == ["passed", "failure"]
-    with pytest.raises(TypeError, match=r"there is no law 'test_hold'; did you mean 'test_holds'\?"):
+    with pytest.raises(TypeError, match=r"there is no check 'test_hold'; did you mean 'test_holds'\?"):
 
         class Typo(Suite):
             expected_failures = {"test_hold": "a reason"}  # noqa: RUF012
 
             def test_holds(self):
-                """A law."""
+                """A check."""
 
     with pytest.raises(TypeError, match="expected a reason, got ''"):
 
@@ -111,7 +115,7 @@ def test_a_suite_without_its_function_says_what_to_write(suite, arguments, inter
     assert definition.name == function
 
 
-def test_a_suite_without_its_function_is_told_so_once_for_each_law(tmp_path):
+def test_a_suite_without_its_function_is_told_so_once_for_each_check(tmp_path):
     (tmp_path / "test_mine.py").write_text(
         f"from porocore.testing import SamplerSuite\nclass TestMine(SamplerSuite):\n    kit_version = '{KIT_VERSION}'\n"
     )

@@ -17,11 +17,11 @@ from porocore.macro.problem import MacroProblem
 from porocore.states import MacroState
 from porocore.study.notes.abilities import lacking, require_conductivity, require_learner, require_parts
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
-from porocore.testing.suite import laws_of
+from porocore.testing.suite import checks_of
 from porocore.testing.synthetic.response import confined_column
 
 FOLDER = Path(__file__).parents[1] / "helpers" / "partial"
-#: Suite → file, a law that must have been tested, and laws that must be skipped, with a word of the reason.
+#: Suite → file, a check that must have been tested, and checks that must be skipped, with a word of the reason.
 PARTIAL = {
     column.TestColumn: (
         "column",
@@ -60,16 +60,18 @@ def outcomes(tmp_path_factory: pytest.TempPathFactory) -> Outcomes:
 @pytest.mark.parametrize("suite", PARTIAL, ids=lambda suite: suite.__name__)
 def test_what_it_offers_passes_and_the_rest_is_skipped_and_said(outcomes, suite):
     file, tested, skipped = PARTIAL[suite]
-    found = {law: results for (name, law), results in outcomes.items() if name == f"{file}.{suite.__name__}"}
-    assert set(found) == set(laws_of(suite))
-    failed = {
-        law: [text for outcome, text in results if outcome not in ("passed", "skipped")]
-        for law, results in found.items()
+    found = {
+        check: results for (name, check), results in outcomes.items() if name == f"{file}.{suite.__name__}"
     }
-    assert not {law: texts for law, texts in failed.items() if texts}
+    assert set(found) == set(checks_of(suite))
+    failed = {
+        check: [text for outcome, text in results if outcome not in ("passed", "skipped")]
+        for check, results in found.items()
+    }
+    assert not {check: texts for check, texts in failed.items() if texts}
     assert {outcome for outcome, _ in found[tested]} == {"passed"}
-    for law, reason in skipped.items():
-        assert all(outcome == "skipped" and reason in text for outcome, text in found[law]), found[law]
+    for check, reason in skipped.items():
+        assert all(outcome == "skipped" and reason in text for outcome, text in found[check]), found[check]
 
 
 def box(**settings) -> MacroProblem:

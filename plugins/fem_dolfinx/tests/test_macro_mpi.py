@@ -23,8 +23,8 @@ if shutil.which("mpirun") is None and not os.environ.get("CI"):
 from porocore.interfaces.solution import History, MacroSolution, Profile
 from porocore.macro.problem import MacroProblem
 from porocore.plugins.registry import registry
-from porocore.testing.macro_laws.bodies import squeezed
-from porocore.testing.macro_laws.runs import NONLINEAR, STORM, TIMID
+from porocore.testing.macro_checks.bodies import squeezed
+from porocore.testing.macro_checks.runs import NONLINEAR, STORM, TIMID
 from porocore.testing.synthetic.cell import parametric_law
 
 BEGIN = """
@@ -36,7 +36,7 @@ BEGIN = """
     solver = registry().get("macro solver", backend)(checkpoint_seconds=0)
 """
 PREPARED = """
-    from porocore.testing.macro_laws.runs import STORM, TIMID
+    from porocore.testing.macro_checks.runs import STORM, TIMID
     prepared = solver.prepare(STORM)
 """
 INTERRUPTED = f"""{PREPARED}
@@ -88,7 +88,7 @@ DERIVATIVES = """
     from porocore.interfaces.sensitivities import HISTORY_SERIES, BoundaryChange, HistoryWeights, InitialPressureChange
     from porocore.interfaces.sensitivities import ModulusChange, ViscosityChange
     from porocore.macro.problem import MacroProblem
-    from porocore.testing.macro_laws.runs import NONLINEAR
+    from porocore.testing.macro_checks.runs import NONLINEAR
 
     changes = [ModulusChange(), ViscosityChange(), InitialPressureChange()]
     changes += [BoundaryChange("y+", "plate"), BoundaryChange("side", "follower")]
@@ -115,7 +115,7 @@ DERIVATIVES = """
 SOLVED = """
     import json
     from porocore.macro.problem import MacroProblem
-    from porocore.testing.macro_laws.runs import NONLINEAR
+    from porocore.testing.macro_checks.runs import NONLINEAR
     from porocore.testing.synthetic.cell import parametric_law
 
     problem, law, options = json.loads((folder / "problem.json").read_text())

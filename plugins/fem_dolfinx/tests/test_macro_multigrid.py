@@ -13,7 +13,7 @@ if not find_spec("dolfinx"):
 
 from porocore.errors import ConfigurationError, SolveError
 from porocore.macro.problem import MacroProblem
-from porocore.testing.macro_laws.runs import SHORT
+from porocore.testing.macro_checks.runs import SHORT
 from porocore.testing.synthetic.response import confined_column, linear_law, mean_gradient_law
 from porocore_fem_dolfinx import macro_assembly, macro_linear
 from porocore_fem_dolfinx.macro import DolfinxMacroSolver

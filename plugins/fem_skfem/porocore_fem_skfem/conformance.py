@@ -1,4 +1,4 @@
-"""Test classes that hold this plugin's cell and macro solver to the laws of the conformance kit."""
+"""Test classes that hold this plugin's cell and macro solver to the checks of the conformance kit."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ class _CellSolver:
 
 
 class TestSkfemCellSolver(_CellSolver, MeshedCellSuite):
-    """Laws of cells with any pore geometry."""
+    """Checks of cells with any pore geometry."""
 
 
 class TestSkfemCellContact(_CellSolver, CellContactSuite):
-    """Laws of cells whose pore surface touches itself."""
+    """Checks of cells whose pore surface touches itself."""
 
 
 class TestSkfemMacroSolver(MacroSolverSuite):
-    """Laws of bodies of any shape."""
+    """Checks of bodies of any shape."""
 
     kit_version = "3"
 

@@ -11,7 +11,7 @@ from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.integration.discretisation import StepFailed
 from porocore.macro.linear_systems import LinearWork
 from porocore.macro.problem import Boundary, MacroProblem, body_mesh
-from porocore.testing.macro_laws.runs import NONLINEAR
+from porocore.testing.macro_checks.runs import NONLINEAR
 from porocore.testing.synthetic.response import confined_column
 from porocore_fem_skfem import macro_linear, pardiso
 from porocore_fem_skfem.factor import OutOfMemoryError, SingularError

@@ -8,7 +8,7 @@ from porocore.cell.cell import Cell
 from porocore.cell.geometry.kinds import TriplyPeriodic, Voxels
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.states import Status
-from porocore.testing.cell_laws.base import image_cell
+from porocore.testing.cell_checks.base import image_cell
 from porocore_fem_skfem.cell_solver import SkfemCellSolver
 
 SURFACES = [

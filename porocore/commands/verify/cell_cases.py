@@ -18,7 +18,7 @@ from porocore.commands.verify.case import Check, VerificationCase, observed_orde
 from porocore.interfaces.cell import CellSolver
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.states import Array, CellResponse, MacroState
-from porocore.testing.cell_laws import identities
+from porocore.testing.cell_checks import identities
 
 #: What is checked holds on every mesh.
 MESH, FINE = MeshSettings(size=0.2, fluid_size=0.14), MeshSettings(size=0.1, fluid_size=0.1)

@@ -1,1 +1,1 @@
-"""Made-up cells with exact responses, on which the laws are tried."""
+"""Made-up cells with exact responses, on which the checks are tried."""

@@ -10,8 +10,8 @@ import numpy as np
 
 from porocore.interfaces.cell import CellSolution
 from porocore.states import CellSlopes, MacroState
-from porocore.testing.cell_laws.identities import STEPS, WEIGHTS
-from porocore.testing.cell_laws.suite import RESPONSES
+from porocore.testing.cell_checks.identities import STEPS, WEIGHTS
+from porocore.testing.cell_checks.suite import RESPONSES
 
 sys.path.insert(0, str(Path(__file__).parent))
 from cells import LayeredCellSolver, _Law

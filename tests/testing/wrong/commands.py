@@ -73,7 +73,7 @@ class CountFolder(WorkFolder):
 
 
 class Fine(Command):
-    """It counts to 3 in files, and obeys all laws."""
+    """It counts to 3 in files, and obeys all checks."""
 
     def run(self, config: Config, out: Out = Path("out"), resume: Resume = False, pause: Pause = 0.2) -> None:
         """Count to a number."""

@@ -1,4 +1,4 @@
-"""Macroscopic laws that break one law of the kit each."""
+"""Macroscopic laws that break one check of the kit each."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from porocore.testing import SamplerSuite
 
 
 class Fine(Sampler):
-    """``count`` random states, which obeys all laws."""
+    """``count`` random states, which obeys all checks."""
 
     seeded = True
 

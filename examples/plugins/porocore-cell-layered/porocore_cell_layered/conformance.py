@@ -1,4 +1,4 @@
-"""The laws of every cell solver, for this one."""
+"""The checks of every cell solver, for this one."""
 
 from importlib.resources import as_file, files
 

@@ -1,4 +1,4 @@
-"""The laws of every sampler, for this one."""
+"""The checks of every sampler, for this one."""
 
 from typing import ClassVar
 

@@ -1,4 +1,4 @@
-"""The laws of every surrogate, for this one."""
+"""The checks of every surrogate, for this one."""
 
 from porocore.testing import SurrogateSuite
 from porocore_surrogate_gaussian_process.surrogate import GaussianProcessSurrogate

@@ -1,4 +1,4 @@
-"""The laws of this plugin for pytest; 'porocore plugin check' runs the same laws."""
+"""The checks of this plugin for pytest; 'porocore plugin check' runs the same checks."""
 
 from porocore_surrogate_gaussian_process.conformance import TestGaussianProcessSurrogate
 

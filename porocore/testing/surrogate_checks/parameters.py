@@ -1,4 +1,4 @@
-"""Laws of surrogates of cells with parameters, or their refusal: slopes, missing ones, order, range, rest."""
+"""Checks of surrogates of cells with parameters, or their refusal: slopes, missing ones, order, range, rest."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.states import Array, MacroState
 from porocore.testing.expect import RESPONSES, holds, near, refused, require, states_text
-from porocore.testing.surrogate_laws.training import Fitting
+from porocore.testing.surrogate_checks.training import Fitting
 from porocore.testing.synthetic.porous_family import INPUTS, PARAMETERS, porous_training_set, respond
 
 NAMES = tuple(PARAMETERS)
@@ -25,7 +25,7 @@ SWAPPED = InputSpace.from_ranges(
 
 
 class Parameters(Fitting):
-    """Part of :class:`porocore.testing.surrogate_laws.base.SurrogateSuite`, for one that ``learns_parameters``.
+    """Part of :class:`porocore.testing.surrogate_checks.base.SurrogateSuite`, for one that ``learns_parameters``.
 
     The family is that of :mod:`porocore.testing.synthetic.porous_family`. No study asks another one for it.
     """
@@ -38,7 +38,7 @@ class Parameters(Fitting):
     @pytest.fixture(scope="class")
     @classmethod
     def of_family(cls) -> Surrogate:
-        """The surrogate of the family; the law is skipped where it learns none."""
+        """The surrogate of the family; the check is skipped where it learns none."""
         surrogate = cls.make_surrogate()
         cls.needs(surrogate.learns_parameters, "this surrogate learns no cells with parameters")
         return surrogate.fit(cls.family_data(), seed=cls.seed)

@@ -1,4 +1,4 @@
-"""The built-in samplers, held to the laws of every sampler, and what those that ask in rounds obey in addition."""
+"""The built-in samplers, held to the checks of every sampler, and what those that ask in rounds obey in addition."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from porocore.errors import ConfigurationError
 from porocore.interfaces.sampler import Request
 from porocore.plugins.registry import registry
 from porocore.testing import SamplerSuite
-from porocore.testing.sampler_laws import FAILED, INPUTS, inform, run, solve
+from porocore.testing.sampler_checks import FAILED, INPUTS, inform, run, solve
 
 SAMPLERS = ("sobol", "latin-hypercube", "active", "macro-driven")
 

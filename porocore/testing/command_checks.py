@@ -43,7 +43,7 @@ UNIT = re.compile(r"\[[^\]]+\]|%|\b(per cent|percent\w*|multiples?|shares?|dimen
 
 
 class CommandSuite(Suite):
-    """Laws of a command, which must be installed.
+    """Checks of a command, which must be installed.
 
     Attributes
     ----------

@@ -228,7 +228,7 @@ class SamplerSuite(Suite):
 
     def test_another_process_asks_for_the_same_states(self, whole: SamplingRecord, tmp_path: Path) -> None:
         """A process with another PYTHONHASHSEED, such as a resumed run, asks for the same states."""
-        question = "porocore.testing.sampler_laws:requests_of_suite"
+        question = "porocore.testing.sampler_checks:requests_of_suite"
         state = "in another process, with another PYTHONHASHSEED"
         rows = other_process.ask(type(self), question, state, tmp_path)
         _same_states([Request(key, tuple(x), start) for key, x, start in rows], whole.asked, state)

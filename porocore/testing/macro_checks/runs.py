@@ -1,4 +1,4 @@
-"""Laws of a macro run: Newton's convergence, histories, orders, checkpoints, refused files."""
+"""Checks of a macro run: Newton's convergence, histories, orders, checkpoints, refused files."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Solving(Suite):
 
     @classmethod
     def offered(cls, problem: MacroProblem) -> MacroSolver:
-        """A new solver; the law is skipped where it does not declare what the problem needs."""
+        """A new solver; the check is skipped where it does not declare what the problem needs."""
         solver = cls.make_solver()
         missing = lacking(type(solver), problem)
         cls.needs(not missing, f"the solver does not offer {missing}")
@@ -72,7 +72,7 @@ class Solving(Suite):
 
     @classmethod
     def discretise(cls, problem: MacroProblem) -> Any:
-        """Return the ``porocore.macro`` discretisation of a new solver; skip the law where it has none."""
+        """Return the ``porocore.macro`` discretisation of a new solver; skip the check where it has none."""
         cls.needs_core_mesh()
         return cls.prepare(problem)
 
@@ -131,7 +131,7 @@ STORM = confined_column(4, load=-0.1, time=SHORT | {"profiles": (0.3, 1.0, 4.0)}
 
 
 class Runs(Solving):
-    """Part of :class:`porocore.testing.macro_laws.states.MacroSolverSuite`."""
+    """Part of :class:`porocore.testing.macro_checks.states.MacroSolverSuite`."""
 
     @classmethod
     def interrupted(cls, path: Path, after: float) -> None:
@@ -360,7 +360,7 @@ def discrete_terzaghi(layer: Terzaghi, depth: Any, steps: int, dT: float) -> Any
 
 
 class Histories(Solving):
-    """Part of :class:`porocore.testing.macro_laws.states.MacroSolverSuite`."""
+    """Part of :class:`porocore.testing.macro_checks.states.MacroSolverSuite`."""
 
     def linear_column(self, elements: int, steps: int, T: float) -> tuple[Terzaghi, float, MacroSolution]:
         """A linear column in ``steps`` equal steps up to T = c_v t/h²; its closed form, its solution."""

@@ -1,4 +1,4 @@
-"""Laws on bodies of any shape: meshes, oblique planes, followers, reactions, rigid plates."""
+"""Checks on bodies of any shape: meshes, oblique planes, followers, reactions, rigid plates."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from porocore.macro.body.kinds import Box, make_body
 from porocore.macro.body.mesh import Facets
 from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.testing.expect import holds, near, refused, same
-from porocore.testing.macro_laws.runs import C22, HELD, LINEAR, NONLINEAR, SHORT, SIDES, Solving
+from porocore.testing.macro_checks.runs import C22, HELD, LINEAR, NONLINEAR, SHORT, SIDES, Solving
 from porocore.testing.synthetic.response import confined_column
 
 #: A cube's corners numbered as bits xyz, cut into six tetrahedra about its diagonal; neighbours match.
@@ -75,7 +75,7 @@ ROLLERS: dict[str, Any] = {name: {"normal": 0} for name in ("x-", "y-", "z-")}
 
 
 class Bodies(Solving):
-    """Part of :class:`porocore.testing.macro_laws.states.MacroSolverSuite`."""
+    """Part of :class:`porocore.testing.macro_checks.states.MacroSolverSuite`."""
 
     @pytest.fixture(params=["quarter-cylinder", "wedge", "tetrahedra"])
     def body(self, request: Any, tmp_path: Path) -> dict[str, Any]:
@@ -310,7 +310,7 @@ def squeezed(top: dict[str, Any], load: float = -0.05, **settings: Any) -> Macro
 
 
 class Plates(Solving):
-    """Part of :class:`porocore.testing.macro_laws.states.MacroSolverSuite`."""
+    """Part of :class:`porocore.testing.macro_checks.states.MacroSolverSuite`."""
 
     @pytest.mark.parametrize("law", [LINEAR, NONLINEAR], ids=["linear", "nonlinear"])
     def test_a_plate_moves_as_one_and_bears_its_force(self, law: Any) -> None:

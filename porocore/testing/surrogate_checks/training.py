@@ -1,4 +1,4 @@
-"""Laws of a training: by a seed alone, interrupted and resumed, refused checkpoints."""
+"""Checks of a training: by a seed alone, interrupted and resumed, refused checkpoints."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ class _Stop(Exception):
 
 
 class Trainings(Fitting):
-    """Part of :class:`porocore.testing.surrogate_laws.base.SurrogateSuite`."""
+    """Part of :class:`porocore.testing.surrogate_checks.base.SurrogateSuite`."""
 
     def test_training_is_seeded(self, fitted: Surrogate, data: TrainingSet, unseen: TrainingSet) -> None:
         before = global_random_state()

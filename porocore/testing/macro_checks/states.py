@@ -1,4 +1,4 @@
-"""Laws on the discrete equations; suites of macro solvers and laws (MacroSolverSuite, MacroLawSuite).
+"""Checks on the discrete equations; suites of macro solvers and laws (MacroSolverSuite, MacroLawSuite).
 
 .. code-block:: python
 
@@ -33,8 +33,8 @@ from porocore.interfaces.solution import History
 from porocore.macro.laws import LinearCellLaw
 from porocore.states import Array, MacroState
 from porocore.testing.expect import holds, near, require, same, states_text
-from porocore.testing.macro_laws.bodies import Bodies, Plates
-from porocore.testing.macro_laws.runs import (
+from porocore.testing.macro_checks.bodies import Bodies, Plates
+from porocore.testing.macro_checks.runs import (
     ALPHA,
     C22,
     COEFFICIENTS,
@@ -49,13 +49,13 @@ from porocore.testing.macro_laws.runs import (
     Runs,
     Solving,
 )
-from porocore.testing.macro_laws.sensitivities import RunDerivatives
+from porocore.testing.macro_checks.sensitivities import RunDerivatives
 from porocore.testing.suite import Suite
 from porocore.testing.synthetic.response import confined_column, cubic_reference
 
 
 class KnownStates(Solving):
-    """Part of :class:`porocore.testing.macro_laws.states.MacroSolverSuite`."""
+    """Part of :class:`porocore.testing.macro_checks.states.MacroSolverSuite`."""
 
     @pytest.mark.parametrize("elements", [(1, 2, 1), (2, 1, 2)])
     def test_tangent_is_the_derivative_of_the_residual(self, elements: Any) -> None:

@@ -11,7 +11,7 @@
 
 The cell that is learned is :mod:`porocore.testing.synthetic.cell`, known in closed form. A surrogate that derives
 stress and fluid volume from a potential subclasses
-:class:`porocore.testing.surrogate_laws.potential.PotentialSuite`.
+:class:`porocore.testing.surrogate_checks.potential.PotentialSuite`.
 """
 
 from __future__ import annotations
@@ -44,9 +44,9 @@ from porocore.testing.expect import (
     states_text,
     with_derivatives,
 )
-from porocore.testing.surrogate_laws.other_process import arrays
-from porocore.testing.surrogate_laws.parameters import Parameters
-from porocore.testing.surrogate_laws.training import Fitting, Trainings
+from porocore.testing.surrogate_checks.other_process import arrays
+from porocore.testing.surrogate_checks.parameters import Parameters
+from porocore.testing.surrogate_checks.training import Fitting, Trainings
 from porocore.testing.synthetic.cell import INPUTS, synthetic_training_set
 
 #: Of the largest value of a response.
@@ -54,7 +54,7 @@ ROUND_OFF = 1e-13
 
 
 class Files(Fitting):
-    """Part of :class:`porocore.testing.surrogate_laws.base.SurrogateSuite`."""
+    """Part of :class:`porocore.testing.surrogate_checks.base.SurrogateSuite`."""
 
     def test_saved_and_loaded_it_is_the_same(
         self, fitted: Surrogate, saved: Path, data: TrainingSet, unseen: TrainingSet
@@ -81,7 +81,7 @@ class Files(Fitting):
         states, answer = tmp_path / "states.npz", tmp_path / "answer.npz"
         np.savez(states, grad_u=unseen.states.grad_u, p=unseen.states.p)
         state = "its one file, moved to another folder, read by another process"
-        question = "porocore.testing.surrogate_laws.other_process:predict"
+        question = "porocore.testing.surrogate_checks.other_process:predict"
         facts = {"file": str(moved), "states": str(states), "answer": str(answer)}
         calls = other_process.ask(type(self), question, state, moved.parent, **facts)
         with np.load(answer) as found:

@@ -1,4 +1,4 @@
-"""Laws of sensitivities: derivatives of the histories by unknowns are the limits of differences of runs."""
+"""Checks of sensitivities: derivatives of the histories by unknowns are the limits of differences of runs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from porocore.interfaces.solution import MacroSolution
 from porocore.macro.laws import ClosedLaw, make_closure
 from porocore.macro.problem import MacroProblem
 from porocore.testing.expect import holds, near
-from porocore.testing.macro_laws.runs import SIDES, Solving
+from porocore.testing.macro_checks.runs import SIDES, Solving
 from porocore.testing.synthetic.porous_family import PorousFamilyLaw
 from porocore.testing.synthetic.response import confined_column
 
@@ -42,7 +42,7 @@ STATE = "a column of the made-up family of porous cells, all unknowns along one 
 
 
 class RunDerivatives(Solving):
-    """Part of :class:`porocore.testing.macro_laws.states.MacroSolverSuite`."""
+    """Part of :class:`porocore.testing.macro_checks.states.MacroSolverSuite`."""
 
     law = ClosedLaw(
         PorousFamilyLaw("radius", "viscosity"), make_closure("potential", 0.6, NeoHookean(), np.eye(3))
@@ -69,7 +69,7 @@ class RunDerivatives(Solving):
 
     @classmethod
     def with_derivatives(cls) -> tuple[MacroSolution, MacroSensitivities]:
-        """Solve with sensitivities; the laws are skipped where the solver declares none."""
+        """Solve with sensitivities; the checks are skipped where the solver declares none."""
         problem = cls.pressed()
         solver = cls.offered(problem)
         cls.needs(type(solver).sensitivities, "sensitivities = False: it gives none")

@@ -19,9 +19,9 @@ from porocore.surrogates.network import training as adam
 from porocore.surrogates.network.surrogate import NetworkSurrogate
 from porocore.surrogates.network.training import FORMAT
 from porocore.testing.expect import assert_identical, holds, near, refused, require, same
-from porocore.testing.surrogate_laws.base import SurrogateSuite
-from porocore.testing.surrogate_laws.potential import PotentialSuite
-from porocore.testing.surrogate_laws.training import Fitting
+from porocore.testing.surrogate_checks.base import SurrogateSuite
+from porocore.testing.surrogate_checks.potential import PotentialSuite
+from porocore.testing.surrogate_checks.training import Fitting
 
 #: With a learning rate this large the validation loss goes up and down.
 PATIENCE = 50
@@ -33,7 +33,7 @@ ROUND_OFF = 1e-15
 
 
 class NetworkTrainings(Fitting):
-    """Part of :class:`porocore.testing.surrogate_laws.networks.MlpSuite`."""
+    """Part of :class:`porocore.testing.surrogate_checks.networks.MlpSuite`."""
 
     surrogate: ClassVar[type[NetworkSurrogate]]
 
@@ -131,17 +131,17 @@ class _Mlp(SurrogateSuite):
 
 
 class MlpSuite(NetworkTrainings, _Mlp):
-    """Laws of the model ``mlp``, those of its training included."""
+    """Checks of the model ``mlp``, those of its training included."""
 
 
 class TanhMlpSuite(_Mlp):
-    """Laws of the model ``mlp`` with the other activation."""
+    """Checks of the model ``mlp`` with the other activation."""
 
     options: ClassVar[dict[str, Any]] = {"hidden": [16, 16], "learning_rate": 0.05, "activation": "tanh"}
 
 
 class NetworkPotentialSuite(PotentialSuite):
-    """Laws of the model ``potential``."""
+    """Checks of the model ``potential``."""
 
     surrogate: ClassVar[type[NetworkSurrogate]]
     options: ClassVar[dict[str, Any]] = {"hidden": [10, 10], "iterations": 150}
@@ -170,7 +170,7 @@ class NetworkPotentialSuite(PotentialSuite):
 
 
 class AnchoredPotentialSuite(NetworkPotentialSuite):
-    """Laws of the model ``potential`` with one layer on a polynomial."""
+    """Checks of the model ``potential`` with one layer on a polynomial."""
 
     options: ClassVar[dict[str, Any]] = {
         "hidden": [8],

@@ -8,11 +8,11 @@ import pytest
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.states import Array, MacroState
 from porocore.testing.expect import RESPONSES, holds, near, require, states_text, with_derivatives
-from porocore.testing.surrogate_laws.base import SurrogateSuite
+from porocore.testing.surrogate_checks.base import SurrogateSuite
 
 
 class PotentialSuite(SurrogateSuite):
-    """Additional laws of a surrogate whose stress and fluid volume derive from one potential.
+    """Further checks of a surrogate whose stress and fluid volume derive from one potential.
 
     They hold for every state, whether or not the training came near it.
     """

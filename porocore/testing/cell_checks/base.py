@@ -33,10 +33,10 @@ from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellSolver
 from porocore.macro.laws.closure import ConductivityLaw, PulledBack
 from porocore.states import Array, CellResponse, MacroState, Status
-from porocore.testing.cell_laws import identities
-from porocore.testing.cell_laws.exact import ExactCells
-from porocore.testing.cell_laws.identities import STEPS, WEIGHTS
-from porocore.testing.cell_laws.suite import (
+from porocore.testing.cell_checks import identities
+from porocore.testing.cell_checks.exact import ExactCells
+from porocore.testing.cell_checks.identities import STEPS, WEIGHTS
+from porocore.testing.cell_checks.suite import (
     RESPONSES,
     STATES,
     STEP,
@@ -48,7 +48,7 @@ from porocore.testing.expect import holds, near, options, refused, require, same
 
 
 class Calls(CellSuite):
-    """Part of :class:`porocore.testing.cell_laws.base.CellSolverSuite`."""
+    """Part of :class:`porocore.testing.cell_checks.base.CellSolverSuite`."""
 
     #: Of responses, between solves that may take another way to the same equilibrium.
     same: ClassVar[float] = 1e-9
@@ -202,7 +202,7 @@ STATE = "compressed"
 
 
 class Members(CellSuite):
-    """Part of :class:`porocore.testing.cell_laws.base.CellSolverSuite`."""
+    """Part of :class:`porocore.testing.cell_checks.base.CellSolverSuite`."""
 
     @classmethod
     def make_family(cls) -> Cell:
@@ -467,7 +467,7 @@ def image_cell(
 
 
 class OpenCells(CellSuite):
-    """Part of :class:`porocore.testing.cell_laws.base.MeshedCellSuite`."""
+    """Part of :class:`porocore.testing.cell_checks.base.MeshedCellSuite`."""
 
     @pytest.mark.parametrize("which", OPEN_CELLS)
     def test_a_strain_of_one_percent_is_no_overlap(

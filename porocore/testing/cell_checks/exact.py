@@ -1,4 +1,4 @@
-"""Laws that hold exactly: identities, closed forms, self-contact of the pore wall.
+"""Checks that hold exactly: identities, closed forms, self-contact of the pore wall.
 
 Misfits are relative to the largest entry of what is compared, unless said otherwise.
 """
@@ -17,7 +17,7 @@ from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.cell.materials.material import Material
 from porocore.interfaces.cell import CellSolver
 from porocore.states import Array, MacroState, Status
-from porocore.testing.cell_laws.suite import CellSuite
+from porocore.testing.cell_checks.suite import CellSuite
 from porocore.testing.expect import holds, near, require, same, state_text
 
 #: μ_f K of three channels of radius 0.25 (Dehghani and Zilian 2022), two digits of which are certain.
@@ -49,7 +49,7 @@ def known_conductivity(cell: Cell) -> tuple[Array, float] | None:
 
 
 class ExactCells(CellSuite):
-    """Part of :class:`porocore.testing.cell_laws.base.CellSolverSuite`."""
+    """Part of :class:`porocore.testing.cell_checks.base.CellSolverSuite`."""
 
     def test_rest(self, solver: CellSolver, prepared: Any) -> None:
         """No stress, no energy, no displacement, and the fluid volume is the porosity."""

@@ -1,1 +1,0 @@
-"""Laws that every cell solver obeys, as suites to subclass, one group in each file."""

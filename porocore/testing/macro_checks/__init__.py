@@ -1,0 +1,1 @@
+"""Checks of every macro solver, as a suite to subclass, one group in each file."""

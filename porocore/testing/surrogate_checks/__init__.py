@@ -1,0 +1,1 @@
+"""Checks of every surrogate, as suites to subclass, one group in each file."""

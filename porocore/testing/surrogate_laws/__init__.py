@@ -1,1 +1,0 @@
-"""Laws that every surrogate obeys, as suites to subclass, one group in each file."""
