@@ -7,5 +7,5 @@ from porocore.testing.macro_checks.states import MacroLawSuite as MacroLawSuite
 from porocore.testing.macro_checks.states import MacroSolverSuite as MacroSolverSuite
 from porocore.testing.sampler_checks import SamplerSuite as SamplerSuite
 from porocore.testing.suite import Suite as Suite
+from porocore.testing.surrogate_checks.base import PotentialSuite as PotentialSuite
 from porocore.testing.surrogate_checks.base import SurrogateSuite as SurrogateSuite
-from porocore.testing.surrogate_checks.potential import PotentialSuite as PotentialSuite

@@ -10,7 +10,7 @@
             return MyCellSolver()
 
 The suite of a solver that discretises any pore geometry derives :class:`porocore.testing.MeshedCellSuite`, which adds
-the laws of meshes and mirrors.
+the checks of meshes and mirrors.
 """
 
 from __future__ import annotations
@@ -34,17 +34,26 @@ from porocore.interfaces.cell import CellSolver
 from porocore.macro.laws.closure import ConductivityLaw, PulledBack
 from porocore.states import Array, CellResponse, MacroState, Status
 from porocore.testing.cell_checks import identities
-from porocore.testing.cell_checks.exact import ExactCells
-from porocore.testing.cell_checks.identities import STEPS, WEIGHTS
-from porocore.testing.cell_checks.suite import (
-    RESPONSES,
+from porocore.testing.cell_checks.exact import (
     STATES,
     STEP,
     CellSuite,
+    ExactCells,
     matches_difference,
     state_label,
 )
-from porocore.testing.expect import holds, near, options, refused, require, same, state_text, states_text
+from porocore.testing.cell_checks.identities import STEPS, WEIGHTS
+from porocore.testing.expect import (
+    RESPONSES,
+    holds,
+    near,
+    options,
+    refused,
+    require,
+    same,
+    state_text,
+    states_text,
+)
 
 
 class Calls(CellSuite):

@@ -1,4 +1,4 @@
-"""Checks that hold exactly: identities, closed forms, self-contact of the pore wall.
+"""Base of the suites of cell solvers (CellSuite); checks that hold exactly: identities, closed forms, contact.
 
 Misfits are relative to the largest entry of what is compared, unless said otherwise.
 """
@@ -15,10 +15,71 @@ from porocore.cell.contact.settings import ContactSettings
 from porocore.cell.geometry.kinds import OrthogonalChannels
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.cell.materials.material import Material
+from porocore.cell.meshing.mesh import MeshSettings
 from porocore.interfaces.cell import CellSolver
 from porocore.states import Array, MacroState, Status
-from porocore.testing.cell_checks.suite import CellSuite
 from porocore.testing.expect import holds, near, require, same, state_text
+from porocore.testing.suite import Suite
+
+#: Three states away from zero: diagonal, diagonal under suction, and general with shear and pressure.
+STATES: dict[str, tuple[Array, float]] = {
+    "compressed": (np.diag([0.02, -0.08, 0.03]), 0.05),
+    "stretched": (np.diag([0.10, -0.02, 0.05]), -0.04),
+    "sheared": (np.array([[0.03, 0.08, -0.02], [0.01, -0.06, 0.04], [0.0, 0.05, 0.02]]), 0.08),
+}
+#: Of the differences that derivatives are held against.
+STEP = 1e-3
+
+
+class CellSuite(Suite):
+    """Subclass a suite, name the class ``Test…`` and give it ``make_solver``."""
+
+    #: Kept coarse; what is tested here holds on every mesh.
+    mesh = MeshSettings(size=0.2, fluid_size=0.14)
+
+    @classmethod
+    def make_solver(cls) -> CellSolver:
+        """The solver under test, with default options."""
+        raise cls.undefined("make_solver(cls)", "MyCellSolver()", "a new porocore.CellSolver")
+
+    @classmethod
+    def make_cell(cls, **others: Any) -> Cell:
+        """The cell that is solved, with ``others`` of its keys changed; one that the solver is made for."""
+        return Cell(mesh=cls.mesh, **others)
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def solver(cls) -> CellSolver:
+        return cls.make_solver()
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def prepared(cls, solver: CellSolver) -> Any:
+        return solver.prepare(cls.make_cell())
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def responses(cls, solver: CellSolver, prepared: Any) -> dict[str, Any]:
+        """Responses at ``STATES``, one row each."""
+        return {name: solver.solve_one(prepared, *state) for name, state in STATES.items()}
+
+    @pytest.fixture(scope="class")
+    @classmethod
+    def batch(cls) -> MacroState:
+        """Return ``STATES`` as one batch."""
+        return MacroState.concatenate([MacroState.single(*state) for state in STATES.values()])
+
+
+def state_label(name: str) -> str:
+    """Return one of ``STATES`` as text."""
+    return f"{name} ({state_text(*STATES[name])})"
+
+
+def matches_difference(what: str, difference: Any, slope: Any, state: str) -> None:
+    """Hold a derivative against a difference of the responses, up to 1e-6 of its largest entry."""
+    size = float(np.abs(slope).max())
+    near(f"{what} by differences,", slope, difference, state, within=max(1e-6 * size, 1e-9))
+
 
 #: μ_f K of three channels of radius 0.25 (Dehghani and Zilian 2022), two digits of which are certain.
 THREE_CHANNELS = 1.94e-3
@@ -210,7 +271,7 @@ TOUCHING = MacroState.single(np.diag([0.01, -0.26, -0.005]), 0.02)
 #: In words.
 IN_CONTACT = f"in contact ({state_text(TOUCHING.grad_u[0], TOUCHING.p[0])})"
 #: Of differences; the contact's energy has jumps in its second derivatives, so that the step is small.
-STEP = 3e-5
+CONTACT_STEP = 3e-5
 #: The loads that keep the planes mirrors: H_11, H_22, H_33 and p.
 LOADS = {"H11": 0, "H22": 4, "H33": 8, "p": 9}
 
@@ -236,12 +297,14 @@ class CellContactSuite(CellSuite):
         found = {}
         for name, load in LOADS.items():
             theta = np.zeros((2, 10))
-            theta[:, load] = STEP, -STEP
+            theta[:, load] = CONTACT_STEP, -CONTACT_STEP
             states = MacroState(TOUCHING.grad_u + theta[:, :9].reshape(2, 3, 3), TOUCHING.p + theta[:, 9])
             ends = solver.solve(prepared, states, start=2 * touching.fields, tangent=False).response
             same("status", ends.status, [int(Status.contact)] * 2, f"{IN_CONTACT}, steps of {name}")
             responses = {field: getattr(ends, field) for field in ("potential", "stress", "fluid_volume")}
-            found[name] = {field: (values[0] - values[1]) / (2 * STEP) for field, values in responses.items()}
+            found[name] = {
+                field: (values[0] - values[1]) / (2 * CONTACT_STEP) for field, values in responses.items()
+            }
         return found
 
     def test_says_so(self, touching: Any) -> None:

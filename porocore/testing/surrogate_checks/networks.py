@@ -19,8 +19,7 @@ from porocore.surrogates.network import training as adam
 from porocore.surrogates.network.surrogate import NetworkSurrogate
 from porocore.surrogates.network.training import FORMAT
 from porocore.testing.expect import assert_identical, holds, near, refused, require, same
-from porocore.testing.surrogate_checks.base import SurrogateSuite
-from porocore.testing.surrogate_checks.potential import PotentialSuite
+from porocore.testing.surrogate_checks.base import PotentialSuite, SurrogateSuite
 from porocore.testing.surrogate_checks.training import Fitting
 
 #: With a learning rate this large the validation loss goes up and down.

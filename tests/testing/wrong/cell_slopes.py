@@ -11,7 +11,7 @@ import numpy as np
 from porocore.interfaces.cell import CellSolution
 from porocore.states import CellSlopes, MacroState
 from porocore.testing.cell_checks.identities import STEPS, WEIGHTS
-from porocore.testing.cell_checks.suite import RESPONSES
+from porocore.testing.expect import RESPONSES
 
 sys.path.insert(0, str(Path(__file__).parent))
 from cells import LayeredCellSolver, _Law
