@@ -10,18 +10,19 @@ modulus, r changes the pores.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.core.inputs import InputSpace
-from porocore.core.tensors import cofactor, cofactor_tangent, determinant
+from porocore.core.tensors import cofactor, determinant
 from porocore.interfaces.law import CellLaw, UndeformedCells
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.macro.laws import ClosedLaw, make_closure
-from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
+from porocore.states import Array, CellResponse, MacroState
 from porocore.testing.synthetic import potential_cell
-from porocore.testing.synthetic.response import cubic_reference
+from porocore.testing.synthetic.response import cubic_reference, respond_by
 
 #: Confined compression: the range of the two inputs that a synthetic training set samples.
 INPUTS = InputSpace(("H22", "p"), (-0.20, -0.02), (0.04, 0.24))
@@ -34,34 +35,29 @@ STORAGE = 0.25
 
 
 def respond(states: MacroState) -> CellResponse:
-    """All responses of n states with their derivatives.
+    """Return all responses of n states with their derivatives.
 
-    G = <∇u¹>_s as above with the cubic M and Q of :func:`cubic_reference`; W = φ_s Ψ(F) − φ_f p J − ``STORAGE`` p²/2
-    with F = I + H, so P_E = φ_s ∂Ψ/∂F − φ_f p cof F and φ = φ_f J + ``STORAGE`` p.
+    W = φ_s Ψ(F) − φ_f p J − ½ S p².
     """
-    H, p = states.grad_u, states.p
-    n = len(p)
-    G, G_H, G_p = _mean_grad(H, p)
+    return respond_by(values, states)
+
+
+def values(z: Any) -> dict[str, Any]:
+    """Return W, P_E, φ and <∇u¹> at z (n, 10), which is H row by row and p."""
+    H, p, linear = z[:, :9].reshape(-1, 3, 3), z[:, 9], cubic_reference().tangent
+    M, Q = vars(linear)["mean_grad_grad_u"][0], vars(linear)["mean_grad_p"][0]
+    p1 = p[:, None, None]
+    r = 1 / (1 + A * np.trace(H, axis1=1, axis2=2) + B * p)
+    L = np.einsum("ijkl,nkl->nij", M, H) + Q * p1
     material, F = NeoHookean(), np.eye(3) + H
     solid, fluid = SOLID_FRACTION, 1 - SOLID_FRACTION
-    J, cof = determinant(F), cofactor(F)
-    fluid_p = fluid * p
-    tangent = CellTangent(
-        mean_grad_grad_u=G_H,
-        mean_grad_p=G_p,
-        stress_grad_u=solid * material.tangent(F) - fluid_p[:, None, None, None, None] * cofactor_tangent(F),
-        stress_p=-fluid * cof,
-        fluid_volume_grad_u=fluid * cof,
-        fluid_volume_p=np.full(n, STORAGE),
-    )
-    return CellResponse(
-        mean_grad=G,
-        status=np.full(n, int(Status.converged), dtype=np.int64),
-        potential=solid * material.energy_density(F) - fluid_p * J - STORAGE / 2 * p**2,
-        stress=solid * material.stress(F) - fluid_p[:, None, None] * cof,
-        fluid_volume=fluid * J + STORAGE * p,
-        tangent=tangent,
-    )
+    J, fluid_p = determinant(F), fluid * p
+    return {
+        "mean_grad": L * r[:, None, None] + C * H @ H + D * p1 * H,
+        "potential": solid * material.energy_density(F) - fluid_p * J - STORAGE / 2 * p**2,
+        "stress": solid * material.stress(F) - fluid_p[:, None, None] * cofactor(F),
+        "fluid_volume": fluid * J + STORAGE * p,
+    }
 
 
 def synthetic_training_set(n: int = 240, seed: int = 0) -> TrainingSet:
@@ -72,32 +68,6 @@ def synthetic_training_set(n: int = 240, seed: int = 0) -> TrainingSet:
     states = INPUTS.scatter(low + (high - low) * unit)
     provenance = {"origin": "synthetic cell", "states": f"{n}, seed {seed}"}
     return TrainingSet(states, respond(states), INPUTS, respond(MacroState.zeros(1)), IDENTITY, provenance)
-
-
-def _mean_grad(H: Array, p: Array) -> tuple[Array, Array, Array]:
-    """G (n, 3, 3), ∂G/∂H (n, 3, 3, 3, 3), ∂G/∂p (n, 3, 3)."""
-    linear = cubic_reference().tangent
-    assert linear is not None
-    assert linear.mean_grad_grad_u is not None
-    assert linear.mean_grad_p is not None
-    M, Q, eye = linear.mean_grad_grad_u[0], linear.mean_grad_p[0], np.eye(3)
-    r = 1 / (1 + A * np.trace(H, axis1=1, axis2=2) + B * p)
-    L = np.einsum("ijkl,nkl->nij", M, H) + Q * p[:, None, None]
-    r1, r4, p1, p4 = (
-        r[:, None, None],
-        r[:, None, None, None, None],
-        p[:, None, None],
-        p[:, None, None, None, None],
-    )
-    G = L * r1 + C * H @ H + D * p1 * H
-    G_H = (
-        M * r4
-        - A * r4**2 * np.einsum("nij,kl->nijkl", L, eye)
-        + C * (np.einsum("ik,nlj->nijkl", eye, H) + np.einsum("nik,jl->nijkl", H, eye))
-        + D * p4 * np.einsum("ik,jl->ijkl", eye, eye)
-    )
-    G_p = Q * r1 - B * r1**2 * L + D * H
-    return G, G_H, G_p
 
 
 #: K of the cell with r = 1, another one along each axis.
@@ -120,24 +90,21 @@ class ParametricCell(CellLaw):
         """
         if states.parameters is None:
             raise ValueError("expected states with parameters")
-        r, e = states.parameters.T
-        e2, e4 = e[:, None, None], e[:, None, None, None, None]
-        first = potential_cell.respond(MacroState(states.grad_u, states.p / e))
-        assert first.potential is not None
-        assert first.stress is not None
-        assert first.fluid_volume is not None
-        F = np.eye(3) + states.grad_u
-        J, cof = determinant(F), cofactor(F)
-        more = porosity(r) - (1 - potential_cell.SOLID_FRACTION)
-        p = more * states.p
-        return CellResponse(
-            mean_grad=first.mean_grad,
-            status=first.status,
-            potential=e * first.potential - p * J,
-            stress=e2 * first.stress - p[:, None, None] * cof,
-            fluid_volume=first.fluid_volume + more * J,
-            tangent=_tangent(first.tangent, e, e4, more, p, F) if tangent else None,
-        )
+        return replace(respond_by(self._values, states, tangent=tangent), slopes=None)
+
+    @staticmethod
+    def _values(z: Any) -> dict[str, Any]:
+        """Return W, P_E, φ and <∇u¹> at z (n, 12), which is H row by row, p, r and e."""
+        p, r, e = z[:, 9:].T
+        found = potential_cell.values(np.concatenate([z[:, :9], (p / e)[:, None]], axis=1))
+        F, more = np.eye(3) + z[:, :9].reshape(-1, 3, 3), porosity(r) - (1 - potential_cell.SOLID_FRACTION)
+        J, more_p = determinant(F), more * p
+        return {
+            "mean_grad": found["mean_grad"],
+            "potential": e * found["potential"] - more_p * J,
+            "stress": e[:, None, None] * found["stress"] - more_p[:, None, None] * cofactor(F),
+            "fluid_volume": found["fluid_volume"] + more * J,
+        }
 
     def undeformed(self, parameters: Array) -> UndeformedCells:
         """Return φ_f(r) and K r⁴."""
@@ -167,20 +134,3 @@ def parametric_law(cell: CellLaw | None = None, radius: float = 0.2, closure: st
 def porosity(r: Array) -> Array:
     """Return φ_f = 3π r² − 8√2 r³ of three crossing channels with the radii r (n,)."""
     return np.asarray(3 * np.pi * r**2 - 8 * np.sqrt(2) * r**3)
-
-
-def _tangent(first: CellTangent | None, e: Array, e4: Array, more: Array, p: Array, F: Array) -> CellTangent:
-    assert first is not None
-    assert first.mean_grad_p is not None
-    assert first.stress_grad_u is not None
-    assert first.stress_p is not None
-    assert first.fluid_volume_p is not None
-    stress_p = first.stress_p - more[:, None, None] * cofactor(F)
-    return CellTangent(
-        mean_grad_grad_u=first.mean_grad_grad_u,
-        mean_grad_p=first.mean_grad_p / e[:, None, None],
-        stress_grad_u=e4 * first.stress_grad_u - p[:, None, None, None, None] * cofactor_tangent(F),
-        stress_p=stress_p,
-        fluid_volume_grad_u=-stress_p,
-        fluid_volume_p=first.fluid_volume_p / e,
-    )

@@ -19,14 +19,14 @@ import numpy.typing as npt
 
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.core.inputs import InputSpace
-from porocore.core.tensors import cofactor, cofactor_tangent, determinant
+from porocore.core.tensors import cofactor, determinant
 from porocore.errors import ConfigurationError, MemberError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.records import failed_response
-from porocore.states import Array, CellResponse, CellSlopes, MacroState, Status
+from porocore.states import Array, CellResponse, MacroState, Status
+from porocore.testing.synthetic import potential_cell
 from porocore.testing.synthetic.porous_family import hessian_slopes
-from porocore.testing.synthetic.potential_cell import SOLID_FRACTION
-from porocore.testing.synthetic.potential_cell import respond as respond_at_base
+from porocore.testing.synthetic.response import respond_by
 
 PARAMETERS = {"porosity": (0.3, 0.6), "modulus": (0.5, 2.0)}
 #: Strains, pressures and parameters.
@@ -100,7 +100,7 @@ class SyntheticFamilySolver(CellSolver[SyntheticFamily]):
 
     def conductivity(self, prepared: SyntheticFamily) -> Array:
         """Return K (3, 3)."""
-        K: Array = _conductivity(np.array(prepared.values[:1]))[0][0]
+        K: Array = _conductivity(np.array(prepared.values[:1]))[0]
         return K
 
     def hessian_slopes_at_rest(self, prepared: SyntheticFamily) -> Array:
@@ -135,81 +135,27 @@ class SyntheticFamilySolver(CellSolver[SyntheticFamily]):
 
 def respond(states: MacroState) -> CellResponse:
     """Return all responses of n states with their parameters, derivatives and slopes."""
-    assert states.parameters is not None
-    phi, E = states.parameters.T
-    F = np.eye(3) + states.grad_u
-    p = states.p / E
-    unit = _unit_modulus(MacroState(states.grad_u, p), phi)
-    tangent = unit.tangent
-    assert tangent is not None
-    assert unit.potential is not None
-    assert unit.stress is not None
-    assert unit.fluid_volume is not None
-    material, J, cof = NeoHookean(), determinant(F), cofactor(F)
-    e2, e4 = E[:, None, None], E[:, None, None, None, None]
-    p2 = p[:, None, None]
-    K, K_phi = _conductivity(phi)
-    slopes = CellSlopes(
-        potential=np.stack(
-            [-E * (material.energy_density(F) + J * p), unit.potential + p * unit.fluid_volume], axis=-1
-        ),
-        stress=np.stack(
-            [-e2 * (material.stress(F) + p2 * cof), unit.stress - p2 * tangent.stress_p], axis=-1
-        ),
-        fluid_volume=np.stack([J, -p / E * tangent.fluid_volume_p], axis=-1),
-        porosity=np.stack([np.ones_like(p), np.zeros_like(p)], axis=-1),
-        mean_grad=np.stack([np.zeros_like(cof), -p2 / e2 * tangent.mean_grad_p], axis=-1),
-        conductivity=np.stack([K_phi, np.zeros_like(K)], axis=-1),
-    )
-    assert tangent.stress_grad_u is not None
-    assert tangent.fluid_volume_p is not None
-    assert tangent.mean_grad_p is not None
-    return replace(
-        unit,
-        potential=E * unit.potential,
-        stress=e2 * unit.stress,
-        tangent=replace(
-            tangent,
-            stress_grad_u=e4 * tangent.stress_grad_u,
-            fluid_volume_p=tangent.fluid_volume_p / E,
-            mean_grad_p=tangent.mean_grad_p / e2,
-        ),
-        slopes=slopes,
-    )
+    return respond_by(_values, states, hidden=("porosity", "conductivity"))
 
 
-def _unit_modulus(states: MacroState, phi: Array) -> CellResponse:
-    """Return the responses for a modulus of 1 and porosities (n,)."""
-    base = respond_at_base(states)
-    tangent = base.tangent
-    assert tangent is not None
-    F, p = np.eye(3) + states.grad_u, states.p
-    material, J, cof = NeoHookean(), determinant(F), cofactor(F)
-    more = phi - (1 - SOLID_FRACTION)
-    m2, p2 = more[:, None, None], p[:, None, None]
-    m4, p4 = m2[..., None, None], p2[..., None, None]
-    assert base.potential is not None
-    assert base.stress is not None
-    assert base.fluid_volume is not None
-    assert tangent.stress_grad_u is not None
-    assert tangent.stress_p is not None
-    stress_p = tangent.stress_p - m2 * cof
-    return replace(
-        base,
-        potential=base.potential - more * (material.energy_density(F) + p * J),
-        stress=base.stress - m2 * (material.stress(F) + p2 * cof),
-        fluid_volume=base.fluid_volume + more * J,
-        tangent=replace(
-            tangent,
-            stress_grad_u=tangent.stress_grad_u - m4 * (material.tangent(F) + p4 * cofactor_tangent(F)),
-            stress_p=stress_p,
-            fluid_volume_grad_u=-stress_p,
-        ),
-    )
+def _values(z: Any) -> dict[str, Any]:
+    """Return W, P_E, φ, <∇u¹>, φ_f and K at z (n, 12), which is H row by row, p, φ_f and E."""
+    phi, E = z[:, 10:].T
+    p = z[:, 9] / E
+    unit = potential_cell.values(np.concatenate([z[:, :9], p[:, None]], axis=1))
+    F, more = np.eye(3) + z[:, :9].reshape(-1, 3, 3), phi - (1 - potential_cell.SOLID_FRACTION)
+    material, J, p1 = NeoHookean(), determinant(F), p[:, None, None]
+    return {
+        "mean_grad": unit["mean_grad"],
+        "potential": E * (unit["potential"] - more * (material.energy_density(F) + p * J)),
+        "stress": E[:, None, None]
+        * (unit["stress"] - more[:, None, None] * (material.stress(F) + p1 * cofactor(F))),
+        "fluid_volume": unit["fluid_volume"] + more * J,
+        "porosity": phi,
+        "conductivity": _conductivity(phi),
+    }
 
 
-def _conductivity(phi: Array) -> tuple[Array, Array]:
-    """Return K and its slope by the porosity for porosities (n,), (n, 3, 3) each."""
-    value = phi**3 / (1 - phi) ** 2
-    slope = phi**2 * (3 - phi) / (1 - phi) ** 3
-    return value[:, None, None] * np.eye(3), slope[:, None, None] * np.eye(3)
+def _conductivity(phi: Any) -> Any:
+    """Return K (n, 3, 3) for porosities (n,)."""
+    return (phi**3 / (1 - phi) ** 2)[:, None, None] * np.eye(3)

@@ -27,7 +27,8 @@ from porocore.core.tensors import CUBIC
 from porocore.interfaces.law import CellLaw, UndeformedCells
 from porocore.interfaces.records import ParameterKind, RestData
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.states import Array, CellResponse, CellSlopes, CellTangent, MacroState, Status
+from porocore.states import Array, CellResponse, CellSlopes, MacroState
+from porocore.testing.synthetic.response import by_state, complex_steps, respond_by
 
 Numbers = npt.NDArray[np.complex128]
 #: Parameters that there are, with their values where they are none.
@@ -43,11 +44,6 @@ KINDS: dict[str, ParameterKind] = {
 PARAMETERS = {"radius": (0.15, 0.3), "poisson_ratio": (0.2, 0.45)}
 INPUTS = InputSpace.from_ranges({"H22": (-0.12, 0.04), "p": (0.0, 0.1)}, PARAMETERS)
 IDENTITY = "porous-family-1"
-STEP = 1e-30
-#: Values that respond in the state of a whole row, and their shapes.
-SHAPES: dict[str, tuple[int, ...]] = {
-    "potential": (), "stress": (3, 3), "fluid_volume": (), "mean_grad": (3, 3), "conductivity": (3, 3),
-}  # fmt: skip
 
 
 def porosity(radius: Any) -> Any:
@@ -63,37 +59,7 @@ def respond(states: MacroState, names: tuple[str, ...] = tuple(PARAMETERS)) -> C
     states
         States whose parameters (n, m) have these ``names``.
     """
-    n, z = len(states), inputs_of(states)
-    values: dict[str, Any] = {name: x.real for name, x in values_at(z, names).items()}
-    slopes = complex_steps(z, lambda at: values_at(at, names))
-    H = {name: x[..., :9].reshape(*x.shape[:-1], 3, 3) for name, x in slopes.items()}
-    theta = {name: x[..., 10:] for name, x in slopes.items()}
-    by_phi = complex_steps(
-        z, lambda at: {"porosity": porosity(with_defaults(at, names)["radius"]) + 0 * at[:, 0]}
-    )["porosity"]
-    tangent = CellTangent(
-        mean_grad_grad_u=H["mean_grad"],
-        mean_grad_p=slopes["mean_grad"][..., 9],
-        stress_grad_u=H["stress"],
-        stress_p=slopes["stress"][..., 9],
-        fluid_volume_grad_u=H["fluid_volume"],
-        fluid_volume_p=slopes["fluid_volume"][..., 9],
-    )
-    return CellResponse(
-        status=np.full(n, int(Status.converged), dtype=np.int64),
-        tangent=tangent,
-        slopes=CellSlopes(**theta, porosity=by_phi[..., 10:]),
-        **values,
-    )
-
-
-def inputs_of(states: MacroState) -> Numbers:
-    """Return (n, 10 + m): H row by row, p and the parameters."""
-    assert states.parameters is not None
-    n = len(states)
-    parts = [states.grad_u.reshape(n, 9), states.p[:, None], states.parameters]
-    z: Numbers = np.concatenate(parts, axis=1).astype(complex)
-    return z
+    return respond_by(partial(values_at, names=names), states, hidden=("porosity",))
 
 
 def undeformed_conductivity(at: dict[str, Any], n: int) -> Any:
@@ -154,24 +120,13 @@ def _spread(k: int, ranges: Array) -> Array:
     return spread
 
 
-def complex_steps(z: Numbers, function: Callable[[Numbers], dict[str, Any]]) -> dict[str, Array]:
-    """Return the derivatives of a function of z (n, v), the last axis of length v."""
-    found: dict[str, list[Array]] = {}
-    for k in range(z.shape[1]):
-        moved = z.copy()
-        moved[:, k] += 1j * STEP
-        for name, value in function(moved).items():
-            found.setdefault(name, []).append(value.imag / STEP)
-    return {name: np.stack(parts, axis=-1) for name, parts in found.items()}
-
-
-def with_defaults(z: Numbers, names: tuple[str, ...]) -> dict[str, Any]:
+def with_defaults(z: Any, names: tuple[str, ...]) -> dict[str, Any]:
     """Return the parameters (n,) by name at z (n, 10 + m), and those that are not named."""
     return DEFAULTS | {name: z[:, 10 + k] for k, name in enumerate(names)}
 
 
-def values_at(z: Numbers, names: tuple[str, ...]) -> dict[str, Numbers]:
-    """Return W, P_E, φ, <∇u¹> and K_ref at z (n, 10 + m): H row by row, p and the parameters."""
+def values_at(z: Any, names: tuple[str, ...]) -> dict[str, Any]:
+    """Return W, P_E, φ, <∇u¹>, K_ref and φ_f at z (n, 10 + m): H row by row, p and the parameters."""
     at, n = with_defaults(z, names), len(z)
     r, nu, young, stretch, viscosity = (np.broadcast_to(at[name], n).astype(complex) for name in DEFAULTS)
     s2 = stretch[:, None, None]
@@ -190,6 +145,7 @@ def values_at(z: Numbers, names: tuple[str, ...]) -> dict[str, Numbers]:
         "fluid_volume": stretch**3 * volume,
         "mean_grad": s2 * G,
         "conductivity": K[:, None, None] * inverse @ inverse.swapaxes(1, 2),
+        "porosity": porosity(r),
     }
 
 
@@ -269,24 +225,13 @@ class PorousFamilyLaw(CellLaw):
 
     def predict(self, states: MacroState, *, tangent: bool = True) -> CellResponse:
         """Return the responses with their derivatives."""
-        names = self.parameters
-        if not tangent:
-            return self._without_derivatives(states)
-        found = respond(self._named(states), names)
-        gradients, K = found.tangent, found.conductivity if self.deformed else None
-        if self.deformed and gradients is not None:
-            z = inputs_of(self._named(states))
-            by = complex_steps(z, lambda at: {"K": values_at(at, names)["conductivity"]})["K"]
-            by_H = by[..., :9].reshape(-1, 3, 3, 3, 3)
-            gradients = replace(gradients, conductivity_grad_u=by_H, conductivity_p=by[..., 9])
-        return replace(found, conductivity=K, slopes=None, tangent=gradients)
-
-    def _without_derivatives(self, states: MacroState) -> CellResponse:
-        values: dict[str, Any] = values_at(inputs_of(self._named(states)), self.parameters)
-        if not self.deformed:
-            del values["conductivity"]
-        converged = np.full(len(states), int(Status.converged), dtype=np.int64)
-        return CellResponse(status=converged, **{name: value.real for name, value in values.items()})
+        hidden = ("porosity",) if self.deformed else ("porosity", "conductivity")
+        states = self._named(states)
+        found = replace(respond_by(self._values, states, hidden=hidden, tangent=tangent), slopes=None)
+        if not self.deformed or found.tangent is None:
+            return found
+        by_H, by_p = by_state(complex_steps(self._values, states)["conductivity"])
+        return replace(found, tangent=replace(found.tangent, conductivity_grad_u=by_H, conductivity_p=by_p))
 
     def slopes(self, states: MacroState) -> CellSlopes:
         """Return the derivatives by the parameters."""
@@ -294,11 +239,15 @@ class PorousFamilyLaw(CellLaw):
         assert found is not None
         if self.deformed:
             return found
-        n, z = len(states), inputs_of(self._named(states))
-        K = complex_steps(
-            z, lambda at: {"K": undeformed_conductivity(with_defaults(at, self.parameters), n)}
-        )["K"]
+
+        def undeformed(z: Any) -> dict[str, Any]:
+            return {"K": undeformed_conductivity(with_defaults(z, self.parameters), len(z))}
+
+        K = complex_steps(undeformed, self._named(states))["K"]
         return replace(found, conductivity=K[:, None, None, 10:] * np.eye(3)[..., None])
+
+    def _values(self, z: Any) -> dict[str, Any]:
+        return values_at(z, self.parameters)
 
     @staticmethod
     def _named(states: MacroState) -> MacroState:

@@ -1,4 +1,4 @@
-"""Made-up undeformed cell, laws of it, and the confined column, for tests without cell solves."""
+"""Derivatives of made-up cells; made-up undeformed cell, its laws, and the confined column, for tests."""
 
 from __future__ import annotations
 
@@ -9,15 +9,68 @@ from typing import Any
 import numpy as np
 
 from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.core.inputs import flatten
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
 from porocore.macro.laws import ClosedLaw, LinearCellLaw, MeanGradientClosure
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.macro.problem import Boundary, MacroProblem
-from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
+from porocore.states import Array, CellResponse, CellSlopes, CellTangent, MacroState, Status
 
 #: φ_s and K of the made-up cell, close to those of three channels of radius 0.25 with μ_f = 1e-3.
 SOLID_FRACTION = 0.5877
 CONDUCTIVITY: Array = 1.94 * np.eye(3)
+
+
+#: A made-up cell: responses by name at real or complex z (n, 10 + m), which are H row by row, p and the parameters.
+Values = Callable[[Any], dict[str, Any]]
+#: Step of the derivatives: a power of two, so that nothing is rounded by it.
+STEP = 2.0**-100
+
+
+def respond_by(
+    values: Values, states: MacroState, *, hidden: tuple[str, ...] = (), tangent: bool = True
+) -> CellResponse:
+    """Return the responses of a made-up cell with their derivatives, and with slopes where it has parameters.
+
+    Parameters
+    ----------
+    values
+        The cell.
+    states
+        n states, with its parameters.
+    hidden
+        Names of values that are no responses, of which the slopes alone are known.
+    tangent
+        Whether derivatives and slopes are wanted.
+    """
+    found = {name: np.real(x) for name, x in values(flatten(states)).items() if name not in hidden}
+    response = CellResponse(status=np.full(len(states), int(Status.converged), dtype=np.int64), **found)
+    if not tangent:
+        return response
+    by, slopes = complex_steps(values, states), None
+    derivatives = {}
+    for name in ("mean_grad", "stress", "fluid_volume"):
+        derivatives[f"{name}_grad_u"], derivatives[f"{name}_p"] = by_state(by[name])
+    if states.parameter_count:
+        slopes = CellSlopes(**{name: x[..., 10:].copy() for name, x in by.items()})
+    return replace(response, tangent=CellTangent(**derivatives), slopes=slopes)
+
+
+def complex_steps(values: Values, states: MacroState) -> dict[str, Array]:
+    """Return the derivatives of values, exact to round-off, by H row by row, p and the parameters on the last axis."""
+    z = flatten(states)
+    n, count = z.shape
+    moved = z + 1j * STEP * np.eye(count)[:, None]
+    found = values(moved.reshape(-1, count))
+    return {
+        name: np.moveaxis(np.imag(x).reshape(count, n, *x.shape[1:]) / STEP, 0, -1)
+        for name, x in found.items()
+    }
+
+
+def by_state(slopes: Array) -> tuple[Array, Array]:
+    """Return the derivatives by H (..., 3, 3) and by p (...) of those of :func:`complex_steps`."""
+    return slopes[..., :9].reshape(*slopes.shape[:-1], 3, 3), slopes[..., 9].copy()
 
 
 def cubic_reference(
