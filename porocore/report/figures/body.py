@@ -19,24 +19,9 @@ from porocore.interfaces.cell import ElementCells
 from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.macro.body.kinds import Section, most_telling, sections
 from porocore.macro.body.mesh import boundary_facets
+from porocore.report.figures import style
 from porocore.report.figures.curves import ColumnAxis, is_column
-from porocore.report.figures.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    TIME_COLOURS,
-    VERMILLION,
-    axis_label,
-    legend_above,
-    lighter,
-    named,
-    new_figure,
-    styled,
-)
+from porocore.report.figures.style import axis_label, legend_above, lighter, named, new_figure, styled
 from porocore.report.words.parameters import BodyCells
 from porocore.states import Array, IntArray
 
@@ -261,9 +246,15 @@ def _ticks(low: float, high: float, share: float, *, open_end: bool) -> list[flo
 
 FIELD_COLOURS = "viridis"
 #: Colours of regions: the rest of the body first.
-REGIONS = ["#e8e8e8", *(lighter(colour, 0.35) for colour in (SKY, ORANGE, GREEN, PURPLE, VERMILLION, BLUE))]
+REGIONS = [
+    "#e8e8e8",
+    *(
+        lighter(colour, 0.35)
+        for colour in (style.SKY, style.ORANGE, style.GREEN, style.PURPLE, style.VERMILLION, style.BLUE)
+    ),
+]
 #: Colours of the three material axes.
-MATERIAL_AXES = (BLUE, VERMILLION, GREEN)
+MATERIAL_AXES = (style.BLUE, style.VERMILLION, style.GREEN)
 #: Lines of an axis along the longer side of a section, and their length as a share of their distance.
 LINES, LENGTH = 14, 0.8
 #: A field that varies by less than this share of its size is uniform, and is not drawn.
@@ -291,7 +282,7 @@ def field_along_column(
     length = units.factor("displacement")
     edges = np.append(line.ends[:, 0], line.ends[-1, 1]) * length
     _bands(axes, line, cells, length)
-    for (time, field), colour in zip(values, TIME_COLOURS, strict=False):
+    for (time, field), colour in zip(values, style.TIME_COLOURS, strict=False):
         said = f"$t$ = {units.text(time, 'time', 6)}" if len(values) > 1 else None
         axes.stairs(field[line.elements], edges, baseline=None, color=colour, lw=1.8, label=said)
     axes.set_xlabel(axis_label("position along the column $X_2$", "displacement", units))
@@ -347,7 +338,7 @@ def regions_in_section(among: Sequence[Section], cells: ElementCells, units: Res
     _image(axes, section, section.image(cells.region), units, norm=Normalize(-0.5, count - 0.5), cmap=colours)
     names = ["elsewhere", *map(named, cells.regions)]
     figure.legend(
-        handles=[Patch(fc=_colour(k), ec=GREY, lw=0.6, label=names[k]) for k in present[best]],
+        handles=[Patch(fc=_colour(k), ec=style.GREY, lw=0.6, label=names[k]) for k in present[best]],
         loc="outside upper left",
         ncols=4,
         handlelength=1.2,
@@ -459,7 +450,7 @@ def _labels(panels: Sequence[Any], section: Section, units: ResultUnits) -> None
     at = units.text(section.at, "displacement", 3)
     panels[0].annotate(
         f"$X_{section.across + 1}$ = {at}", (0.0, 0.0), (0, -34), "axes fraction", "offset points",
-        fontsize=8, color=BLACK, va="top",
+        fontsize=8, color=style.BLACK, va="top",
     )  # fmt: skip
 
 

@@ -14,18 +14,8 @@ from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from porocore.cell.meshing.tetrahedra import boundary_facets
 from porocore.core.units import ResultUnits, spoken
-from porocore.report.figures.style import (
-    BLUE,
-    GREEN,
-    SKY,
-    VERMILLION,
-    axis_label,
-    legend_above,
-    lighter,
-    named,
-    new_figure,
-    styled,
-)
+from porocore.report.figures import style
+from porocore.report.figures.style import axis_label, legend_above, lighter, named, new_figure, styled
 from porocore.report.words.parameters import (
     FamilySummary,
     GroupErrors,
@@ -159,14 +149,21 @@ def rest_figure(family: FamilySummary, k: int) -> Figure:
         by = units.factor(field.quantity)
         if not alone:
             axes.fill_between(
-                x, field.low[k] * by, field.high[k] * by, color=lighter(SKY, 0.55), lw=0,
+                x, field.low[k] * by, field.high[k] * by, color=lighter(style.SKY, 0.55), lw=0,
                 label="others anywhere in their ranges",
             )  # fmt: skip
         middle = "surrogate" if alone else "surrogate, others in the middle"
-        axes.plot(x, field.curves[k] * by, color=BLUE, label=middle)
+        axes.plot(x, field.curves[k] * by, color=style.BLUE, label=middle)
         if parameter.solved:
             axes.plot(
-                members, field.members * by, "o", ms=3, mfc="white", mec=VERMILLION, mew=1.0, label="solved"
+                members,
+                field.members * by,
+                "o",
+                ms=3,
+                mfc="white",
+                mec=style.VERMILLION,
+                mew=1.0,
+                label="solved",
             )
         # On two lines, since the longest is longer than its panel.
         axes.set_ylabel(axis_label(field.label, field.quantity, units).replace(" [", "\n["))
@@ -190,10 +187,10 @@ def error_figure(parameter: ParameterRange, k: int, errors: Sequence[GroupErrors
     for axes, group in zip(panels, errors, strict=True):
         x, percent = group.parameters[:, k] * factor, group.percent
         shown = np.maximum(percent, LEAST_ERROR * percent.max(initial=0.0))
-        axes.semilogy(x, shown, "o", ms=4, mfc=BLUE, mec="white", mew=0.4, label="held-out states")
+        axes.semilogy(x, shown, "o", ms=4, mfc=style.BLUE, mec="white", mew=0.4, label="held-out states")
         rms = binned_rms(x, percent, edges)
         axes.hlines(
-            rms, edges[:-1], edges[1:], color=VERMILLION, lw=2.0, label="RMS of each sixth of the range"
+            rms, edges[:-1], edges[1:], color=style.VERMILLION, lw=2.0, label="RMS of each sixth of the range"
         )
         axes.set_ylabel(f"error of {group.label}\n[% of range]")
         axes.set_xlim(edges[0], edges[-1])
@@ -230,7 +227,9 @@ def spread_figure(
     axes = figure.add_subplot()
     learned, left = (_shares(x[rows] * factor, None, edges, len(x)) for rows in (training, ~training))
     widths = np.diff(edges)
-    axes.bar(edges[:-1], learned, widths, align="edge", color=BLUE, ec="white", lw=0.6, label="trained on")
+    axes.bar(
+        edges[:-1], learned, widths, align="edge", color=style.BLUE, ec="white", lw=0.6, label="trained on"
+    )
     if left.any():
         axes.bar(
             edges[:-1],
@@ -238,7 +237,7 @@ def spread_figure(
             widths,
             learned,
             align="edge",
-            color=VERMILLION,
+            color=style.VERMILLION,
             ec="white",
             lw=0.6,
             label="without use",
@@ -246,7 +245,7 @@ def spread_figure(
     if body is not None:
         values, volumes = body
         shares = _shares(values * factor, volumes, edges, float(volumes.sum()))
-        axes.stairs(shares, edges, color=GREEN, lw=2.0, label="volume of the body", zorder=3)
+        axes.stairs(shares, edges, color=style.GREEN, lw=2.0, label="volume of the body", zorder=3)
     axes.set_xlim(edges[0], edges[-1])
     axes.set_xlabel(parameter_label(parameter, units))
     axes.set_ylabel("share of states, of the body [%]" if body is not None else "share of states [%]")

@@ -13,30 +13,15 @@ from matplotlib.figure import Figure
 
 from porocore.core.units import ResultUnits, spoken
 from porocore.interfaces.solution import History, MacroSolution, Profile
-from porocore.report.figures.style import (
-    DASHED,
-    DOTTED,
-    GREEN,
-    GREY,
-    LINEAR,
-    NONLINEAR,
-    ORANGE,
-    PURPLE,
-    TIME_COLOURS,
-    axis_label,
-    legend_above,
-    lighter,
-    named,
-    new_figure,
-    styled,
-)
+from porocore.report.figures import style
+from porocore.report.figures.style import axis_label, legend_above, lighter, named, new_figure, styled
 from porocore.report.metrics import solution_metrics, time_within
 from porocore.report.words.results import only_suction, rises
 from porocore.states import Array
 
 MARKS = ((0.95, "o"), (0.99, "D"))
 #: Of further laws, in order.
-OTHERS = ((GREEN, (0, (7, 1.5))), (PURPLE, (0, (4, 1.2, 1, 1.2))), (ORANGE, (0, (2, 1))))
+OTHERS = ((style.GREEN, (0, (7, 1.5))), (style.PURPLE, (0, (4, 1.2, 1, 1.2))), (style.ORANGE, (0, (2, 1))))
 
 
 @dataclass(frozen=True)
@@ -103,10 +88,10 @@ def history_figure(
     rows = list(figure.subplots(3 if settles else 2, 1, sharex=True))
     curves = _curves(nonlinear, linear, others)
     panels = _panels([each for each, *_ in curves], settles)
-    for solution, colour, style, label in curves:
-        _draw(rows, panels, solution, log_time, units, {"color": colour, "ls": style, "label": label})
+    for solution, colour, stroke, label in curves:
+        _draw(rows, panels, solution, log_time, units, {"color": colour, "ls": stroke, "label": label})
         if published:
-            how = {"color": colour, "ls": DOTTED, "lw": 2.4, "alpha": 0.75}
+            how = {"color": colour, "ls": style.DOTTED, "lw": 2.4, "alpha": 0.75}
             _draw(rows[-1:], [PAPER], solution, log_time, units, how)
     drawn = [each.history for each, *_ in curves]
     marked = any(
@@ -152,16 +137,19 @@ def _curves(
 ) -> list[tuple[MacroSolution, str, Any, str]]:
     """Return each solution with its colour, line style and label."""
     return [
-        (nonlinear, NONLINEAR, "-", nonlinear.law if others else "nonlinear"),
-        *([] if linear is None else [(linear, LINEAR, DASHED, "linear")]),
-        *((other, colour, style, other.law) for other, (colour, style) in zip(others, OTHERS, strict=False)),
+        (nonlinear, style.NONLINEAR, "-", nonlinear.law if others else "nonlinear"),
+        *([] if linear is None else [(linear, style.LINEAR, style.DASHED, "linear")]),
+        *(
+            (other, colour, stroke, other.law)
+            for other, (colour, stroke) in zip(others, OTHERS, strict=False)
+        ),
     ]
 
 
 def _shared_legend(axes: Axes, marks: Sequence[tuple[float, str]], published: bool) -> None:
     """Add empty grey curves, whose legend explains the strokes and markers that all laws share."""
     if published:
-        axes.plot([], [], color="0.35", ls=DOTTED, lw=2.4, label="drained, the paper's measure")
+        axes.plot([], [], color="0.35", ls=style.DOTTED, lw=2.4, label="drained, the paper's measure")
     for share, marker in marks:
         axes.plot([], [], color="0.35", ls="", marker=marker, ms=5, label=f"{100 * share:.0f} % of final")
 
@@ -315,9 +303,11 @@ def profile_figure(
     figure = new_figure(5.4, 4.0)
     axes = figure.add_subplot()
     line = ColumnAxis.from_solution(nonlinear)
-    compared: list[tuple[MacroSolution, Any, str]] = [] if linear is None else [(linear, DASHED, "linear")]
-    compared += [(other, DOTTED, f"closure {other.law}") for other in others]
-    for time, colour in zip(times, TIME_COLOURS, strict=False):
+    compared: list[tuple[MacroSolution, Any, str]] = (
+        [] if linear is None else [(linear, style.DASHED, "linear")]
+    )
+    compared += [(other, style.DOTTED, f"closure {other.law}") for other in others]
+    for time, colour in zip(times, style.TIME_COLOURS, strict=False):
         for solution, stroke, _ in compared:
             y, value, _ = ColumnAxis.from_solution(solution).series(profile_at(solution, time), what)
             axes.plot(y * length, value * factor, color=colour, ls=stroke, lw=1.3)
@@ -329,11 +319,13 @@ def profile_figure(
     for _, stroke, label in compared:
         axes.plot([], [], color="0.35", ls=stroke, lw=1.3, label=label)
     if rest is not None:
-        axes.axhline(rest * factor, color=GREY, ls=DASHED, lw=1.0, label="undeformed cell")
+        axes.axhline(rest * factor, color=style.GREY, ls=style.DASHED, lw=1.0, label="undeformed cell")
     axes.set_xlabel(axis_label("position along the column $X_2$", "displacement", units))
     axes.set_ylabel(what.label if what.quantity is None else axis_label(what.label, what.quantity, units))
     axes.margins(x=0.02)
-    if any(line.series(profile_at(nonlinear, time), what)[2].any() for time in times[: len(TIME_COLOURS)]):
+    if any(
+        line.series(profile_at(nonlinear, time), what)[2].any() for time in times[: len(style.TIME_COLOURS)]
+    ):
         axes.plot([], [], color="0.65", marker="o", ms=3.6, mfc="white", mec="0.5", label="flagged")
     legend_above(figure, axes, columns=3)
     return figure
@@ -365,7 +357,7 @@ def is_column(solution: MacroSolution) -> bool:
 def chosen_times(solution: MacroSolution) -> tuple[float, ...]:
     """Return the times of the profiles after rest, without the last one if there are others; six at most."""
     times = tuple(profile.time for profile in solution.after_rest)
-    return times[: max(1, len(times) - 1)][: len(TIME_COLOURS)]
+    return times[: max(1, len(times) - 1)][: len(style.TIME_COLOURS)]
 
 
 def profile_at(solution: MacroSolution, time: float) -> Profile:
@@ -556,12 +548,12 @@ def _draw_series(
         same = next((other for other in drawn if _same(values, panel.curves[other])), name)
         drawn.setdefault(same, []).append(name)
     for i, (name, names) in enumerate(drawn.items()):
-        colour = TIME_COLOURS[i % len(TIME_COLOURS)]
+        colour = style.TIME_COLOURS[i % len(style.TIME_COLOURS)]
         line(nonlinear, panel.curves[name], color=colour, label=" and ".join(names))
         if linear is not None and name in others:
-            line(linear, others[name], color=colour, ls=DASHED, lw=1.3)
+            line(linear, others[name], color=colour, ls=style.DASHED, lw=1.3)
     if linear is not None:
-        axes.plot([], [], color="0.35", ls=DASHED, lw=1.3, label="linear")
+        axes.plot([], [], color="0.35", ls=style.DASHED, lw=1.3, label="linear")
     sign = f"\n({panel.sign})" if panel.sign else ""
     axes.set_ylabel(axis_label(panel.label, panel.quantity, units) + sign)
     axes.margins(x=0.01)

@@ -18,21 +18,7 @@ from porocore.interfaces.solution import MacroSolution
 from porocore.report.context import ReportContext, TrainingCurve
 from porocore.report.figures import style
 from porocore.report.figures.curves import is_column
-from porocore.report.figures.style import (
-    BLACK,
-    BLUE,
-    DASHED,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILLION,
-    axis_label,
-    legend_above,
-    new_figure,
-    styled,
-)
+from porocore.report.figures.style import axis_label, legend_above, new_figure, styled
 from porocore.report.format import number
 from porocore.report.words.held_out import OutputCheck, rms_percent, worst_percent
 from porocore.states import Array, IntArray, Status
@@ -41,13 +27,13 @@ from porocore.states import Array, IntArray, Status
 IN_A_LINE = 2
 #: Marker, colour, filled, size and label of each status; shape and fill tell them apart without colour.
 MARKERS: dict[Status, tuple[str, str, bool, float, str]] = {
-    Status.converged: ("o", BLUE, True, 3.6, "converged"),
-    Status.contact: ("D", SKY, True, 4.2, "contact"),
-    Status.unstable: ("^", ORANGE, True, 5.5, "unstable"),
-    Status.overlap: ("s", VERMILLION, False, 4.6, "overlap"),
-    Status.inverted: ("x", BLACK, True, 5.5, "inverted"),
-    Status.not_converged: ("+", PURPLE, True, 7.0, "not converged"),
-    Status.lost: ("v", GREY, False, 5.5, "lost"),
+    Status.converged: ("o", style.BLUE, True, 3.6, "converged"),
+    Status.contact: ("D", style.SKY, True, 4.2, "contact"),
+    Status.unstable: ("^", style.ORANGE, True, 5.5, "unstable"),
+    Status.overlap: ("s", style.VERMILLION, False, 4.6, "overlap"),
+    Status.inverted: ("x", style.BLACK, True, 5.5, "inverted"),
+    Status.not_converged: ("+", style.PURPLE, True, 7.0, "not converged"),
+    Status.lost: ("v", style.GREY, False, 5.5, "lost"),
 }
 
 
@@ -143,7 +129,7 @@ def _visited(axes: Axes, paths: Sequence[Array], column: bool) -> None:
     for k, path in enumerate(paths):
         axes.plot(
             *path.T,
-            color=GREEN,
+            color=style.GREEN,
             lw=1.6 if column else 0,
             marker="*",
             ms=7,
@@ -177,8 +163,8 @@ def _elsewhere(
 def input_label(name: str, quantities: Mapping[str, str] | None = None) -> str:
     """Return the label of an input with its unit; ``quantities`` are those of parameters of the cell."""
     if name == "p":
-        return style.axis_label("pore pressure $p$", "pressure", spoken())
-    return style.axis_label(_sign(name), (quantities or {}).get(name, ""), spoken())
+        return axis_label("pore pressure $p$", "pressure", spoken())
+    return axis_label(_sign(name), (quantities or {}).get(name, ""), spoken())
 
 
 def _sign(name: str) -> str:
@@ -225,8 +211,8 @@ def _outline(axes: Axes, points: Array) -> None:
         corners = points[ConvexHull(points / np.ptp(points, axis=0).clip(1e-300)).vertices]
     except (QhullError, ValueError):  # too few points, or all on one line
         return
-    axes.fill(*corners.T, fc=SKY, alpha=0.13, lw=0)
-    axes.plot(*np.vstack([corners, corners[:1]]).T, color=GREY, lw=1.1, label="sampled range")
+    axes.fill(*corners.T, fc=style.SKY, alpha=0.13, lw=0)
+    axes.plot(*np.vstack([corners, corners[:1]]).T, color=style.GREY, lw=1.1, label="sampled range")
 
 
 def _crease(axes: Axes, crease: tuple[float, float], inputs: InputSpace) -> None:
@@ -236,8 +222,8 @@ def _crease(axes: Axes, crease: tuple[float, float], inputs: InputSpace) -> None
     axes.plot(
         crease[0] + crease[1] * ends,
         shown,
-        color=BLACK,
-        ls=DASHED,
+        color=style.BLACK,
+        ls=style.DASHED,
         lw=1.2,
         label="crease on a very fine mesh",
     )
@@ -259,14 +245,14 @@ def parity_figure(checks: Sequence[OutputCheck]) -> Figure:
         both = np.concatenate([solved, predicted])
         ends = np.array([both.min(), both.max()]) if len(both) else np.array([0.0, 1.0])
         ends = ends + 0.04 * (ends[1] - ends[0]) * np.array([-1, 1])
-        parity.plot(ends, ends, color=GREY, lw=1.0)
+        parity.plot(ends, ends, color=style.GREY, lw=1.0)
         deviation = 100 * (check.predicted - check.solved) / check.span
         for axes, y in ((parity, predicted), (error, deviation)):
             beyond = check.flagged
             if beyond.any():
-                axes.plot(solved[beyond], y[beyond], "o", ms=4, mfc="white", mec=GREY, mew=0.9)
-            axes.plot(solved[~beyond], y[~beyond], "o", ms=4, mfc=BLUE, mec="white", mew=0.4)
-        error.axhline(0, color=GREY, lw=1.0)
+                axes.plot(solved[beyond], y[beyond], "o", ms=4, mfc="white", mec=style.GREY, mew=0.9)
+            axes.plot(solved[~beyond], y[~beyond], "o", ms=4, mfc=style.BLUE, mec="white", mew=0.4)
+        error.axhline(0, color=style.GREY, lw=1.0)
         parity.set(xlim=ends, ylim=ends, ylabel=axis_label(f"predicted {check.name}", check.quantity, units))
         error.set(
             xlabel=axis_label(f"solved {check.name}", check.quantity, units), ylabel="error [% of range]"
@@ -282,12 +268,12 @@ def training_figure(curve: TrainingCurve) -> Figure:
     """Draw losses against epochs, logarithmic; the best validation loss is marked where states were kept for it."""
     figure = new_figure(5.4, 3.6)
     axes = figure.add_subplot()
-    axes.semilogy(curve.epoch, curve.loss, color=BLUE, lw=1.3, label="training")
+    axes.semilogy(curve.epoch, curve.loss, color=style.BLUE, lw=1.3, label="training")
     if curve.validated:
         axes.semilogy(
             curve.epoch,
             curve.validation_loss,
-            color=VERMILLION,
+            color=style.VERMILLION,
             lw=1.3,
             ls=(0, (4, 1.5)),
             label="validation",
@@ -299,7 +285,7 @@ def training_figure(curve: TrainingCurve) -> Figure:
             "v",
             ms=8,
             mfc="white",
-            mec=VERMILLION,
+            mec=style.VERMILLION,
             mew=1.5,
             label=f"best, epoch {curve.epoch[best]:.0f}",
         )
@@ -318,11 +304,11 @@ def tuning_figure(
     """Draw (activation, parameters, error) with the chosen one ringed and the largest error that is good enough."""
     figure = new_figure(6.4, 3.8)
     axes = figure.subplots()
-    colours = (BLUE, ORANGE, GREEN, PURPLE)
+    colours = (style.BLUE, style.ORANGE, style.GREEN, style.PURPLE)
     for i, activation in enumerate(dict.fromkeys(name for name, _, _ in points)):
         own = [(size, 100 * error) for name, size, error in points if name == activation]
         axes.plot(*zip(*own, strict=True), "o", ms=5, color=colours[i % len(colours)], label=activation)
-    axes.axhline(100 * limit, color=GREY, ls=DASHED, lw=1, label="within the margin of the best")
+    axes.axhline(100 * limit, color=style.GREY, ls=style.DASHED, lw=1, label="within the margin of the best")
     axes.plot(
         chosen[0], 100 * chosen[1], "o", ms=13, mfc="none", mec="black", mew=1.4, label="smallest of these"
     )

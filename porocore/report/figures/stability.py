@@ -15,30 +15,18 @@ from porocore.cell.stability.map import MapPlan, eigenvalue_titled, input_factor
 from porocore.cell.stability.modes import FAMILIES, WAVES
 from porocore.core.inputs import NAMES
 from porocore.core.units import spoken
-from porocore.report.figures.style import (
-    BLACK,
-    BLUE,
-    DASHED,
-    DOTTED,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    VERMILLION,
-    axis_label,
-    new_figure,
-    styled,
-)
+from porocore.report.figures import style
+from porocore.report.figures.style import axis_label, new_figure, styled
 from porocore.states import Array, Status
 
 SYMBOLS = {"H11": "$H_{11}$", "H22": "$H_{22}$", "H33": "$H_{33}$", "p": "pore pressure $p$"}
 #: Percent of the wall in contact from which a map is shaded.
 LEAST_SHARE = 0.01
 _OF_WAVE: dict[str, dict[str, Any]] = {
-    "0": {"color": VERMILLION, "marker": "s", "ls": DASHED},
-    "100": {"color": ORANGE, "marker": "^", "ls": "-"},
-    "110": {"color": BLUE, "marker": "o", "ls": "-"},
-    "111": {"color": GREEN, "marker": "D", "ls": "-"},
+    "0": {"color": style.VERMILLION, "marker": "s", "ls": style.DASHED},
+    "100": {"color": style.ORANGE, "marker": "^", "ls": "-"},
+    "110": {"color": style.BLUE, "marker": "o", "ls": "-"},
+    "111": {"color": style.GREEN, "marker": "D", "ls": "-"},
 }
 _NAMES = {
     "0": "mode of period one",
@@ -51,10 +39,14 @@ _ONSETS: tuple[tuple[str, tuple[str, ...], dict[str, Any]], ...] = (
     (
         "crease: the wall meets a mirror plane",
         ("crease",),
-        {"color": BLACK, "marker": "", "ls": "-", "lw": 2.4},
+        {"color": style.BLACK, "marker": "", "ls": "-", "lw": 2.4},
     ),
     *((_NAMES[name], waves, _OF_WAVE[name]) for name, waves in FAMILIES.items()),
-    ("loss of rank-one convexity of $W$", ("acoustic",), {"color": PURPLE, "marker": "v", "ls": DOTTED}),
+    (
+        "loss of rank-one convexity of $W$",
+        ("acoustic",),
+        {"color": style.PURPLE, "marker": "v", "ls": style.DOTTED},
+    ),
 )
 
 
@@ -75,11 +67,17 @@ def _over_both(plan: MapPlan, lines: Sequence[StabilityLine]) -> Figure:
     states = np.concatenate([line.states()[:, inputs] for line in lines]) * factors
     status = np.concatenate([line.status for line in lines])
     solved = np.isin(status, [s for s in Status if s.has_values])
-    axes.plot(*states[solved].T, ls="", marker=".", ms=3.5, color=GREY, label="solved state")
+    axes.plot(*states[solved].T, ls="", marker=".", ms=3.5, color=style.GREY, label="solved state")
     if not solved.all():
         failed = states[~solved].T
         axes.plot(
-            *failed, ls="", marker="x", ms=7, mew=1.6, color=VERMILLION, label="no solution; the line ends"
+            *failed,
+            ls="",
+            marker="x",
+            ms=7,
+            mew=1.6,
+            color=style.VERMILLION,
+            label="no solution; the line ends",
         )
     for label, events, look in _ONSETS:
         points = np.array([line.onset(*events)[inputs] for line in lines]) * factors
@@ -159,18 +157,22 @@ def _along(plan: MapPlan, line: StabilityLine) -> Figure:
     if asked:
         name = "lowest eigenvalue"
         panels[1].set_ylabel(eigenvalue_titled(name, "$d^2$") if units.given else rf"{name} [$E/d^2$]")
-    panels[-2].plot(x, line.acoustic * stress, color=PURPLE, marker="v", ms=4.5)
+    panels[-2].plot(x, line.acoustic * stress, color=style.PURPLE, marker="v", ms=4.5)
     panels[-2].set_ylabel(f"acoustic\nminimum [{units.name('stress') if units.given else '$E$'}]")
-    panels[-1].plot(x, 100 * line.contact_share, color=BLACK, marker=".")
+    panels[-1].plot(x, 100 * line.contact_share, color=style.BLACK, marker=".")
     panels[-1].set_ylabel("wall in\ncontact [%]")
     panels[-1].set_xlabel(_label(plan.leading))
     crease = line.onset("crease")[NAMES.index(plan.leading)] * factor
     for axes in panels:
         if axes in panels[1:-1]:
-            axes.axhline(0.0, color=GREY, lw=1.0)
+            axes.axhline(0.0, color=style.GREY, lw=1.0)
         if np.isfinite(crease):
             axes.axvline(
-                float(crease), color=BLACK, ls=DASHED, lw=1.2, label="crease" if axes is panels[0] else None
+                float(crease),
+                color=style.BLACK,
+                ls=style.DASHED,
+                lw=1.2,
+                label="crease" if axes is panels[0] else None,
             )
         axes.margins(x=0.02)
     figure.align_ylabels()
