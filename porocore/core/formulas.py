@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
+from operator import itemgetter
 from typing import Annotated, Any
 
 import numpy as np
@@ -81,6 +82,7 @@ class Expression:
         name: Callable[[str], Any],
         functions: dict[str, Callable[[Any], Any]],
         number: Callable[[float], Any] = float,
+        binary: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = _BINARY,
     ) -> Any:
         """Return the formula in any algebra with + − * / **, given the values of names, functions and numbers."""
 
@@ -94,7 +96,7 @@ class Expression:
                     operand = visit(node.operand)
                     return -operand if isinstance(node.op, ast.USub) else operand
                 case ast.BinOp():
-                    return _BINARY[type(node.op)](visit(node.left), visit(node.right))
+                    return binary[type(node.op)](visit(node.left), visit(node.right))
                 case ast.Call(func=ast.Name() as function):
                     return functions[function.id](visit(node.args[0]))
             raise AssertionError(node)
@@ -226,6 +228,12 @@ ROOT, LOGARITHM = (
     "takes the logarithm of a number that is not positive",
 )
 DIVISION, POLE, OVERFLOW = "divides by zero", "has a pole", "becomes too large a number"
+#: Of functions that have no value everywhere, the mask of points where they have none, and why.
+_WITHOUT_VALUE: dict[str, tuple[Callable[[Array], Any], str]] = {
+    "sqrt": (lambda at: at < 0, ROOT),
+    "log": (lambda at: at <= 0, LOGARITHM),
+    "tan": (lambda at: _zeros(np.cos(at)), POLE),
+}
 
 
 def first_fault(expression: Expression, points: Array) -> tuple[int, str] | None:
@@ -241,72 +249,42 @@ def first_fault(expression: Expression, points: Array) -> tuple[int, str] | None
     points : (n,)
         Ascending values of the variable, dense where it may move.
     """
-    found = _Faults(len(points))
-    functions = {name: _watched(name) for name in FUNCTIONS}
+    faults: list[tuple[int, str]] = []
+
+    def note(where: Any, why: str) -> None:
+        if where.any():
+            faults.append((int(where.argmax()), why))
+
+    def divided(a: Array, b: Array) -> Array:
+        note(_zeros(b), DIVISION)
+        return a / b
+
+    def power(a: Array, b: Array) -> Array:
+        note((a < 0) & (b != np.round(b)), ROOT)
+        note(_zeros(a) & (b < 0), DIVISION)
+        return np.asarray(a**b)
+
+    def watched(name: str) -> Callable[[Array], Any]:
+        def call(at: Array) -> Any:
+            if name in _WITHOUT_VALUE:
+                where, why = _WITHOUT_VALUE[name]
+                note(where(at), why)
+            return FUNCTIONS[name](at)
+
+        return call
+
+    def everywhere(number: float) -> Array:
+        return np.full(len(points), float(number))
+
     with np.errstate(all="ignore"):
         value = expression.convert(
-            lambda name: _Samples(
-                np.full(len(points), CONSTANTS[name]) if name in CONSTANTS else points, found
-            ),
-            functions,
-            lambda number: _Samples(np.full(len(points), float(number)), found),
+            lambda name: everywhere(CONSTANTS[name]) if name in CONSTANTS else points,
+            {name: watched(name) for name in FUNCTIONS},
+            everywhere,
+            _BINARY | {ast.Div: divided, ast.Pow: power},
         )
-        found.note(~(np.abs(value.values) <= LARGEST_NUMBER), OVERFLOW)
-    return found.first
-
-
-@dataclass
-class _Faults:
-    length: int
-    first: tuple[int, str] | None = field(default=None)
-
-    def note(self, where: Any, why: str) -> None:
-        """Keep the first index of the mask ``where`` if it lies before all others."""
-        if where.any() and (self.first is None or where.argmax() < self.first[0]):
-            self.first = int(where.argmax()), why
-
-
-@dataclass(frozen=True, eq=False)
-class _Samples:
-    """Values of a part of the formula at all points; its operations note where they have no value."""
-
-    values: Array
-    faults: _Faults
-
-    def __add__(self, other: _Samples) -> _Samples:
-        return _Samples(self.values + other.values, self.faults)
-
-    def __sub__(self, other: _Samples) -> _Samples:
-        return _Samples(self.values - other.values, self.faults)
-
-    def __mul__(self, other: _Samples) -> _Samples:
-        return _Samples(self.values * other.values, self.faults)
-
-    def __neg__(self) -> _Samples:
-        return _Samples(-self.values, self.faults)
-
-    def __truediv__(self, other: _Samples) -> _Samples:
-        self.faults.note(_zeros(other.values), DIVISION)
-        return _Samples(self.values / other.values, self.faults)
-
-    def __pow__(self, other: _Samples) -> _Samples:
-        broken = other.values != np.round(other.values)
-        self.faults.note((self.values < 0) & broken, ROOT)
-        self.faults.note(_zeros(self.values) & (other.values < 0), DIVISION)
-        return _Samples(self.values**other.values, self.faults)
-
-
-def _watched(name: str) -> Any:
-    def call(at: _Samples) -> _Samples:
-        if name == "sqrt":
-            at.faults.note(at.values < 0, ROOT)
-        elif name == "log":
-            at.faults.note(at.values <= 0, LOGARITHM)
-        elif name == "tan":
-            at.faults.note(_zeros(np.cos(at.values)), POLE)
-        return _Samples(FUNCTIONS[name](at.values), at.faults)
-
-    return call
+        note(~(np.abs(value) <= LARGEST_NUMBER), OVERFLOW)
+    return min(faults, key=itemgetter(0), default=None)
 
 
 def _zeros(values: Array) -> Any:
