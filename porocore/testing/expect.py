@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import random
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import wraps
@@ -171,6 +171,15 @@ def with_derivatives(response: CellResponse) -> Iterator[tuple[str, tuple[Array,
         slopes = getattr(response.tangent, by_H), getattr(response.tangent, by_p)
         if getattr(response, name) is not None and slopes[0] is not None and slopes[1] is not None:
             yield name, slopes
+
+
+#: Steps of a central difference of fourth order, and its weights.
+STEPS, WEIGHTS = (-2, -1, 1, 2), (1 / 12, -2 / 3, 2 / 3, -1 / 12)
+
+
+def central_difference(values: Iterable[Any], h: Any) -> Any:
+    """Return the derivative of what has these values at :data:`STEPS` times h, up to h⁴."""
+    return sum(w * value for w, value in zip(WEIGHTS, values, strict=True)) / h
 
 
 def perturbed(states: MacroState, column: int, step: float) -> MacroState:

@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from porocore.cell.equilibrium.responses import follow
-
-STEPS, WEIGHTS = (-2, -1, 1, 2), (1 / 12, -2 / 3, 2 / 3, -1 / 12)
+from porocore.testing.expect import STEPS, central_difference
 
 
 def velocity(mesh):
@@ -41,5 +40,5 @@ def quotient(function, step=1e-3):
     """The derivative at 0 of a function of one number, whose values are arrays or tuples of arrays."""
     values = [function(k * step) for k in STEPS]
     parts = zip(*values, strict=True) if isinstance(values[0], tuple) else [values]
-    found = [sum(w * v for w, v in zip(WEIGHTS, part, strict=True)) / step for part in parts]
+    found = [central_difference(part, step) for part in parts]
     return tuple(found) if isinstance(values[0], tuple) else found[0]

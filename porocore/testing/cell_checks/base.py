@@ -15,6 +15,7 @@ the checks of meshes and mirrors.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import Any, ClassVar, Literal
@@ -42,9 +43,10 @@ from porocore.testing.cell_checks.exact import (
     matches_difference,
     state_label,
 )
-from porocore.testing.cell_checks.identities import STEPS, WEIGHTS
 from porocore.testing.expect import (
     RESPONSES,
+    STEPS,
+    central_difference,
     holds,
     near,
     options,
@@ -272,26 +274,34 @@ class Members(CellSuite):
             for name in ("potential", "stress", "fluid_volume", "porosity"):
                 require(f"slopes of {name}", getattr(found, name), state)
 
+    def neighbours(self, solver: CellSolver, family: Cell) -> Iterator[tuple[int, str, float, list[Any]]]:
+        """Yield number and name of each parameter, a step, and the prepared members at :data:`STEPS` times it."""
+        self.needs(type(solver).slopes, "slopes = False: it solves members without slopes by the parameters")
+        for k, parameter in enumerate(family.parameters):
+            h = PARAMETER_STEP * (parameter.upper - parameter.lower)
+            along = h * np.eye(len(family.parameters))[k]
+            yield (
+                k,
+                parameter.name,
+                h,
+                [solver.prepare(family.at(middle(family) + s * along)) for s in STEPS],
+            )
+
     def test_slopes_match_differences(
         self, solver: CellSolver, family: Cell, member_response: CellResponse
     ) -> None:
         """Central differences of fourth order between members, by each parameter."""
-        self.needs(type(solver).slopes, "slopes = False: it solves members without slopes by the parameters")
         slopes: Any = member_response.slopes
-        for k, parameter in enumerate(family.parameters):
-            h = PARAMETER_STEP * (parameter.upper - parameter.lower)
-            members = [family.at(middle(family) + s * h * np.eye(len(family.parameters))[k]) for s in STEPS]
-            ends = [
-                solver.solve_one(solver.prepare(member), *STATES[STATE], tangent=False) for member in members
-            ]
-            state = f"{state_label(STATE)}, by {parameter.name}"
+        for k, parameter, h, members in self.neighbours(solver, family):
+            ends = [solver.solve_one(member, *STATES[STATE], tangent=False) for member in members]
             values = {name: [getattr(end, name)[0] for end in ends] for name in RESPONSES}
             if "piola" in type(solver).conductivities:
-                values["conductivity"] = [solver.conductivity(solver.prepare(member)) for member in members]
+                values["conductivity"] = [solver.conductivity(member) for member in members]
+            state = f"{state_label(STATE)}, by {parameter}"
             for name, of_members in values.items():
                 found = getattr(slopes, name)
                 if found is not None:
-                    difference: Any = sum(w * x for w, x in zip(WEIGHTS, of_members, strict=True)) / h
+                    difference = central_difference(of_members, h)
                     matches_difference(f"slope of {name}", difference, found[0, ..., k], state)
 
     def test_slopes_of_the_hessian_at_rest(self, solver: CellSolver, family: Cell) -> None:
@@ -300,17 +310,10 @@ class Members(CellSuite):
         found = solver.hessian_slopes_at_rest(solver.prepare(family.at(middle(family))))
         m = len(family.parameters)
         holds(found.shape == (10, 10, m), "at rest", f"slopes of the Hessian (10, 10, {m})", found.shape)
-        for k, parameter in enumerate(family.parameters):
-            h = PARAMETER_STEP * (parameter.upper - parameter.lower)
-            members = [family.at(middle(family) + s * h * np.eye(m)[k]) for s in STEPS]
-            tangents: list[Any] = [
-                solver.solve_one(solver.prepare(member), np.zeros((3, 3))).tangent for member in members
-            ]
-            hessians = [tangent.hessian[0] for tangent in tangents]
-            difference: Any = sum(w * x for w, x in zip(WEIGHTS, hessians, strict=True)) / h
-            matches_difference(
-                "slope of the Hessian", difference, found[..., k], f"at rest, by {parameter.name}"
-            )
+        for k, parameter, h, members in self.neighbours(solver, family):
+            tangents: list[Any] = [solver.solve_one(member, np.zeros((3, 3))).tangent for member in members]
+            difference = central_difference([tangent.hessian[0] for tangent in tangents], h)
+            matches_difference("slope of the Hessian", difference, found[..., k], f"at rest, by {parameter}")
 
     def test_slopes_of_a_state_without_values(self, solver: CellSolver, family: Cell) -> None:
         """They are NaN in a row that has a status only, so that rows stay of one kind."""

@@ -12,9 +12,7 @@ import numpy as np
 
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.states import Array, CellResponse, CellTangent, MacroState
-
-#: Steps of a central difference of fourth order, and its weights.
-STEPS, WEIGHTS = (-2, -1, 1, 2), (1 / 12, -2 / 3, 2 / 3, -1 / 12)
+from porocore.testing.expect import STEPS, central_difference
 
 
 def misfit(found: Array, expected: Array) -> float:
@@ -104,7 +102,7 @@ def difference_quotients(steps: Sequence[CellResponse], h: float) -> dict[str, A
     found = {}
     for name in ("mean_grad", "stress", "fluid_volume", "potential"):
         values = [_require(getattr(step, name)) for step in steps]
-        found[name] = np.asarray(sum(w * v for w, v in zip(WEIGHTS, values, strict=True)) / h)
+        found[name] = np.asarray(central_difference(values, h))
     return found
 
 

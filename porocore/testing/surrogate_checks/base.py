@@ -33,8 +33,10 @@ from porocore.states import Array, CellResponse, Doubt, MacroState
 from porocore.testing import other_process
 from porocore.testing.expect import (
     RESPONSES,
+    STEPS,
     assert_alike,
     assert_identical,
+    central_difference,
     holds,
     near,
     options,
@@ -273,10 +275,9 @@ class SurrogateSuite(Files, Trainings, Parameters):
             slopes["potential"] = response.stress, -response.fluid_volume
         h = 1e-3
         for column in range(10):
-            values = [fitted.predict(perturbed(states, column, k * h), tangent=False) for k in (-2, -1, 1, 2)]
+            values = [fitted.predict(perturbed(states, column, k * h), tangent=False) for k in STEPS]
             for name, (by_H, by_p) in slopes.items():
-                m2, m1, p1, p2 = (getattr(value, name) for value in values)
-                difference = (m2 - 8 * m1 + 8 * p1 - p2) / (12 * h)
+                difference = central_difference((getattr(value, name) for value in values), h)
                 slope = by_p if column == 9 else by_H[..., column // 3, column % 3]
                 variable = "p" if column == 9 else f"H{column // 3 + 1}{column % 3 + 1}"
                 within = 1e-6 * max(np.abs(slope).max(), 1e-3)

@@ -12,7 +12,16 @@ from porocore.core.inputs import InputSpace
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.states import Array, MacroState
-from porocore.testing.expect import RESPONSES, holds, near, refused, require, states_text
+from porocore.testing.expect import (
+    RESPONSES,
+    STEPS,
+    central_difference,
+    holds,
+    near,
+    refused,
+    require,
+    states_text,
+)
 from porocore.testing.surrogate_checks.training import Fitting
 from porocore.testing.synthetic.porous_family import INPUTS, PARAMETERS, porous_training_set, respond
 
@@ -76,11 +85,8 @@ class Parameters(Fitting):
             holds(slope.shape == shape, states_text(states), f"d{name}/dθ of shape {shape}", slope.shape)
             for k, parameter in enumerate(NAMES):
                 h = 1e-3 * INPUTS.parameter_ranges[k].mean()
-                m2, m1, p1, p2 = (
-                    getattr(of_family.predict(_moved(states, k, i * h), tangent=False), name)
-                    for i in (-2, -1, 1, 2)
-                )
-                difference = (m2 - 8 * m1 + 8 * p1 - p2) / (12 * h)
+                ends = [of_family.predict(_moved(states, k, i * h), tangent=False) for i in STEPS]
+                difference = central_difference((getattr(end, name) for end in ends), h)
                 within = 1e-6 * max(float(np.abs(difference).max()), 1e-3)
                 near(f"d{name}/d{parameter}", slope[..., k], difference, states_text(states), within=within)
 

@@ -28,6 +28,7 @@ from porocore.interfaces.law import CellLaw, UndeformedCells
 from porocore.interfaces.records import ParameterKind, RestData
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.states import Array, CellResponse, CellSlopes, MacroState
+from porocore.testing.expect import STEPS, central_difference
 from porocore.testing.synthetic.response import by_state, complex_steps, respond_by
 
 Numbers = npt.NDArray[np.complex128]
@@ -190,20 +191,16 @@ def _potential(F: Numbers, p: Numbers, phi: Numbers, nu: Numbers) -> tuple[Numbe
 
 def hessian_slopes(respond: Callable[[MacroState], CellResponse], states: MacroState) -> Array:
     """Return the slopes (n, 10, 10, m) of ∂²W/∂(H, p)² of a made-up family, by central differences of fourth order."""
-    assert states.parameters is not None
+
+    def hessian(k: int, step: Array) -> Any:
+        theta: Any = np.array(states.parameters)
+        theta[:, k] += step
+        return vars(respond(states.with_parameters(theta)))["tangent"].hessian
+
     found = []
     for k in range(states.parameter_count):
-        h = 1e-4 * states.parameters[:, k]
-        hessians = []
-        for step in (-2, -1, 1, 2):
-            theta = states.parameters.copy()
-            theta[:, k] += step * h
-            tangent = respond(states.with_parameters(theta)).tangent
-            assert tangent is not None
-            assert tangent.hessian is not None
-            hessians.append(tangent.hessian)
-        a, b, c, d = hessians
-        found.append((a - 8 * b + 8 * c - d) / (12 * h[:, None, None]))
+        h = 1e-4 * np.array(states.parameters)[:, k]
+        found.append(central_difference((hessian(k, step * h) for step in STEPS), h[:, None, None]))
     return np.stack(found, axis=-1)
 
 

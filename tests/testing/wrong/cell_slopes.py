@@ -10,8 +10,7 @@ import numpy as np
 
 from porocore.interfaces.cell import CellSolution
 from porocore.states import CellSlopes, MacroState
-from porocore.testing.cell_checks.identities import STEPS, WEIGHTS
-from porocore.testing.expect import RESPONSES
+from porocore.testing.expect import RESPONSES, STEPS, central_difference
 
 sys.path.insert(0, str(Path(__file__).parent))
 from cells import LayeredCellSolver, _Law
@@ -50,10 +49,7 @@ class Sloped(LayeredCellSolver):
         values = {name: [getattr(end, name) for end in ends] for name in RESPONSES} | {"conductivity": K}
         if tangent:
             values["hessian"] = [end.tangent.hessian for end in ends]
-        found = {
-            name: sum(w * value for w, value in zip(WEIGHTS, some, strict=True)) / h
-            for name, some in values.items()
-        }
+        found = {name: central_difference(some, h) for name, some in values.items()}
         failed = np.isnan(found["potential"])
         found["conductivity"][failed] = np.nan
         return found | {"porosity": np.where(failed, np.nan, 0.0)}
