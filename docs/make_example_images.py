@@ -12,7 +12,7 @@ import numpy as np
 from make_images import IMAGES, _pixels
 from matplotlib.figure import Figure
 
-from porocore.core.units import ResultUnits
+from porocore.core.units import speaking, spoken
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.kinds import sections
 from porocore.report.figures import PROFILE_FIELDS, body_figure, png_bytes, series_figure
@@ -49,10 +49,10 @@ def example_picture(folder: RunFolder, name: str) -> Figure:
     linear = MacroSolution.load_file(folder.solution("linear", load))
     which, kinds = SHOWN[name]
     known = {panel.plain for panel in panels(nonlinear)}
-    units = config.result_units
-    parts = field_parts(nonlinear, linear, name, units)
-    parts.append(body_figure(nonlinear, nonlinear.after_rest[which], units))
-    parts += [series_figure(nonlinear, linear, kind, units) for kind in kinds if kind in known]
+    with speaking(config.result_units):
+        parts = field_parts(nonlinear, linear, name)
+        parts.append(body_figure(nonlinear, nonlinear.after_rest[which]))
+        parts += [series_figure(nonlinear, linear, kind) for kind in kinds if kind in known]
     pictures = [_pixels(part) for part in parts]
     rows = 2 if len(parts) > 3 else 1
     columns = -(-len(parts) // rows)
@@ -63,31 +63,27 @@ def example_picture(folder: RunFolder, name: str) -> Figure:
     return figure
 
 
-def field_parts(
-    nonlinear: MacroSolution, linear: MacroSolution, name: str, units: ResultUnits
-) -> list[Figure]:
+def field_parts(nonlinear: MacroSolution, linear: MacroSolution, name: str) -> list[Figure]:
     """A parameter and the strain over the height, and the material axes where they differ; none of other examples."""
     cells = nonlinear.element_cells
     if name not in OVER_HEIGHT or cells is None:
         return []
-    found = [height_figure(nonlinear, linear, *OVER_HEIGHT[name], units)]
+    found = [height_figure(nonlinear, linear, *OVER_HEIGHT[name])]
     axes = cells.axes_at(0)
     if axes is not None:
-        found.append(axes_in_section(sections(nonlinear.points, nonlinear.cells), axes, cells, units))
+        found.append(axes_in_section(sections(nonlinear.points, nonlinear.cells), axes, cells))
     return found
 
 
 @styled
-def height_figure(
-    nonlinear: MacroSolution, linear: MacroSolution, parameter: str, label: str, units: ResultUnits
-) -> Figure:
+def height_figure(nonlinear: MacroSolution, linear: MacroSolution, parameter: str, label: str) -> Figure:
     """A parameter of the cell and the last strain along the height, means over the layers of elements."""
     figure = new_figure(5.4, 4.4)
     left, right = figure.subplots(1, 2, sharey=True)
     cells = nonlinear.element_cells
     assert cells is not None
     low, high = (
-        getattr(nonlinear.points[nonlinear.cells, 1], end)(axis=1) * units.factor("displacement")
+        getattr(nonlinear.points[nonlinear.cells, 1], end)(axis=1) * spoken().factor("displacement")
         for end in ("min", "max")
     )
     edges = np.append(np.unique(low.round(9)), high.max())
@@ -105,9 +101,7 @@ def height_figure(
     ):
         strain = over_height(solution.profiles[-1].grad_u[:, 1, 1].reshape(len(layer), -1).mean(axis=1))
         right.stairs(100 * strain, edges, orientation="horizontal", baseline=None, **how)
-    left.set(
-        xlabel=label, ylabel=axis_label("height $X_2$", "displacement", units), ylim=(edges[0], edges[-1])
-    )
+    left.set(xlabel=label, ylabel=axis_label("height $X_2$", "displacement"), ylim=(edges[0], edges[-1]))
     right.set(xlabel="final $H_{22}$ [%]")
     right.legend()
     return figure

@@ -9,7 +9,7 @@ from typing import Any
 
 from porocore.core.files.atomic import atomic_path
 from porocore.core.parallel.calls import CallProcesses
-from porocore.core.units import ResultUnits, speaking
+from porocore.core.units import speaking, spoken
 from porocore.report import figures
 from porocore.report.context import (
     COMPARED,
@@ -24,7 +24,7 @@ from porocore.report.dimensional import dimensional_rows
 from porocore.report.figures.body import body_fields
 from porocore.report.figures.cell import over_parameters
 from porocore.report.figures.curves import Panel, chosen_times, end_of_rise, is_column, panels, profile_at
-from porocore.report.format import plain
+from porocore.report.format import plain, unit
 from porocore.report.metrics import LoadCase, case_metrics
 from porocore.report.page import Picture, Pictures, environment
 from porocore.report.text import (
@@ -108,7 +108,7 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
             [
                 *flagged_around(
                     [
-                        *force_sentences(case, moved, context.units),
+                        *force_sentences(case, moved),
                         *case_sentences(m, context.loading_mode.settles),
                         *((FOLLOWER,) if context.loading_mode.follows else ()),
                     ],
@@ -138,8 +138,8 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
         end_words=end_words,
         no_relaxation=no_relaxation,
         whole=whole_words(context.cases[0].nonlinear.copies),
-        force_unit=f" [{context.units.name('force')}]" if context.units.given else "",
-        time_unit=f" [{context.units.name('time')}]" if context.units.given else "",
+        force_unit=unit("force"),
+        time_unit=unit("time"),
         differences=[law_differences(case) for case in context.cases],
         compared=COMPARED,
         cases=[_case_pictures(case, context, pictures) for case in context.cases],
@@ -153,7 +153,7 @@ def _body_parts(context: ReportContext, pictures: Pictures) -> dict[str, Any]:
     body = context.body
     return {
         "conductivity": [conductivity_sentence(case, context.cell, body) for case in context.cases],
-        "region_table": None if body is None else region_rows(body, context.units),
+        "region_table": None if body is None else region_rows(body),
         "body_fields": [] if body is None else body_fields(context.cases[0].nonlinear, body, pictures),
     }
 
@@ -172,7 +172,7 @@ def _cell_parts(context: ReportContext, pictures: Pictures) -> dict[str, Any]:
         "linear_rows": linear_rows(cell.properties),
         "mesh_rows": mesh_rows(cell.mesh),
         "picture": _cell_picture(context, pictures),
-        "parameter_rows": [] if family is None else parameter_rows(family, used, context.units),
+        "parameter_rows": [] if family is None else parameter_rows(family, used),
         "over_parameters": [] if family is None else over_parameters(context, family, pictures),
         "spent_on_body": bool(sampling.inputs.used),
         "statuses": status_rows(sampling),
@@ -243,7 +243,7 @@ def _surrogate_parts(surrogate: SurrogateSummary, pictures: Pictures) -> dict[st
 
 def _case_pictures(case: LoadCase, context: ReportContext, pictures: Pictures) -> dict[str, list[Picture]]:
     """Return profiles along the axis of a column, pictures of any other body."""
-    units, mode = context.units, context.loading_mode
+    mode = context.loading_mode
     load, under, settles = plain(case.load), f"load{case.load!r}", mode.settles
     histories = [
         pictures.svg(
@@ -254,7 +254,6 @@ def _case_pictures(case: LoadCase, context: ReportContext, pictures: Pictures) -
                 *case.others,
                 log_time=log_time,
                 settles=settles,
-                units=units,
                 published=context.published is not None,
             ),
             f"{'Settlement or heave, p' if settles else 'P'}ore pressure and drained volume against "
@@ -266,18 +265,18 @@ def _case_pictures(case: LoadCase, context: ReportContext, pictures: Pictures) -
     shown = list(panels(case.nonlinear)) if case.nonlinear.probes or mode.displaced or not column else []
     if not settles:
         shown.sort(key=lambda panel: panel.quantity != "force")  # what a testing machine shows comes first
-    series = [each for panel in shown for each in _series(panel, case, units, pictures)]
+    series = [each for panel in shown for each in _series(panel, case, pictures)]
     fields = _column_pictures if column else _body_pictures
     found: dict[str, list[Picture]] = {"histories": histories, "series": series, "bodies": [], "profiles": []}
     if case.nonlinear.profiles:
-        found["profiles" if column else "bodies"] = fields(case, units, pictures)
+        found["profiles" if column else "bodies"] = fields(case, pictures)
     return found
 
 
-def _series(panel: Panel, case: LoadCase, units: ResultUnits, pictures: Pictures) -> Iterator[Picture]:
+def _series(panel: Panel, case: LoadCase, pictures: Pictures) -> Iterator[Picture]:
     """Yield the picture of a panel against time, and of forces that relax against the time from their peak."""
     load, under = plain(case.load), f"load{case.load!r}"
-    drawn = (case.nonlinear, case.linear, panel.plain, units)
+    drawn = (case.nonlinear, case.linear, panel.plain)
     yield pictures.svg(f"{panel.plain}_{under}", figures.series_figure(*drawn), f"{panel.plain}, load {load}")
     if panel.quantity == "force" and end_of_rise(case.nonlinear, panel) is not None:
         yield pictures.svg(
@@ -287,22 +286,22 @@ def _series(panel: Panel, case: LoadCase, units: ResultUnits, pictures: Pictures
         )
 
 
-def _body_pictures(case: LoadCase, units: ResultUnits, pictures: Pictures) -> list[Picture]:
+def _body_pictures(case: LoadCase, pictures: Pictures) -> list[Picture]:
     found = []
     for time in chosen_times(case.nonlinear):
-        when = units.text(time, "time", 6)
+        when = spoken().text(time, "time", 6)
         found.append(
             pictures.png(
                 f"body_t={when}_load{case.load!r}",
-                figures.body_figure(case.nonlinear, profile_at(case.nonlinear, time), units),
+                figures.body_figure(case.nonlinear, profile_at(case.nonlinear, time)),
                 f"The deformed body at t = {when}, coloured by its pore pressure, load {plain(case.load)}",
             )
         )
     return found
 
 
-def _column_pictures(case: LoadCase, units: ResultUnits, pictures: Pictures) -> list[Picture]:
-    times = ", ".join(units.text(time, "time", 6) for time in chosen_times(case.nonlinear))
+def _column_pictures(case: LoadCase, pictures: Pictures) -> list[Picture]:
+    times = ", ".join(spoken().text(time, "time", 6) for time in chosen_times(case.nonlinear))
     return [
         pictures.svg(
             f"profile_{quantity}_load{case.load!r}",

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from porocore.core.units import ResultUnits
 from porocore.report.context import (
     Published,
     ReportContext,
@@ -86,30 +85,30 @@ def whole_words(copies: float) -> str:
     return f"the whole body, of which {part or f'one part in {copies:.4g}'} is computed"
 
 
-def force_sentences(case: LoadCase, moved: Sequence[str], units: ResultUnits) -> list[str]:
+def force_sentences(case: LoadCase, moved: Sequence[str]) -> list[str]:
     """Return the forces on the surfaces that are moved, in a few sentences."""
     nonlinear, linear = reactions(case.nonlinear), {} if case.linear is None else reactions(case.linear)
     sentences = []
     for name in moved:
         if name in nonlinear:
-            sentences.append(_force_sentence(f"{name} (load {plain(case.load)})", nonlinear[name], units))
+            sentences.append(_force_sentence(f"{name} (load {plain(case.load)})", nonlinear[name]))
         if name in nonlinear and name in linear:
-            peak, final = (_value(linear[name][key], "force", units) for key in ("peak", "final"))
+            peak, final = (measured(linear[name][key], "force") for key in ("peak", "final"))
             sentences.append(f"With linear poroelasticity, its peak is {peak}, and it is {final} at the end.")
     return sentences
 
 
-def _force_sentence(where: str, force: dict[str, Any], units: ResultUnits) -> str:
+def _force_sentence(where: str, force: dict[str, Any]) -> str:
     """Return a summary of :func:`porocore.report.context.relaxation` in words."""
-    peak, final = (_value(force[key], "force", units) for key in ("peak", "final"))
+    peak, final = (measured(force[key], "force") for key in ("peak", "final"))
     settled = end_words(force) if force["equilibrium"] is not None else f"at the end, {end_words(force)}"
     begin = f"The {force_name(force)} on {where} is {peak} at its peak, at t = "
-    begin += _value(force["time_of_peak"], "time", units, 3)
+    begin += measured(force["time_of_peak"], "time", 3)
     if force["drift"] is None:
         return f"{begin}. At the end, the force is gone."
     if force["relaxed_50_percent"] is None:
         return f"{begin}, and {final} {settled}: a {no_relaxation(force)}, so no time of relaxation is given."
-    half, most = (_value(force[f"relaxed_{n}_percent"], "time", units, 3) for n in (50, 95))
+    half, most = (measured(force[f"relaxed_{n}_percent"], "time", 3) for n in (50, 95))
     ratio = "" if force["peak_over_final"] is None else f", a ratio of {number(force['peak_over_final'], 3)}"
     relaxed = f"It has relaxed by 50 % {half} after the peak and by 95 % {most} after it."
     return f"{begin}, and {final} {settled}{ratio}. {relaxed}"
@@ -126,12 +125,6 @@ def force_warnings(case: LoadCase, moved: Sequence[str]) -> list[str]:
                 "not that of the equilibrium. Raise the end time."
             )
     return found
-
-
-def _value(value: float, quantity: str, units: ResultUnits, digits: int = 4) -> str:
-    """Return a result with its unit."""
-    text = number(value * units.factor(quantity), digits)
-    return f"{text} {units.name(quantity)}" if units.given else text
 
 
 def _time(value: float | None) -> str:

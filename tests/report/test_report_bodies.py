@@ -36,7 +36,7 @@ def area_of(polygon):
 def test_three_sides_of_a_box_face_the_viewer():
     mesh = Box(size=(1, 2, 3), elements=(1, 2, 3)).make()
     facets = mesh.points[boundary_facets(mesh.cells)]
-    seen = facets[front(facets, np.radians([22, -145]))]
+    seen = facets[front(facets, (22, -145))]
     middles = seen.mean(axis=1)
     on = [np.isclose(middles[:, 0], 0), np.isclose(middles[:, 1], 0), np.isclose(middles[:, 2], 3)]
     assert [int(side.sum()) for side in on] == [6, 3, 2]

@@ -51,7 +51,6 @@ MODULUS = ParameterRange("c10", "cell.material.c10", 0.5, 2.0, "stress")
 UNITS = ResultUnits(
     Scales(modulus=1e4, pore=1e-4, viscosity=1e-3, length=1e-2), OutputUnits(stress="kPa", length="mm")
 )
-NONE = ResultUnits()
 
 
 @pytest.fixture(scope="module")
@@ -202,7 +201,8 @@ def test_states_over_a_parameter_stand_beside_the_body():
 
 def test_rows_and_figures_of_parameters(family):
     used = {"radius": (0.15, 0.25), "c10": (1.0, 1.0)}
-    rows = parameter_rows(family, used, UNITS)
+    with speaking(UNITS):
+        rows = parameter_rows(family, used)
     assert rows[0] == ("radius", "cell.geometry.radius", "0.1000 to 0.3000", "0.1500 to 0.2500")
     assert rows[1] == ("c10 [kPa]", "cell.material.c10", "5.000 to 20.00", "10.00")
     (found, _) = family_figures(family, group_errors([check()]), used)
@@ -222,7 +222,8 @@ def test_rows_and_figures_of_parameters(family):
 
 
 def test_regions_are_told_with_their_share_and_what_they_hold(body):
-    heads, rows = region_rows(body, UNITS)
+    with speaking(UNITS):
+        heads, rows = region_rows(body)
     assert heads[:4] == ["region", "share of the volume", "radius", "c10 [kPa]"]
     assert heads[4] == "porosity at t = 0"
     assert [row[:2] for row in rows] == [["elsewhere", "66.7 %"], ["inclusion", "33.3 %"]]
@@ -236,20 +237,20 @@ def test_regions_are_told_with_their_share_and_what_they_hold(body):
     assert [time for time, _ in body.field("radius")] == [body.times[0], body.times[-1]]
     assert len(body.field("c10")) == 1
     named = replace(body, cell_names=("sand", "clay"))
-    assert [row[1] for row in region_rows(named, NONE)[1]] == ["sand", "clay"]
+    assert [row[1] for row in region_rows(named)[1]] == ["sand", "clay"]
 
 
 def test_fields_along_a_column_have_regions_and_steps(upright):
     line, cells = ColumnAxis.from_solution(upright), upright.element_cells
-    figure = field_along_column(line, [(0.0, cells.field("radius", 0))], "radius [–]", cells, NONE)
+    figure = field_along_column(line, [(0.0, cells.field("radius", 0))], "radius [–]", cells)
     (axes,) = figure.axes
     steps = next(patch for patch in axes.patches if hasattr(patch, "get_data")).get_data()
     np.testing.assert_allclose(steps.values, np.linspace(0.15, 0.25, 6))
     np.testing.assert_allclose(steps.edges, np.linspace(0, 7.5, 7))
     assert legend(figure) == ["deep", "crust"]
     both = [(0.0, cells.field("radius", 0)), (3.0, 2 * cells.field("radius", 0))]
-    assert legend(field_along_column(line, both, "radius", cells, NONE))[2:] == ["$t$ = 0", "$t$ = 3"]
-    turned = axes_along_column(line, cells.axes_at(0), cells, NONE)
+    assert legend(field_along_column(line, both, "radius", cells))[2:] == ["$t$ = 0", "$t$ = 3"]
+    turned = axes_along_column(line, cells.axes_at(0), cells)
     first = [p.get_data().values for p in turned.axes[0].patches if hasattr(p, "get_data")]
     np.testing.assert_allclose(first[0], np.cos(np.linspace(0, 1, 6)))
     np.testing.assert_allclose(first[1], np.sin(np.linspace(0, 1, 6)))
@@ -258,22 +259,22 @@ def test_fields_along_a_column_have_regions_and_steps(upright):
 def test_fields_in_a_section_have_a_common_scale_and_units(solution, body):
     among, cells = sections(solution.points, solution.cells), body.cells
     with speaking(UNITS):
-        figure = field_in_section(among, body.field("radius"), "radius [–]", UNITS)
+        figure = field_in_section(among, body.field("radius"), "radius [–]")
     first, last, bar = figure.axes
     images = [axes.get_images()[0] for axes in (first, last)]
     assert images[0].get_clim() == images[1].get_clim() == (0.15, pytest.approx(0.25))
     assert first.get_xlabel() in ("$X_1$ [mm]", "$X_3$ [mm]")
     assert (first.get_ylabel(), bar.get_ylabel()) == ("$X_2$ [mm]", "radius [–]")
     assert first.get_ylim() == pytest.approx((0, 75))
-    regions = regions_in_section(among, cells, NONE)
+    regions = regions_in_section(among, cells)
     assert legend(regions) == ["elsewhere", "inclusion"]
     shown = regions.axes[0].get_images()[0].get_array()
     assert set(np.unique(shown).tolist()) == {0.0, 1.0}
-    lines = axes_in_section(among, cells.axes_at(0), cells, NONE)
+    lines = axes_in_section(among, cells.axes_at(0), cells)
     assert legend(lines) == ["axis 1", "axis 2", "axis 3"]
     # A turn about y is seen from above.
     turned = Rotation.from_rotvec(np.outer(np.linspace(0, 0.6, len(cells.region)), [0, 1.0, 0])).as_matrix()
-    seen = axes_in_section(among, turned, cells, NONE).axes[0]
+    seen = axes_in_section(among, turned, cells).axes[0]
     assert (seen.get_xlabel(), seen.get_ylabel()) == ("$X_1$", "$X_3$")
 
 

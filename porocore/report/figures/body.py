@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
-from porocore.core.units import ResultUnits, spoken
+from porocore.core.units import spoken
 from porocore.interfaces.cell import ElementCells
 from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.macro.body.kinds import Section, most_telling, sections
@@ -62,14 +62,18 @@ def pieces(nodes: int, parts: int) -> tuple[Array, IntArray, IntArray]:
     return values, number[_triangles(parts)], number[_around(parts, TRIANGLE)]
 
 
-def front(facets: Array, view: Array) -> npt.NDArray[np.bool_]:
-    """Return which facets (k, nodes, 3), seen from height and azimuth in radians, do not turn their back (k,)."""
-    height, azimuth = view
-    toward = [np.cos(height) * np.cos(azimuth), np.cos(height) * np.sin(azimuth), np.sin(height)]
+def towards(height: float, azimuth: float) -> Array:
+    """Return the direction towards a viewer at this height and azimuth in degrees."""
+    height, azimuth = np.radians((height, azimuth))
+    return np.array([np.cos(height) * np.cos(azimuth), np.cos(height) * np.sin(azimuth), np.sin(height)])
+
+
+def front(facets: Array, view: tuple[float, float]) -> npt.NDArray[np.bool_]:
+    """Return which facets (k, nodes, 3), seen from height and azimuth in degrees, do not turn their back (k,)."""
     corners = 4 if facets.shape[1] == 9 else 3
     around = facets[:, :corners] - facets[:, :corners].mean(axis=1, keepdims=True)
     normals = np.cross(around, np.roll(around, -1, axis=1)).sum(axis=1)
-    return np.asarray(normals @ toward > 0)
+    return np.asarray(normals @ towards(*view) > 0)
 
 
 def _square_values(s: Array, t: Array) -> Array:
@@ -123,7 +127,7 @@ AXES = (("x", "$x_3$"), ("y", "$x_1$"), ("z", "$x_2$"))
 
 
 @styled
-def body_figure(solution: MacroSolution, profile: Profile, units: ResultUnits | None = None) -> Figure:
+def body_figure(solution: MacroSolution, profile: Profile) -> Figure:
     """Draw the deformed surface of the body at one time, coloured by p; edges of elements where they are few.
 
     Parameters
@@ -132,10 +136,8 @@ def body_figure(solution: MacroSolution, profile: Profile, units: ResultUnits | 
         With the mesh.
     profile
         One of its profiles.
-    units
-        Of lengths, time and pressure.
     """
-    units = units or ResultUnits()
+    units = spoken()
     places = (solution.points + profile.u)[:, [2, 0, 1]] * units.factor("displacement")
     pressure, uniform = _pressure(solution, profile)
     pressure = pressure * units.factor("pressure")
@@ -146,13 +148,13 @@ def body_figure(solution: MacroSolution, profile: Profile, units: ResultUnits | 
     colours = ScalarMappable(Normalize(low, high), COLOURS)
     figure = new_figure(5.4, 4.4)
     axes: Any = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
-    lengths = _frame(axes, places, units)
+    lengths = _frame(axes, places)
     bar = figure.colorbar(
         colours,
         ax=axes,
         shrink=0.7,
         pad=0.13,
-        label=axis_label("pore pressure $p$", "pressure", units),
+        label=axis_label("pore pressure $p$", "pressure"),
         ticks=[float(pressure[0])] if uniform else None,
     )
     axes.set_title(f"$t$ = {units.text(profile.time, 'time', 6)}")
@@ -190,7 +192,7 @@ def _surface(
 ) -> None:
     """Draw the facets that face the viewer, and the edges of the elements where they are few."""
     facets = boundary_facets(solution.cells)
-    facets = facets[front(places[facets], np.radians(VIEW))]
+    facets = facets[front(places[facets], VIEW)]
     few = len(facets) < MOST_WITH_EDGES
     values, polygons, outline = pieces(facets.shape[1], 4 if few else 2)
     corners = np.einsum("ka,fai->fki", values, places[facets])
@@ -211,7 +213,12 @@ def _surface(
         )
 
 
-def _frame(axes: Any, places: Array, units: ResultUnits) -> Array:
+def length_label(name: str) -> str:
+    """Return the label of a coordinate, with the unit of lengths where there is one."""
+    return axis_label(name, "displacement") if spoken().given else name
+
+
+def _frame(axes: Any, places: Array) -> Array:
     """Set the limits to the body, and ticks that keep clear of each other; return the lengths of the box."""
     first, last = places.min(axis=0), places.max(axis=0)
     lengths = np.maximum(last - first, 0.12 * (last - first).max())
@@ -221,7 +228,7 @@ def _frame(axes: Any, places: Array, units: ResultUnits) -> Array:
     for (name, label), low, high, length in zip(AXES, first, last, lengths, strict=True):
         axis = getattr(axes, f"{name}axis")
         getattr(axes, f"set_{name}lim")(low, high)
-        axis.set_label_text(axis_label(label, "displacement", units) if units.given else label)
+        axis.set_label_text(length_label(label))
         axis.pane.set_visible(False)
         # The ends of the two lower axes meet in front: only one of them has its number there.
         axis.set_ticks(_ticks(low, high, float(length / lengths.max()), open_end=name == "x"))
@@ -271,7 +278,6 @@ def field_along_column(
     values: Sequence[tuple[float, Array]],
     label: str,
     cells: ElementCells,
-    units: ResultUnits,
 ) -> Figure:
     """Draw a field along a column at some times, element by element, over bands of the regions.
 
@@ -279,13 +285,13 @@ def field_along_column(
     """
     figure = new_figure(5.4, 3.4)
     axes = figure.add_subplot()
-    length = units.factor("displacement")
+    length = spoken().factor("displacement")
     edges = np.append(line.ends[:, 0], line.ends[-1, 1]) * length
     _bands(axes, line, cells, length)
     for (time, field), colour in zip(values, style.TIME_COLOURS, strict=False):
-        said = f"$t$ = {units.text(time, 'time', 6)}" if len(values) > 1 else None
+        said = f"$t$ = {spoken().text(time, 'time', 6)}" if len(values) > 1 else None
         axes.stairs(field[line.elements], edges, baseline=None, color=colour, lw=1.8, label=said)
-    axes.set_xlabel(axis_label("position along the column $X_2$", "displacement", units))
+    axes.set_xlabel(axis_label("position along the column $X_2$", "displacement"))
     axes.set_ylabel(label)
     axes.set_xlim(edges[0], edges[-1])
     axes.margins(y=0.08)
@@ -305,9 +311,7 @@ def _bands(axes: Any, line: ColumnAxis, cells: ElementCells, length: float) -> N
 
 
 @styled
-def field_in_section(
-    among: Sequence[Section], values: Sequence[tuple[float, Array]], label: str, units: ResultUnits
-) -> Figure:
+def field_in_section(among: Sequence[Section], values: Sequence[tuple[float, Array]], label: str) -> Figure:
     """Draw a field in the middle section in which it varies most, at some times side by side.
 
     ``values`` and ``label`` are as in :func:`field_along_column`.
@@ -318,16 +322,16 @@ def field_in_section(
     shown = np.concatenate([field[inside] for _, field in values])
     norm = Normalize(float(np.nanmin(shown)), float(np.nanmax(shown)))
     for axes, (time, field) in zip(panels, values, strict=True):
-        _image(axes, section, section.image(field), units, norm=norm, cmap=FIELD_COLOURS)
+        _image(axes, section, section.image(field), norm=norm, cmap=FIELD_COLOURS)
         if len(values) > 1:
-            axes.set_title(f"$t$ = {units.text(time, 'time', 6)}")
+            axes.set_title(f"$t$ = {spoken().text(time, 'time', 6)}")
     figure.colorbar(ScalarMappable(norm, FIELD_COLOURS), ax=list(panels), label=label, shrink=0.8)
-    _labels(panels, section, units)
+    _labels(panels, section)
     return figure
 
 
 @styled
-def regions_in_section(among: Sequence[Section], cells: ElementCells, units: ResultUnits) -> Figure:
+def regions_in_section(among: Sequence[Section], cells: ElementCells) -> Figure:
     """Draw the regions in the middle section in which most of them are, with their names."""
     present = [np.unique(cells.region[each.element[each.element >= 0]]) for each in among]
     best = max(range(len(among)), key=lambda i: (len(present[i]), -i))
@@ -335,7 +339,7 @@ def regions_in_section(among: Sequence[Section], cells: ElementCells, units: Res
     figure, (axes,) = _panels(section, 1)
     count = len(cells.regions) + 1
     colours = ListedColormap([_colour(number) for number in range(count)])
-    _image(axes, section, section.image(cells.region), units, norm=Normalize(-0.5, count - 0.5), cmap=colours)
+    _image(axes, section, section.image(cells.region), norm=Normalize(-0.5, count - 0.5), cmap=colours)
     names = ["elsewhere", *map(named, cells.regions)]
     figure.legend(
         handles=[Patch(fc=_colour(k), ec=style.GREY, lw=0.6, label=names[k]) for k in present[best]],
@@ -344,14 +348,12 @@ def regions_in_section(among: Sequence[Section], cells: ElementCells, units: Res
         handlelength=1.2,
         columnspacing=1.3,
     )
-    _labels([axes], section, units)
+    _labels([axes], section)
     return figure
 
 
 @styled
-def axes_in_section(
-    among: Sequence[Section], axes_of: Array, cells: ElementCells, units: ResultUnits
-) -> Figure:
+def axes_in_section(among: Sequence[Section], axes_of: Array, cells: ElementCells) -> Figure:
     """Draw the material axes (elements, 3, 3) as lines in the middle section in which they vary most, over the regions.
 
     A line is the projection of an axis onto the section: one across it is a dot.
@@ -360,7 +362,7 @@ def axes_in_section(
     figure, (axes,) = _panels(section, 1)
     count = len(cells.regions) + 1
     colours = ListedColormap([lighter(_colour(number), 0.5) for number in range(count)])
-    _image(axes, section, section.image(cells.region), units, norm=Normalize(-0.5, count - 0.5), cmap=colours)
+    _image(axes, section, section.image(cells.region), norm=Normalize(-0.5, count - 0.5), cmap=colours)
     right, up = section.places()
     step = max(1, round(max(len(right), len(up)) / LINES))
     rows, columns = (
@@ -371,7 +373,7 @@ def axes_in_section(
     )
     element = section.element[rows, columns]
     rows, columns, element = (each[element >= 0] for each in (rows, columns, element))
-    length = units.factor("displacement")
+    length = spoken().factor("displacement")
     distance = step * max(np.ptp(right) / max(len(right) - 1, 1), np.ptp(up) / max(len(up) - 1, 1)) * length
     places = np.stack([right[columns], up[rows]], axis=1) * length
     for k, colour in enumerate(MATERIAL_AXES):
@@ -382,16 +384,16 @@ def axes_in_section(
         axes.plot(*places[np.linalg.norm(along, axis=1) < 0.15].T, "o", ms=2.2, color=colour, mew=0)
         axes.plot([], [], color=colour, lw=1.6, label=f"axis {k + 1}")
     legend_above(figure, axes, columns=3)
-    _labels([axes], section, units)
+    _labels([axes], section)
     return figure
 
 
 @styled
-def axes_along_column(line: ColumnAxis, axes_of: Array, cells: ElementCells, units: ResultUnits) -> Figure:
+def axes_along_column(line: ColumnAxis, axes_of: Array, cells: ElementCells) -> Figure:
     """Draw the components of the first two of the material axes (elements, 3, 3) along a column."""
     figure = new_figure(5.4, 4.4)
     panels = figure.subplots(2, 1, sharex=True)
-    length = units.factor("displacement")
+    length = spoken().factor("displacement")
     edges = np.append(line.ends[:, 0], line.ends[-1, 1]) * length
     for k, panel in enumerate(panels):
         _bands(panel, line, cells, length)
@@ -407,7 +409,7 @@ def axes_along_column(line: ColumnAxis, axes_of: Array, cells: ElementCells, uni
         panel.set_ylabel(f"material axis {k + 1} [–]")
         panel.set_ylim(-1.1, 1.1)
         panel.set_xlim(edges[0], edges[-1])
-    panels[-1].set_xlabel(axis_label("position along the column $X_2$", "displacement", units))
+    panels[-1].set_xlabel(axis_label("position along the column $X_2$", "displacement"))
     legend_above(figure, panels[0], columns=3)
     return figure
 
@@ -426,8 +428,8 @@ def _panels(section: Section, count: int) -> tuple[Figure, Sequence[Any]]:
     return figure, panels
 
 
-def _image(axes: Any, section: Section, image: Array, units: ResultUnits, **how: Any) -> None:
-    length = units.factor("displacement")
+def _image(axes: Any, section: Section, image: Array, **how: Any) -> None:
+    length = spoken().factor("displacement")
     (left, right), (bottom, top) = section.ends * length
     axes.imshow(
         image,
@@ -440,14 +442,14 @@ def _image(axes: Any, section: Section, image: Array, units: ResultUnits, **how:
     axes.autoscale(enable=False)
 
 
-def _labels(panels: Sequence[Any], section: Section, units: ResultUnits) -> None:
+def _labels(panels: Sequence[Any], section: Section) -> None:
     """Name the sides of a section, and where it is."""
     names = [f"$X_{axis + 1}$" for axis in section.sides]
-    texts = [axis_label(name, "displacement", units) if units.given else name for name in names]
+    texts = list(map(length_label, names))
     for axes in panels:
         axes.set_xlabel(texts[0])
     panels[0].set_ylabel(texts[1])
-    at = units.text(section.at, "displacement", 3)
+    at = spoken().text(section.at, "displacement", 3)
     panels[0].annotate(
         f"$X_{section.across + 1}$ = {at}", (0.0, 0.0), (0, -34), "axes fraction", "offset points",
         fontsize=8, color=style.BLACK, va="top",
@@ -467,7 +469,7 @@ def _colour(number: int) -> Any:
 
 def body_fields(solution: MacroSolution, body: BodyCells, pictures: Pictures) -> list[Picture]:
     """Return the pictures of a body of many cells: regions, parameters, porosity and K at rest, material axes."""
-    units, cells = spoken(), body.cells
+    cells = body.cells
     column = is_column(solution)
     line = ColumnAxis.from_solution(solution) if column else None
     among = () if column else sections(solution.points, solution.cells)
@@ -476,12 +478,12 @@ def body_fields(solution: MacroSolution, body: BodyCells, pictures: Pictures) ->
     def field(name: str, values: Sequence[tuple[float, Array]], label: str) -> Picture:
         text = f"{name} {where}"
         if line is not None:
-            return pictures.svg(f"body_{name}", field_along_column(line, values, label, cells, units), text)
-        return pictures.png(f"body_{name}", field_in_section(among, values, label, units), text)
+            return pictures.svg(f"body_{name}", field_along_column(line, values, label, cells), text)
+        return pictures.png(f"body_{name}", field_in_section(among, values, label), text)
 
     found: list[Picture] = []
     if cells.regions and line is None:
-        drawn = regions_in_section(among, cells, units)
+        drawn = regions_in_section(among, cells)
         found.append(pictures.png("body_regions", drawn, f"Regions of the body {where}"))
     shown = [
         (name, body.field(name), named(name), body.quantities.get(name, "")) for name in cells.parameters
@@ -493,8 +495,8 @@ def body_fields(solution: MacroSolution, body: BodyCells, pictures: Pictures) ->
     found += [
         field(
             name,
-            [(time, at * units.factor(quantity)) for time, at in values],
-            axis_label(label, quantity, units),
+            [(time, at * spoken().factor(quantity)) for time, at in values],
+            axis_label(label, quantity),
         )
         for name, values, label, quantity in shown
         if not _uniform(np.concatenate([at for _, at in values]))
@@ -502,9 +504,7 @@ def body_fields(solution: MacroSolution, body: BodyCells, pictures: Pictures) ->
     last = cells.axes_at(body.shown[-1])
     if last is not None:
         drawn = (
-            axes_along_column(line, last, cells, units)
-            if line is not None
-            else axes_in_section(among, last, cells, units)
+            axes_along_column(line, last, cells) if line is not None else axes_in_section(among, last, cells)
         )
         found.append(pictures.png("body_axes", drawn, f"Material axes {where}"))
     return found

@@ -13,8 +13,9 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from porocore.cell.meshing.tetrahedra import boundary_facets
-from porocore.core.units import ResultUnits, spoken
+from porocore.core.units import spoken
 from porocore.report.figures import style
+from porocore.report.figures.body import pieces, towards
 from porocore.report.figures.style import axis_label, legend_above, lighter, named, new_figure, styled
 from porocore.report.words.parameters import (
     FamilySummary,
@@ -34,7 +35,8 @@ if TYPE_CHECKING:
 PIECES = 4
 SOLID = to_rgb("#c9a27a")
 WALL = to_rgb("#5b8db8")
-VIEW = {"elev": 24.0, "azim": -58.0}
+#: Height and azimuth of the viewer in degrees.
+VIEW = (24.0, -58.0)
 #: Of a cube; a longer box is drawn smaller.
 ZOOM = 1.1
 #: Towards the light, in the frame of the picture.
@@ -55,7 +57,7 @@ def cell_picture(points: Array, cells: IntArray) -> Figure:
     triangles = surface_triangles(points, cells)
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normals /= np.linalg.norm(normals, axis=1).clip(1e-300)[:, None]
-    seen = normals @ _towards_viewer() > 0  # the back of a facet is hidden by solid in front of it
+    seen = normals @ towards(*VIEW) > 0  # the back of a facet is hidden by solid in front of it
     triangles, normals = triangles[seen], normals[seen]
     figure = new_figure(4.2, 4.2)
     axes = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
@@ -78,7 +80,7 @@ def cell_picture(points: Array, cells: IntArray) -> Figure:
     low, high = points.min(axis=0), points.max(axis=0)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
     axes.set_box_aspect(tuple(high - low), zoom=ZOOM * min(1.0, _extent(np.ones(3)) / _extent(high - low)))
-    axes.view_init(**VIEW)
+    axes.view_init(*VIEW)
     axes.set_axis_off()
     return figure
 
@@ -86,34 +88,18 @@ def cell_picture(points: Array, cells: IntArray) -> Figure:
 def surface_triangles(points: Array, cells: IntArray) -> Array:
     """Return triangles (k, 3, 3) of the surface, outward; curved ones in pieces."""
     facets = points[boundary_facets(cells)]
-    return facets if cells.shape[1] == 4 else _pieces(facets)
-
-
-def _pieces(facets: Array) -> Array:
-    """Return flat triangles (k · PIECES², 3, 3) of quadratic ones (k, 6, 3), so that curved walls look curved."""
-    n = PIECES
-    up = [((i, j), (i + 1, j), (i, j + 1)) for i in range(n) for j in range(n - i)]
-    down = [((i + 1, j), (i + 1, j + 1), (i, j + 1)) for i in range(n - 1) for j in range(n - 1 - i)]
-    s, t = np.moveaxis(np.array(up + down, dtype=float) / n, -1, 0)
-    r = 1 - s - t
-    shape = np.stack([r * (2 * r - 1), s * (2 * s - 1), t * (2 * t - 1), 4 * r * s, 4 * s * t, 4 * t * r])
-    pieces: Array = np.einsum("apc,kax->kpcx", shape, facets).reshape(-1, 3, 3)
-    return pieces
+    if cells.shape[1] == 4:
+        return facets
+    values, triangles, _ = pieces(facets.shape[1], PIECES)
+    return np.einsum("pa,kax->kpx", values, facets)[:, triangles].reshape(-1, 3, 3)
 
 
 def _extent(edges: Array) -> float:
     """Return the larger of width and height of a box in the picture, over its diagonal."""
-    azimuth = np.radians(VIEW["azim"])
+    azimuth = np.radians(VIEW[1])
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-    up = np.cross(_towards_viewer(), right)
+    up = np.cross(towards(*VIEW), right)
     return float(max(np.abs(right) @ edges, np.abs(up) @ edges) / np.linalg.norm(edges))
-
-
-def _towards_viewer() -> Array:
-    elevation, azimuth = np.radians(VIEW["elev"]), np.radians(VIEW["azim"])
-    return np.array(
-        [np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)]
-    )
 
 
 def _on_box(triangles: Array, points: Array) -> npt.NDArray[np.bool_]:
@@ -166,12 +152,12 @@ def rest_figure(family: FamilySummary, k: int) -> Figure:
                 label="solved",
             )
         # On two lines, since the longest is longer than its panel.
-        axes.set_ylabel(axis_label(field.label, field.quantity, units).replace(" [", "\n["))
+        axes.set_ylabel(axis_label(field.label, field.quantity).replace(" [", "\n["))
         axes.set_ylim(bottom=min(0.0, float(np.nanmin(field.low[k])) * by))
     for axes in panels.ravel()[len(family.fields) :]:
         axes.set_visible(False)
     for axes in panels[-1]:
-        axes.set_xlabel(parameter_label(parameter, units))
+        axes.set_xlabel(parameter_label(parameter))
     legend_above(figure, panels[0, 0], columns=3)
     return figure
 
@@ -179,8 +165,7 @@ def rest_figure(family: FamilySummary, k: int) -> Figure:
 @styled
 def error_figure(parameter: ParameterRange, k: int, errors: Sequence[GroupErrors]) -> Figure:
     """Draw the errors on held-out states over parameter ``k``, one panel for each output, logarithmic."""
-    units = spoken()
-    factor = units.factor(parameter.quantity)
+    factor = spoken().factor(parameter.quantity)
     edges = np.linspace(parameter.lower, parameter.upper, ERROR_BINS + 1) * factor
     figure = new_figure(5.4, 0.7 + 1.75 * len(errors))
     panels = figure.subplots(len(errors), 1, sharex=True, squeeze=False)[:, 0]
@@ -195,7 +180,7 @@ def error_figure(parameter: ParameterRange, k: int, errors: Sequence[GroupErrors
         axes.set_ylabel(f"error of {group.label}\n[% of range]")
         axes.set_xlim(edges[0], edges[-1])
         axes.set_ylim(_decades(shown))
-    panels[-1].set_xlabel(parameter_label(parameter, units))
+    panels[-1].set_xlabel(parameter_label(parameter))
     legend_above(figure, panels[0], columns=2)
     return figure
 
@@ -220,8 +205,7 @@ def spread_figure(
     body
         Values in the body and volumes that have them; None: not known.
     """
-    units = spoken()
-    factor = units.factor(parameter.quantity)
+    factor = spoken().factor(parameter.quantity)
     edges = np.linspace(parameter.lower, parameter.upper, STATE_BINS + 1) * factor
     figure = new_figure(5.4, 3.0)
     axes = figure.add_subplot()
@@ -247,7 +231,7 @@ def spread_figure(
         shares = _shares(values * factor, volumes, edges, float(volumes.sum()))
         axes.stairs(shares, edges, color=style.GREEN, lw=2.0, label="volume of the body", zorder=3)
     axes.set_xlim(edges[0], edges[-1])
-    axes.set_xlabel(parameter_label(parameter, units))
+    axes.set_xlabel(parameter_label(parameter))
     axes.set_ylabel("share of states, of the body [%]" if body is not None else "share of states [%]")
     legend_above(figure, axes, columns=3)
     return figure
@@ -262,9 +246,9 @@ def _decades(values: Array) -> tuple[float, float]:
     return float(10.0**low), float(10.0 ** max(high, low + 1))
 
 
-def parameter_label(parameter: ParameterRange, units: ResultUnits) -> str:
+def parameter_label(parameter: ParameterRange) -> str:
     """Return the label of an axis of a parameter."""
-    return axis_label(named(parameter.name), parameter.quantity, units)
+    return axis_label(named(parameter.name), parameter.quantity)
 
 
 def _shares(values: Array, weights: Array | None, edges: Array, whole: float) -> Array:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from porocore.core.units import ResultUnits, spoken
+from porocore.core.units import spoken
 from porocore.interfaces.solution import History, MacroSolution, Profile
 from porocore.report.figures import style
 from porocore.report.figures.style import axis_label, legend_above, lighter, named, new_figure, styled
@@ -59,7 +59,6 @@ def history_figure(
     *others: MacroSolution,
     log_time: bool = False,
     settles: bool = True,
-    units: ResultUnits | None = None,
     published: bool = False,
 ) -> Figure:
     """Draw histories of one load, the cell's law against linear poroelasticity.
@@ -74,8 +73,6 @@ def history_figure(
         Logarithmic time axis; the state at rest, t = 0, is then left out.
     settles
         Whether the settlement is a result; one that is prescribed is not drawn.
-    units
-        Of the axes; dimensionless by default.
     published
         Draw the publication's own measure of the drained volume too, dotted.
 
@@ -83,24 +80,23 @@ def history_figure(
     the first is the largest heave, where it hardly moves along y the largest displacement. Where no pressure is
     positive the second is the least one.
     """
-    units = units or ResultUnits()
     figure = new_figure(5.4, 7.6 if settles else 5.4)
     rows = list(figure.subplots(3 if settles else 2, 1, sharex=True))
     curves = _curves(nonlinear, linear, others)
     panels = _panels([each for each, *_ in curves], settles)
     for solution, colour, stroke, label in curves:
-        _draw(rows, panels, solution, log_time, units, {"color": colour, "ls": stroke, "label": label})
+        _draw(rows, panels, solution, log_time, {"color": colour, "ls": stroke, "label": label})
         if published:
             how = {"color": colour, "ls": style.DOTTED, "lw": 2.4, "alpha": 0.75}
-            _draw(rows[-1:], [PAPER], solution, log_time, units, how)
+            _draw(rows[-1:], [PAPER], solution, log_time, how)
     drawn = [each.history for each, *_ in curves]
     marked = any(
         time_within(each.time, each.settlement, share) is not None for each in drawn for share, _ in MARKS
     )
     _shared_legend(rows[-1], MARKS if SETTLEMENT in panels and marked else (), published)
     for axes, panel in zip(rows, panels, strict=True):
-        axes.set_ylabel(axis_label(panel.label, panel.quantity, units))
-    rows[-1].set_xlabel(axis_label("time $t$", "time", units) + (", logarithmic" if log_time else ""))
+        axes.set_ylabel(axis_label(panel.label, panel.quantity))
+    rows[-1].set_xlabel(axis_label("time $t$", "time") + (", logarithmic" if log_time else ""))
     for axes in rows:
         if axes.dataLim.ymin >= 0:
             axes.set_ylim(bottom=0)
@@ -119,11 +115,11 @@ def _draw(
     panels: Sequence[_Panel],
     solution: MacroSolution,
     log_time: bool,
-    units: ResultUnits,
     how: dict[str, Any],
 ) -> None:
     """Draw one solution in all panels; the state at rest is left out of a logarithmic axis."""
-    by, history = units.factor("time"), solution.history
+    units, history = spoken(), solution.history
+    by = units.factor("time")
     time, shown = history.time, history.time > 0 if log_time else history.time >= 0
     for axes, panel in zip(rows, panels, strict=True):
         values = panel.of(history) * units.factor(panel.quantity)
@@ -320,8 +316,8 @@ def profile_figure(
         axes.plot([], [], color="0.35", ls=stroke, lw=1.3, label=label)
     if rest is not None:
         axes.axhline(rest * factor, color=style.GREY, ls=style.DASHED, lw=1.0, label="undeformed cell")
-    axes.set_xlabel(axis_label("position along the column $X_2$", "displacement", units))
-    axes.set_ylabel(what.label if what.quantity is None else axis_label(what.label, what.quantity, units))
+    axes.set_xlabel(axis_label("position along the column $X_2$", "displacement"))
+    axes.set_ylabel(what.label if what.quantity is None else axis_label(what.label, what.quantity))
     axes.margins(x=0.02)
     if any(
         line.series(profile_at(nonlinear, time), what)[2].any() for time in times[: len(style.TIME_COLOURS)]
@@ -490,33 +486,27 @@ def end_of_rise(solution: MacroSolution, panel: Panel) -> float | None:
 
 
 @styled
-def relaxation_figure(
-    nonlinear: MacroSolution, linear: MacroSolution | None, plain: str, units: ResultUnits | None = None
-) -> Figure:
+def relaxation_figure(nonlinear: MacroSolution, linear: MacroSolution | None, plain: str) -> Figure:
     """Draw the panel called ``plain``, which falls, against the logarithm of the time from its peak."""
-    units = units or ResultUnits()
     panel = next(p for p in panels(nonlinear) if p.plain == plain)
     figure = new_figure(5.4, 3.6)
     axes = figure.add_subplot()
     begin = end_of_rise(nonlinear, panel) or 0.0
-    _draw_series(axes, panel, nonlinear, linear, units, begin)
+    _draw_series(axes, panel, nonlinear, linear, begin)
     axes.set_xscale("log")
-    axes.set_xlabel(axis_label("time from the peak", "time", units) + ", logarithmic")
+    axes.set_xlabel(axis_label("time from the peak", "time") + ", logarithmic")
     legend_above(figure, axes, columns=3)
     return figure
 
 
 @styled
-def series_figure(
-    nonlinear: MacroSolution, linear: MacroSolution | None, plain: str, units: ResultUnits | None = None
-) -> Figure:
+def series_figure(nonlinear: MacroSolution, linear: MacroSolution | None, plain: str) -> Figure:
     """Draw the panel called ``plain`` against time, the cell's law solid and linear poroelasticity dashed."""
-    units = units or ResultUnits()
     panel = next(p for p in panels(nonlinear) if p.plain == plain)
     figure = new_figure(5.4, 3.6)
-    axes, t = figure.add_subplot(), units.factor("time")
-    _draw_series(axes, panel, nonlinear, linear, units)
-    axes.set_xlabel(axis_label("time $t$", "time", units))
+    axes, t = figure.add_subplot(), spoken().factor("time")
+    _draw_series(axes, panel, nonlinear, linear)
+    axes.set_xlabel(axis_label("time $t$", "time"))
     bend = early_peak(nonlinear.history.time, panel.curves.values())
     if bend is not None:
         _logarithmic_after(axes, bend * t, float(nonlinear.history.time[-1]) * t)
@@ -530,12 +520,11 @@ def _draw_series(
     panel: Panel,
     nonlinear: MacroSolution,
     linear: MacroSolution | None,
-    units: ResultUnits,
     begin: float | None = None,
 ) -> None:
     """Draw the curves of a panel, against time or the time from ``begin`` on."""
     others = {} if linear is None else {p.plain: p.curves for p in panels(linear)}.get(panel.plain, {})
-    t, factor = units.factor("time"), units.factor(panel.quantity)
+    t, factor = spoken().factor("time"), spoken().factor(panel.quantity)
 
     def line(solution: MacroSolution, values: Array, **how: Any) -> None:
         time = solution.history.time
@@ -555,5 +544,5 @@ def _draw_series(
     if linear is not None:
         axes.plot([], [], color="0.35", ls=style.DASHED, lw=1.3, label="linear")
     sign = f"\n({panel.sign})" if panel.sign else ""
-    axes.set_ylabel(axis_label(panel.label, panel.quantity, units) + sign)
+    axes.set_ylabel(axis_label(panel.label, panel.quantity) + sign)
     axes.margins(x=0.01)

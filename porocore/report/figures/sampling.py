@@ -239,8 +239,7 @@ def parity_figure(checks: Sequence[OutputCheck]) -> Figure:
     figure = new_figure(4.4 * len(checks), 5.0)
     panels = figure.subplots(2, len(checks), squeeze=False, sharex="col", height_ratios=[3, 1.25])
     for check, parity, error in zip(checks, *panels, strict=True):
-        units = spoken()
-        factor = units.factor(check.quantity)
+        factor = spoken().factor(check.quantity)
         solved, predicted = check.solved * factor, check.predicted * factor
         both = np.concatenate([solved, predicted])
         ends = np.array([both.min(), both.max()]) if len(both) else np.array([0.0, 1.0])
@@ -253,10 +252,8 @@ def parity_figure(checks: Sequence[OutputCheck]) -> Figure:
                 axes.plot(solved[beyond], y[beyond], "o", ms=4, mfc="white", mec=style.GREY, mew=0.9)
             axes.plot(solved[~beyond], y[~beyond], "o", ms=4, mfc=style.BLUE, mec="white", mew=0.4)
         error.axhline(0, color=style.GREY, lw=1.0)
-        parity.set(xlim=ends, ylim=ends, ylabel=axis_label(f"predicted {check.name}", check.quantity, units))
-        error.set(
-            xlabel=axis_label(f"solved {check.name}", check.quantity, units), ylabel="error [% of range]"
-        )
+        parity.set(xlim=ends, ylim=ends, ylabel=axis_label(f"predicted {check.name}", check.quantity))
+        error.set(xlabel=axis_label(f"solved {check.name}", check.quantity), ylabel="error [% of range]")
         error.xaxis.set_major_locator(MaxNLocator(5))
         parity.text(0.04, 0.96, _error_text(check), transform=parity.transAxes, va="top", fontsize=9)
     figure.align_ylabels()

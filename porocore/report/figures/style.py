@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
 from porocore.core.files.atomic import atomic_path
-from porocore.core.units import ResultUnits
+from porocore.core.units import ResultUnits, spoken
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -94,8 +94,9 @@ def legend_above(figure: Figure, axes: Axes, columns: int) -> None:
 _DIVIDED_BY = {"pressure": r"$\,/E$", "stress": r"$\,/E$", "force": r"$\,/(E L^2)$"}
 
 
-def axis_label(words: str, quantity: str, units: ResultUnits) -> str:
-    """Return the label of an axis, with the unit in brackets."""
+def axis_label(words: str, quantity: str, units: ResultUnits | None = None) -> str:
+    """Return the label of an axis, with the unit in brackets, by default that of the study."""
+    units = units or spoken()
     by = "" if units.given else _DIVIDED_BY.get(quantity, "")
     return f"{words}{by} [{units.name(quantity)}]"
 

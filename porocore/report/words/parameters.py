@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from porocore.core.units import ResultUnits
+from porocore.core.units import spoken
 from porocore.interfaces.cell import ElementCells
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.mesh import BodyMesh
@@ -50,9 +50,9 @@ class ParameterRange:
     quantity: str = ""
     solved: bool = True
 
-    def label(self, units: ResultUnits) -> str:
+    def label(self) -> str:
         """Return the name with its unit."""
-        return units.titled(self.name, self.quantity)
+        return spoken().titled(self.name, self.quantity)
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,19 +203,19 @@ def _rounded(value: float) -> float:
 
 
 def parameter_rows(
-    family: FamilySummary, used: Mapping[str, tuple[float, float]], units: ResultUnits
+    family: FamilySummary, used: Mapping[str, tuple[float, float]]
 ) -> list[tuple[str, str, str, str]]:
     """Return name, key, range and least and largest mean over an element of the body of each parameter."""
     rows = []
     for each in family.parameters:
-        factor = units.factor(each.quantity)
+        factor = spoken().factor(each.quantity)
 
         def text(ends: tuple[float, float], factor: float = factor) -> str:
             low, high = (number(end * factor) for end in ends)
             return low if low == high else f"{low} to {high}"
 
         body = text(used[each.name]) if each.name in used else "–"
-        rows.append((each.label(units), each.key, text((each.lower, each.upper)), body))
+        rows.append((each.label(), each.key, text((each.lower, each.upper)), body))
     return rows
 
 
@@ -295,12 +295,12 @@ def volumes_of(solution: MacroSolution) -> Array:
     return np.asarray(BodyMesh(solution.points, solution.cells).weights.sum(axis=1))
 
 
-def region_rows(body: BodyCells, units: ResultUnits) -> tuple[list[str], list[list[str]]]:
+def region_rows(body: BodyCells) -> tuple[list[str], list[list[str]]]:
     """Return the headings and rows of the table of regions: share of the volume, parameters, porosity, K.
 
     The rest of the body has a row where there is any; a body without regions has one row.
     """
-    cells, rows = body.cells, []
+    units, cells, rows = spoken(), body.cells, []
     heads = ["region", *(["cell"] if body.cell_names else []), "share of the volume"]
     heads += [units.titled(name, body.quantities.get(name, "")) for name in cells.parameters]
     at = "at t = 0" if cells.varies else "at rest"
