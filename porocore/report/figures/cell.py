@@ -91,7 +91,8 @@ def surface_triangles(points: Array, cells: IntArray) -> Array:
     if cells.shape[1] == 4:
         return facets
     values, triangles, _ = pieces(facets.shape[1], PIECES)
-    return np.einsum("pa,kax->kpx", values, facets)[:, triangles].reshape(-1, 3, 3)
+    places: Array = np.einsum("pa,kax->kpx", values, facets)
+    return places[:, triangles].reshape(-1, 3, 3)
 
 
 def _extent(edges: Array) -> float:
