@@ -47,7 +47,7 @@ _PHASES: tuple[tuple[str, Phase, str], ...] = (("pores", "fluid", "fluid_size"),
 
 
 class Advice(NamedTuple):
-    """What to write in words, and the sizes of elements in it by their keys under ``cell.mesh``."""
+    """Advice in words, with the sizes of elements in it by their keys under ``cell.mesh``."""
 
     text: str
     sizes: Mapping[str, float] = MappingProxyType({})
