@@ -170,7 +170,7 @@ def test_derived_numbers_are_those_of_the_cell_solved_anew(done: porocore.Calibr
             for (low, high), (_, by) in zip(ends, steps, strict=True)
         ]
         deviation = np.sqrt(slopes @ covariance @ slopes)
-        low, high = each.interval
+        low, high = each.interval.values
         assert low is not None
         assert high is not None
         assert form(high) - form(low) == pytest.approx(2 * 1.96 * deviation, rel=0.02), each.name

@@ -14,7 +14,6 @@ from porocore.commands.calibration.fit import (
     ALIKE,
     ROUGH,
     CalibrationFit,
-    EvaluationRecord,
     FitQuality,
     RecordedModel,
     _progress,
@@ -131,39 +130,40 @@ def test_no_start_that_can_be_computed_is_one_message() -> None:
         fitted(Relaxation(most=0.01), data(), starts=2)
 
 
+def recorded(model: CurveModel, path: Path, identity: str = "one") -> RecordedModel:
+    return RecordedModel(model.unknowns, lambda: model, path, identity)
+
+
 @pytest.mark.parametrize("killed_after", [0, 1, 2, 7, 15, 20])
 def test_a_fit_that_was_killed_goes_on_to_the_same_answer(killed_after: int, tmp_path: Path) -> None:
-    def recorded(model: CurveModel) -> RecordedModel:
-        return RecordedModel(model, EvaluationRecord(tmp_path / "evaluations.jsonl", "one"))
-
+    path = tmp_path / "evaluations.jsonl"
     measured, settings = data(0.05), {"starts": 4, "tolerance": 1e-10}
     whole = Relaxation()
     _, through = fitted(whole, measured, **settings)
     assert whole.count > 20
     with pytest.raises(KeyboardInterrupt):
-        fitted(recorded(Relaxation(last=killed_after)), measured, **settings)
-    with (tmp_path / "evaluations.jsonl").open("a", encoding="utf-8") as file:
+        fitted(recorded(Relaxation(last=killed_after), path), measured, **settings)
+    with path.open("a", encoding="utf-8") as file:
         file.write('{"unknowns": [1.0, 0.')  # half a line, as a kill leaves it
     rest = Relaxation()
-    _, resumed = fitted(recorded(rest), measured, **settings)
+    _, resumed = fitted(recorded(rest, path), measured, **settings)
     np.testing.assert_array_equal(resumed.best.coordinates, through.best.coordinates)
     np.testing.assert_array_equal(resumed.best.jacobian, through.best.jacobian)
-    kept = EvaluationRecord(tmp_path / "evaluations.jsonl", "one")
-    assert len(kept) == killed_after + rest.count
+    assert len(recorded(rest, path)) == killed_after + rest.count
 
 
 def test_failures_are_kept_and_other_records_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "evaluations.jsonl"
-    model = RecordedModel(Relaxation(most=1.0), EvaluationRecord(path, "one"))
+    model = recorded(Relaxation(most=1.0), path)
     for _ in range(2):
         with pytest.raises(SolveError, match="no solution at 3"):
             model.curves(np.array([1.0, 3.0]))
-    assert [found for _, found in EvaluationRecord(path, "one")] == [None]
+    assert [found for _, found in recorded(Relaxation(), path)] == [None]
     with pytest.raises(RunFolderError, match="holds evaluations of another calibration"):
-        EvaluationRecord(path, "other")
+        recorded(Relaxation(), path, "other")
     path.write_text("nonsense\n", encoding="utf-8")
     with pytest.raises(DataError, match="not a complete record of evaluations"):
-        EvaluationRecord(path, "one")
+        recorded(Relaxation(), path)
 
 
 def test_data_that_nothing_explains_are_told_in_one_sentence() -> None:

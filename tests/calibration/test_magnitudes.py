@@ -14,8 +14,8 @@ from calibrated_column import STUDY as COLUMN
 from typer.testing import CliRunner
 
 from porocore.cli.entry import app
+from porocore.commands.calibration.expectations import linear_notes, start_notes
 from porocore.commands.calibration.loading import read_plan
-from porocore.commands.calibration.magnitudes import linear_notes, start_notes
 from porocore.commands.calibration.plan import CalibrationPlan
 from porocore.commands.calibration.problem import CurveModel, CurvePrediction
 from porocore.errors import SolveError

@@ -6,7 +6,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from porocore.commands.calibration.problem import CurveData, CurveModel, CurvePrediction, Misfit, Unknown
+from porocore.commands.calibration.problem import (
+    CurveData,
+    CurveModel,
+    CurvePrediction,
+    Misfit,
+    Unknown,
+    slopes_at,
+    values_at,
+)
+from porocore.commands.calibration.suggestions import FurtherData
 from porocore.errors import SolveError
 from porocore.macro.analytic import Terzaghi
 
@@ -71,3 +80,9 @@ def misfit_of(model, truth, deviation, noise=None, times=None):
     values = model.curves(np.array(truth, float)).values
     shift = 0.0 if noise is None else noise * deviation
     return Misfit(model, data_of(values + shift, deviation, times))
+
+
+def experiment(name, model, coordinates, deviations):
+    """Data of a further experiment with the same unknowns: its slopes by the coordinates, in standard deviations."""
+    slopes = model.curves(values_at(model.unknowns, coordinates)).slopes
+    return FurtherData(name, slopes * slopes_at(model.unknowns, coordinates) / deviations[:, None])

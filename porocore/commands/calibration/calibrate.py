@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from porocore.commands.calibration.cells import cells_at_rest, families, further_data
+from porocore.commands.calibration.cells import families, further_data
 from porocore.commands.calibration.derived import derived_cells
+from porocore.commands.calibration.expectations import start_notes
 from porocore.commands.calibration.fit import (
     CalibrationFit,
     FitQuality,
@@ -25,17 +27,16 @@ from porocore.commands.calibration.fit import (
 )
 from porocore.commands.calibration.infer import Inference, infer
 from porocore.commands.calibration.loading import read_plan
-from porocore.commands.calibration.magnitudes import start_notes
-from porocore.commands.calibration.observations import ObservedCurve, curve_data
-from porocore.commands.calibration.plan import CalibrationFolder, CalibrationPlan, Experiment
+from porocore.commands.calibration.observations import ObservedCurve, by_curve, curve_data
+from porocore.commands.calibration.plan import CalibrationFolder, CalibrationPlan
 from porocore.commands.calibration.posterior import Posterior, sample_posterior
-from porocore.commands.calibration.problem import CurveModel, Misfit
-from porocore.commands.calibration.results import Calibration, write_results
+from porocore.commands.calibration.problem import CurveModel, Misfit, first_coordinates, values_at
+from porocore.commands.calibration.results import Calibration, results_of, write_tables
 from porocore.commands.calibration.settings import PosteriorSettings
 from porocore.commands.calibration.suggestions import shift_words
 from porocore.core.console import Console
 from porocore.core.echo import joined
-from porocore.core.files.plain_data import json_hash
+from porocore.core.files.plain_data import json_hash, json_ready, write_json
 from porocore.core.files.store import ResultStore
 from porocore.core.parallel.calls import CallProcesses
 from porocore.core.parallel.memory import one_blas_thread
@@ -103,6 +104,8 @@ def calibrate(
 
 
 def _calibrated(rounds: FitRounds, synthetic: bool, began: float) -> Calibration:
+    from porocore.commands.calibration.page import write_report  # matplotlib is slow to import
+
     plan, folder, console = rounds.plan, rounds.folder, rounds.console
     if synthetic:
         plan = rounds.plan = _with_made_up_data(plan, rounds.model)
@@ -114,9 +117,25 @@ def _calibrated(rounds: FitRounds, synthetic: bool, began: float) -> Calibration
         _inferred(plan, misfit, found, rounds, console), misfit, rounds, synthetic
     )
     posterior = _posterior(plan.posterior, misfit, inference, console)
-    done = _finished(rounds, misfit, found, inference, posterior, time.monotonic() - began)
-    truth = np.array([each.unknown.start for each in plan.unknowns]) if synthetic else None
-    write_results(folder, done, misfit, rounds.record, truth)
+    quality = FitQuality.of_fit(misfit, inference.best)
+    done = Calibration(
+        folder.path,
+        plan,
+        misfit.data,
+        inference,
+        quality,
+        posterior,
+        derived_cells(inference, plan, rounds.cells),
+        sum(family.solves for family in rounds.cells),
+        len(rounds.model),
+        time.monotonic() - began,
+        tuple(_warnings(rounds, misfit, found, inference, quality, posterior)),
+        np.array([each.unknown.start for each in plan.unknowns]) if synthetic else None,
+    )
+    write_tables(done, rounds.model)
+    write_report(done)
+    # Last, so that a folder with results has all of them.
+    write_json(folder.path / "calibration.json", json_ready(results_of(done)), indent=2, ensure_ascii=False)
     for warning in done.warnings:
         console.warn(warning)
     return done
@@ -150,24 +169,18 @@ def _listed(spread: float | Array | None) -> float | list[float] | None:
 def _with_made_up_data(plan: CalibrationPlan, model: CurveModel) -> CalibrationPlan:
     """Return the plan with curves at the start values of the unknowns, and noise."""
     # At the coordinates where the search begins, to the last bit, so that this run is not made twice.
-    starts = [one.value(one.coordinate(one.start)) for one in model.unknowns]
+    starts = values_at(model.unknowns, first_coordinates(model.unknowns))
     try:
-        exact = model.curves(np.array(starts)).values
+        exact = model.curves(starts).values
     except SolveError as error:
-        told = ", ".join(f"{one.name} {value:g}" for one, value in zip(model.unknowns, starts, strict=True))
+        at = ", ".join(f"{one.name} {value:g}" for one, value in zip(model.unknowns, starts, strict=True))
         raise SolveError(
-            f"no synthetic data can be computed at the start values of the unknowns, {told}; give "
+            f"no synthetic data can be computed at the start values of the unknowns, {at}; give "
             f"other bounds, or a 'start:' for each: {error}"
         ) from error
-    experiments: list[Experiment] = []
-    first = number = 0
-    for experiment in plan.experiments:
-        curves: list[ObservedCurve] = []
-        for curve in experiment.curves:
-            part = exact[first : first + len(curve)]
-            curves.append(curve.made_up(part, [plan.fit.seed, number]))
-            first, number = first + len(curve), number + 1
-        experiments.append(replace(experiment, curves=tuple(curves)))
+    pairs = enumerate(zip(plan.curves, by_curve(exact, plan.curves), strict=True))
+    curves = iter([curve.made_up(part, [plan.fit.seed, number]) for number, (curve, part) in pairs])
+    experiments = [replace(one, curves=tuple(islice(curves, len(one.curves)))) for one in plan.experiments]
     return replace(plan, experiments=tuple(experiments))
 
 
@@ -184,7 +197,7 @@ def _inferred(
             asked += 1
 
         values = misfit.values(found.best.coordinates)
-        further = further_data(rounds.experiments, plan, values, rounds.processes, tell)
+        further = further_data(rounds.studies.experiments, plan, values, rounds.processes, tell)
         return infer(
             misfit,
             found.best,
@@ -231,47 +244,38 @@ def _posterior(
     return found
 
 
-def _finished(
+def _warnings(
     rounds: FitRounds,
     misfit: Misfit,
     found: CalibrationFit,
     inference: Inference,
+    quality: FitQuality,
     posterior: Posterior | None,
-    seconds: float,
-) -> Calibration:
-    plan = rounds.plan
-    quality = FitQuality.of_fit(misfit, inference.best)
-    warnings = [quality.complaint] if quality.complaint else []
+) -> Iterator[str]:
+    """Yield sentences on what is to be doubted."""
+    if quality.complaint:
+        yield quality.complaint
     if not found.converged:
-        warnings.append(
-            f"the fit has not converged after {plan.fit.evaluations} evaluations a start; raise fit.evaluations"
-        )
+        most = rounds.plan.fit.evaluations
+        yield f"the fit has not converged after {most} evaluations a start; raise fit.evaluations"
     if inference.best.prediction.flagged:
-        warnings.append(
-            "the fitted body leaves the states that the surrogate is trusted in; "
-            + (
-                "no further cells were solved there, since they would not explain the data"
-                if rounds.given_up
-                else "sample wider ranges, or raise fit.rounds"
-            )
+        yield "the fitted body leaves the states that the surrogate is trusted in; " + (
+            "no further cells were solved there, since they would not explain the data"
+            if rounds.given_up
+            else "sample wider ranges, or raise fit.rounds"
         )
     if unmoved := misfit.unmoved(inference.best):
-        warnings.append(
+        yield (
             f"no unknown changes {joined(unmoved)}, which may be prescribed by the study; leave it out, or fit another "
             "quantity"
         )
     error = inference.systematic
     if error is not None and error.counted:
-        warnings.append(
+        yield (
             "the steps in time are long for these data: in the limit of short steps "
             f"{shift_words(inference.unknowns, inference.best.coordinates, error)}. The intervals include them. "
             "A quarter of macro.time.tolerance, or half of macro.time.step where there is none, halves the error"
         )
-    warnings += at_bounds(misfit, inference.best.coordinates, explained=quality.explains)
-    warnings += far_from_start(misfit, inference.best.coordinates)
-    warnings += () if posterior is None else posterior.complaints
-    derived = derived_cells(inference, cells_at_rest(plan, rounds.cells))
-    solves = sum(family.solves for family in rounds.cells)
-    return Calibration(
-        rounds.folder.path, plan, inference, quality, posterior, derived, solves, seconds, tuple(warnings)
-    )
+    yield from at_bounds(misfit, inference.best.coordinates, explained=quality.explains)
+    yield from far_from_start(misfit, inference.best.coordinates)
+    yield from () if posterior is None else posterior.complaints

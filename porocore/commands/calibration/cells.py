@@ -4,28 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from porocore.commands.calibration.experiment import ExperimentModel, RelativeScales
-from porocore.commands.calibration.observations import MeasuredSeries
+from porocore.commands.calibration.experiment import ExperimentModel
+from porocore.commands.calibration.observations import MeasuredSeries, by_curve
 from porocore.commands.calibration.plan import CalibrationPlan, Experiment, PlannedUnknown
-from porocore.commands.calibration.problem import CurvePrediction
-from porocore.commands.calibration.settings import AXES, StudyNumber
+from porocore.commands.calibration.problem import slopes_at
 from porocore.commands.calibration.suggestions import FurtherData
 from porocore.core.console import Console
 from porocore.core.files.plain_data import json_hash, write_json
 from porocore.core.files.reading import complete, read_json
 from porocore.core.files.store import ResultStore
-from porocore.core.parallel.calls import CallProcesses, Tell, results_of
-from porocore.core.units import ResultUnits, speaking
+from porocore.core.parallel.calls import CallProcesses, Tell, side_by_side
+from porocore.core.units import speaking
 from porocore.errors import DataError, SolveError
 from porocore.interfaces.law import MacroLaw
 from porocore.macro.composition.linearised_law import LinearisedLaw
 from porocore.macro.laws import AdaptiveLaw, ClosedLaw
-from porocore.macro.laws.linear import PROPERTIES, EffectiveProperties
+from porocore.macro.laws.linear import EffectiveProperties
 from porocore.plugins.border import body_solution_of
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Array, MacroState
@@ -158,23 +157,20 @@ class FamilyCells:
         with ExitStack() as stack:
             run, law = self._adaptive(stack)
             for model in models:
-                units, body = model.config.result_units, model.body(values)
+                units, name = model.config.result_units, model.experiment.name
                 stack.enter_context(speaking(units))
-                solver, problem = make_backend("macro solver", model.config), body.problem
-                prepared, name = (
-                    prepared_body(solver, model.config.macro_backend, problem),
-                    model.experiment.name,
+                body, solver = model.body(values), make_backend("macro solver", model.config)
+                problem, prepared = (
+                    body.problem,
+                    prepared_body(solver, model.config.macro_backend, body.problem),
                 )
                 title = f"further cells{f' of {name}' if name else ''}"
-                with body_progress(self._console, title, problem, units, scale=body.scales.factor) as (
-                    show,
-                    say,
-                ):
+                progress = body_progress(self._console, title, problem, units, scale=body.scales.factor)
+                with progress as (show, say):
                     run.tell_work(say)
                     body_solution_of(solver, prepared, law, problem, on_step=show)
         further = self._further()
-        new = [] if further is None else [key for key in further.keys if key not in before]
-        return new
+        return [] if further is None else [key for key in further.keys if key not in before]
 
     def end_round(self, new: Sequence[str]) -> None:
         """Record the further cells of a round, by which it is finished."""
@@ -255,40 +251,63 @@ def further_data(
     tell
         Called with what is computed next.
     """
-    measured = {experiment.name: experiment for experiment in plan.experiments}
-    variants = [
-        _Variants(model, plan.unknowns, values, share)
-        for model in models
-        if (share := _noise(measured[model.experiment.name])) is not None
-    ]
-    if processes is None or len(variants) < 2:
-        found = [_further_of(tell, each) for each in variants]
-    else:
-        tell("other quantities and larger loads")
-        what = "while it solved the experiment '{}' under a larger load"
-        found = results_of(
-            [
-                processes.submit(what.format(each.model.experiment.name), further_elsewhere, each)
-                for each in variants
-            ]
+    shares = {experiment.name: _noise(experiment) for experiment in plan.experiments}
+    calls = [
+        (
+            f"while it solved the experiment '{name}' under a larger load",
+            (model, plan.unknowns, values, share),
         )
-    return [data for one in found for data in one]
+        for model in models
+        if (share := shares[name := model.experiment.name]) is not None
+    ]
+    if processes is not None and len(calls) > 1:
+        tell("other quantities and larger loads")
+    return [data for one in side_by_side(processes, _further_of, calls, tell) for data in one]
 
 
-def further_elsewhere(tell: Tell, variants: _Variants) -> list[FurtherData]:
-    """Return the further data of a test in this process."""
-    return _further_of(lambda words: None, variants)
+def _further_of(
+    tell: Tell, model: ExperimentModel, unknowns: Sequence[PlannedUnknown], values: Array, share: float
+) -> list[FurtherData]:
+    """Return the further data of a test; ``share`` is the deviation of a curve by its largest value."""
+    test = model.experiment
+    of = f" in the test '{test.name}'" if test.name else ""
+    ones = [each.unknown for each in unknowns]
+    by_coordinate = slopes_at(ones, [one.coordinate(float(x)) for one, x in zip(ones, values, strict=True)])
 
+    def rows(experiment: Experiment, *, trusted: bool = False) -> list[tuple[str, Array]]:
+        """Return name and weighted derivatives by the coordinates of each curve that does not stay zero.
 
-def _further_of(tell: Callable[[str], None], variants: _Variants) -> list[FurtherData]:
-    model = variants.model
-    of = f" in the test '{model.experiment.name}'" if model.experiment.name else ""
+        None are returned where the experiment cannot be computed, or only in states that are not ``trusted``.
+        """
+        curves = experiment.curves
+        if not curves:
+            return []
+        try:
+            # The steps in time are the same.
+            variant = ExperimentModel(experiment, unknowns, model.law, model.chosen_steps)
+            found = variant.curves(values)
+        except SolveError:
+            return []
+        if trusted and found.flagged:
+            return []
+        sizes = [float(np.abs(each).max()) for each in by_curve(found.values, curves)]
+        return [
+            (curve.name, by * by_coordinate / (share * size))
+            for curve, by, size in zip(curves, by_curve(found.slopes, curves), sizes, strict=True)
+            if size > NOTHING * max(sizes)
+        ]
+
     tell(f"other quantities{of}")
-    found = [FurtherData(f"{words}{of}", rows) for words, rows in variants.other_quantities()]
-    if all(number.kind != "load" for _, number, _ in model.numbers):
-        tell(f"larger load{of}")
-        found += variants.larger_load()
-    return found
+    further = [FurtherData(f"{words}{of}", each) for words, each in rows(_other_quantities(model))]
+    if any(each.number.kind == "load" for each in model.numbers):
+        return further
+    tell(f"larger load{of}")
+    for factor in LOADS:
+        if larger := rows(replace(test, load=factor * test.load), trusted=True):
+            name = f"the test '{test.name}'" if test.name else "the same test"
+            words = f"{name} under {factor:g} times the load, too"
+            return [*further, FurtherData(words, np.concatenate([each for _, each in larger]))]
+    return further
 
 
 def _noise(experiment: Experiment) -> float | None:
@@ -321,174 +340,3 @@ def _quantities(model: ExperimentModel) -> Iterator[tuple[MeasuredSeries, str]]:
         for i in (1, 2, 3):
             series = MeasuredSeries("displacement", probe=probe, component=i)
             yield series, f"the displacement {i} of the probe '{probe}'"
-
-
-class _Variants:
-    """Variants of one test, each computed at the best values.
-
-    Parameters
-    ----------
-    model
-        Of the test.
-    unknowns, values
-        All unknowns, and their best values.
-    share
-        Standard deviation of a curve as a share of its largest value.
-    """
-
-    def __init__(
-        self, model: ExperimentModel, unknowns: Sequence[PlannedUnknown], values: Array, share: float
-    ) -> None:
-        self.model, self.unknowns, self.values, self._share = model, unknowns, values, share
-        ones = [each.unknown for each in unknowns]
-        places = [one.coordinate(float(x)) for one, x in zip(ones, values, strict=True)]
-        self._by_coordinate = np.array([one.value_slope(x) for one, x in zip(ones, places, strict=True)])
-
-    def other_quantities(self) -> list[tuple[str, Array]]:
-        """Return words and rows of the quantities that were not measured."""
-        experiment = _other_quantities(self.model)
-        prediction = self._computed(experiment)
-        return [] if prediction is None else self._rows(experiment, prediction)
-
-    def larger_load(self) -> list[FurtherData]:
-        """Return the measured curves under the largest of some loads at which the surrogate is trusted."""
-        for factor in LOADS:
-            name = self.model.experiment.name
-            experiment = replace(self.model.experiment, load=factor * self.model.experiment.load)
-            prediction = self._computed(experiment)
-            if prediction is None or prediction.flagged:
-                continue
-            # A curve that stays 0 has no row.
-            if found := self._rows(experiment, prediction):
-                rows = np.concatenate([rows for _, rows in found])
-                test = f"the test '{name}'" if name else "the same test"
-                return [FurtherData(f"{test} under {factor:g} times the load, too", rows)]
-        return []
-
-    def _computed(self, experiment: Experiment) -> CurvePrediction | None:
-        """Return the curves of a variant in the same steps of time; None: it cannot be computed."""
-        if not experiment.curves:
-            return None
-        try:
-            return ExperimentModel(experiment, self.unknowns, self.model.law, self.model.chosen_steps).curves(
-                self.values
-            )
-        except SolveError:
-            return None
-
-    def _rows(self, experiment: Experiment, prediction: CurvePrediction) -> list[tuple[str, Array]]:
-        """Return name and weighted derivatives by the coordinates of each curve that does not stay zero."""
-        ends = np.cumsum([len(curve) for curve in experiment.curves])[:-1]
-        values, slopes = np.split(prediction.values, ends), np.split(prediction.slopes, ends)
-        sizes = [float(np.abs(each).max()) for each in values]
-        return [
-            (curve.name, by * self._by_coordinate / (self._share * size))
-            for curve, by, size in zip(experiment.curves, slopes, sizes, strict=True)
-            if size > NOTHING * max(sizes)
-        ]
-
-
-@dataclass(frozen=True, eq=False)
-class CellAtRest:
-    """Undeformed cell of some experiments, as a function of the k unknowns.
-
-    Attributes
-    ----------
-    experiments
-        Names of the experiments.
-    place
-        Coordinate of the body, such as ``y = 0.5 mm``, where a parameter is fitted as a field; else empty.
-    units
-        Of the first of the experiments.
-    of : (k,) to :class:`EffectiveProperties`
-        Dimensionless properties in the units of the study, by the values of the unknowns.
-    """
-
-    experiments: tuple[str, ...]
-    place: str
-    units: ResultUnits
-    of: Callable[[Array], EffectiveProperties]
-
-
-def cells_at_rest(plan: CalibrationPlan, families: Sequence[FamilyCells]) -> tuple[CellAtRest, ...]:
-    """Return the undeformed cells of all experiments, those that are the same once.
-
-    A body whose cells differ in another way than by the fitted fields has none.
-    """
-    found: dict[object, CellAtRest] = {}
-    for k, family in enumerate(families):
-        properties = family.at_rest()
-        for experiment in plan.experiments:
-            if experiment.name in family.experiments and properties is not None:
-                for key, cell in _cells(plan, experiment, properties):
-                    key = (k, experiment.config.scales, experiment.config.output_units, *key)
-                    known = found.get(key, replace(cell, experiments=()))
-                    found[key] = replace(known, experiments=(*known.experiments, experiment.name))
-    return tuple(found.values())
-
-
-def _cells(
-    plan: CalibrationPlan, experiment: Experiment, properties: Callable[[Array], EffectiveProperties]
-) -> Iterator[tuple[tuple[object, ...], CellAtRest]]:
-    """Yield the cells of one experiment, each with what distinguishes it from others of its family."""
-    config = experiment.config
-    numbers = {
-        j: (each.numbers[experiment.name], each.dimensionless(experiment))
-        for j, each in enumerate(plan.unknowns)
-        if experiment.name in each.numbers
-    }
-    hats = {number.hat for number, _ in numbers.values() if number.hat is not None}
-    lines = {(hat.axis, hat.places) for hat in hats}
-    if len(lines) > 1 or any(
-        not _is_one_value(config, each.name, numbers) for each in config.cell.parameters
-    ):
-        return
-    for place in range(len(next(iter(lines))[1])) if lines else (None,):
-        here = {
-            j: (number, factor)
-            for j, (number, factor) in numbers.items()
-            if number.hat is None or number.hat.index == place
-        }
-        of = _at_values(config, here, properties)
-        text = ""
-        if place is not None:
-            ((axis, places),) = lines
-            text = f"{AXES[axis]} = {config.result_units.text(places[place], 'displacement')}"
-        kinds = ("cell", "modulus", "viscosity", "pore")
-        same = tuple((j, number.name) for j, (number, _) in here.items() if number.kind in kinds)
-        fixed = tuple(sorted((name, str(value)) for name, value in config.macro.fields.items()))
-        yield (text, same, fixed), CellAtRest((), text, config.result_units, of)
-
-
-def _is_one_value(config: RunConfig, name: str, numbers: dict[int, tuple[StudyNumber, float]]) -> bool:
-    """Tell whether a parameter is fitted, or a number that holds in the whole body."""
-    fitted = any(number.kind == "cell" and number.name == name for number, _ in numbers.values())
-    inside = any(name in region.fields for region in config.macro.regions.values())
-    return not inside and (fitted or isinstance(config.macro.fields.get(name), float | int))
-
-
-def _at_values(
-    config: RunConfig,
-    numbers: dict[int, tuple[StudyNumber, float]],
-    properties: Callable[[Array], EffectiveProperties],
-) -> Callable[[Array], EffectiveProperties]:
-    """Return the function that gives the properties at values of the unknowns."""
-
-    def of(values: Array) -> EffectiveProperties:
-        given = {name: value for name, value in config.macro.fields.items() if isinstance(value, float | int)}
-        scales = RelativeScales()
-        for j, (number, factor) in numbers.items():
-            value = float(values[j]) * factor
-            if number.kind == "cell":
-                given[number.name] = value
-            elif number.kind in ("modulus", "viscosity", "pore"):
-                scales = replace(scales, **{number.kind: value / number.value})
-        found = properties(np.array([given[each.name] for each in config.cell.parameters], dtype=float))
-        scaled = {
-            name: getattr(found, name) * scales.factor(quantity)
-            for name, quantity in PROPERTIES.items()
-            if quantity
-        }
-        return replace(found, **scaled)
-
-    return of

@@ -13,7 +13,6 @@ from porocore.cli.options import JsonOption, NoStoreOption, ResumeOption, StoreO
 from porocore.interfaces.command import Command, FileCheck
 
 if TYPE_CHECKING:
-    from porocore.commands.calibration.posterior import Posterior
     from porocore.commands.calibration.results import Calibration
     from porocore.commands.calibration.settings import CalibrationSettings
     from porocore.core.files.yaml_document import YamlDocument
@@ -84,8 +83,8 @@ class CalibrateCommand(Command):
 
     def check(self, document: YamlDocument, config: Any, settings: Any) -> FileCheck:
         """Read the data, of which some may be made up later."""
+        from porocore.commands.calibration.expectations import linear_notes
         from porocore.commands.calibration.loading import read_plan
-        from porocore.commands.calibration.magnitudes import linear_notes
         from porocore.study.notes.checks import check_backends
 
         plan = read_plan(document, planned=True)
@@ -93,41 +92,33 @@ class CalibrateCommand(Command):
             for experiment in plan.experiments:
                 check_backends(experiment.config)
         # Those on the units of the study itself stand in its outline.
-        told = () if config is None else config.unit_notes
-        notes = [note for note in plan.notes if not note.endswith(told)]
+        known = () if config is None else config.unit_notes
+        notes = [note for note in plan.notes if not note.endswith(known)]
         plan = replace(plan, notes=(*notes, *linear_notes(plan)))
         return FileCheck(plan.outline if config is None else plan.section, {"synthetic": plan.is_planned})
 
 
 def print_unknowns(done: Calibration) -> None:
     """Print value, interval and identifiability of each unknown, and the non-identifiable combinations."""
+    from porocore.commands.calibration.profiles import interval_words
     from porocore.core.units import pretty
 
     table = plain_table(("unknown", "value", "95 % interval", "unit", "identifiable"), (1,))
     for one in done.inference.unknowns:
-        interval = _interval(done.intervals[one.name])
-        told = "yes" if done.identifiable[one.name] else "no"
-        table.add_row(one.name, f"{done.values[one.name]:.4g}", interval, pretty(one.unit) or "–", told)
+        interval, yes = interval_words(done.intervals[one.name]), done.identifiable[one.name]
+        unit = pretty(one.unit) or "–"
+        table.add_row(one.name, f"{done.values[one.name]:.4g}", interval, unit, "yes" if yes else "no")
     page().print(table)
     if not done.quality.explains:
         typer.echo(
             f"intervals presume a right model, but the reduced chi-square is {done.quality.reduced:.3g}"
         )
-    if done.posterior is not None:
-        print_posterior(done.posterior)
+    if (posterior := done.posterior) is not None:
+        table = plain_table(("posterior", "median", "95 % credible interval"), (1,))
+        for one, median, ends in zip(posterior.unknowns, posterior.medians, posterior.intervals, strict=True):
+            table.add_row(one.name, f"{median:.4g}", interval_words(ends))
+        page().print(table)
     for words in done.inference.words:
         typer.echo(f"non-identifiable: {words}")
     for product in done.inference.products:
         typer.echo(f"identifiable: {product.words}")
-
-
-def print_posterior(posterior: Posterior) -> None:
-    """Print median and 95 % credible interval of each unknown."""
-    table = plain_table(("posterior", "median", "95 % credible interval"), (1,))
-    for one, median, ends in zip(posterior.unknowns, posterior.medians, posterior.intervals, strict=True):
-        table.add_row(one.name, f"{median:.4g}", _interval(ends))
-    page().print(table)
-
-
-def _interval(ends: tuple[float | None, float | None]) -> str:
-    return " to ".join("open" if end is None else f"{end:.4g}" for end in ends)

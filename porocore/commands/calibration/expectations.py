@@ -1,21 +1,33 @@
-"""Expectations of a measured curve before it is computed: its sign, its size, values that the study prescribes."""
+"""Notes on a measured curve before the fit: its sign and size beside the study's, what the study prescribes."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
 
-from porocore.commands.calibration.observations import MeasuredSeries, ObservedCurve
-from porocore.commands.calibration.settings import AXES, Kind
+from porocore.commands.calibration.observations import MeasuredSeries, ObservedCurve, by_curve
+from porocore.commands.calibration.plan import AXES, OF_LOAD, CalibrationPlan, Experiment, occurrences
+from porocore.commands.calibration.problem import CurveModel, first_coordinates, values_at
+from porocore.commands.calibration.settings import Kind
 from porocore.core.formulas import TimeFunction, Value
 from porocore.core.units import pretty, spoken
-from porocore.errors import ConfigurationError
+from porocore.errors import ConfigurationError, PluginError, SolveError
+from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.macro import Part
 from porocore.macro.body.mesh import Facets
 from porocore.macro.boundary.probes import interpolation
+from porocore.macro.boundary.symmetry import whole_specimen
+from porocore.macro.composition.regions import RegionLaw
+from porocore.macro.laws.linear import LinearPoroelasticity
 from porocore.macro.problem import Boundary, MacroSetup, body_mesh
+from porocore.plugins import registry
+from porocore.states import Array
+from porocore.study.config.config import RunConfig
+from porocore.study.notes.at_rest import MOST_TETRAHEDRA, tetrahedra_solved
+from porocore.study.notes.linear_reach import linear_solutions, too_large
+from porocore.study.run.reference import undeformed
 
 #: Weights of nodes, and components of normals, below this are round-off.
 ON_A_NODE = 1e-9
@@ -114,14 +126,14 @@ def size_note(curve: ObservedCurve, macro: MacroSetup) -> str | None:
     if units.given and not curve.unit:
         advice += f", without which they are multiples of {units.text(1.0, 'displacement')}"
     advice += f", and macro.body{' with scales.length' if units.given else ''}"
-    told = f"the {curve.series.words} reaches {reached:.4g} {pretty(curve.unit)}".rstrip() + where
+    size_words = f"the {curve.series.words} reaches {reached:.4g} {pretty(curve.unit)}".rstrip() + where
     if position := _position(curve):
         advice = f"{position}: {_of_a_position(curve)} if they are positions, otherwise {advice}"
     if stands:
         raise ConfigurationError(
-            f"{told}; expected less than {words}, the height of the body, which stands on y-; {advice}"
+            f"{size_words}; expected less than {words}, the height of the body, which stands on y-; {advice}"
         )
-    return f"{told}, but the body is at most {words} long; {advice}"
+    return f"{size_words}, but the body is at most {words} long; {advice}"
 
 
 def require_free(series: MeasuredSeries, macro: MacroSetup, load: float) -> None:
@@ -234,3 +246,120 @@ def _rising(value: Value, macro: MacroSetup) -> float:
         course = [0.0, *(value * macro.ramp(time) for time in (*macro.corners, macro.time.end))]
     grows = all(one * other >= 0 and abs(other) >= abs(one) for one, other in pairwise(course))
     return course[-1] if grows else 0.0
+
+
+#: Values so many times as large or as small as those of the study are noted; laws and unknowns explain less.
+FAR = 30.0
+#: Values so far beyond all that an unknown modulus can make of the study's are noted, where they are FAR from these.
+BEYOND = 10.0
+#: Quantities whose size hardly depends on when the data were taken.
+SIZED = ("force", "displacement", "volume")
+
+
+def scale_note(curve: ObservedCurve, predicted: Array, least: float, most: float, words: str) -> str | None:
+    """Return the note that a curve is far larger or smaller than the study's; None: it is not.
+
+    Parameters
+    ----------
+    curve
+        The measured curve.
+    predicted
+        Values of the study, in the unit of the curve.
+    least, most
+        Multiples of these that the unknowns can make of them.
+    words
+        Where they are from, such as ``by linear poroelasticity``.
+    """
+    if curve.measured is None or curve.series.quantity not in SIZED:
+        return None
+    measured, own = float(np.abs(curve.measured).max()), float(np.abs(predicted).max())
+    low, high = min(least / BEYOND, 1 / FAR), max(most * BEYOND, FAR)
+    if own == 0 or measured == 0 or low * own <= measured <= high * own:
+        return None
+    unit = f" {pretty(curve.unit)}".rstrip()
+    bound = f"at most {most * own:.3g}" if measured > own else f"at least {least * own:.3g}"
+    return (
+        f"the values reach {measured:.3g}{unit} in size, but those of the study {own:.3g}{unit} {words}, and {bound}"
+        f"{unit} between the bounds; check the unit of the values ('unit:' or the heading), 'factor:', and the units "
+        "of the study"
+    )
+
+
+def linear_notes(plan: CalibrationPlan) -> Iterator[str]:
+    """Yield a note on each curve whose size linear poroelasticity excludes; undeformed cells and bodies are solved.
+
+    Where they are too large for a check, or fail, nothing is noted.
+    """
+    for experiment in plan.experiments:
+        if _is_loaded_by_an_unknown(plan, experiment) or not any(map(_is_sized, experiment.curves)):
+            continue
+        law = None if too_large(experiment.config.macro) else _linear_law(experiment.config)
+        try:
+            parts = [] if law is None else linear_solutions(experiment.config, law)
+        except SolveError:
+            continue
+        solutions = [whole_specimen(part, experiment.config.macro) for part in parts]
+        for curve in experiment.curves if solutions else ():
+            values = np.concatenate([curve.series.values(one) for one in solutions]) * curve.factor
+            note = scale_note(curve, values, *_multiples(plan, experiment), "by linear poroelasticity")
+            if note:
+                yield f"{curve.name}: {note}"
+
+
+def start_notes(plan: CalibrationPlan, model: CurveModel) -> Iterator[str]:
+    """Yield a note on each curve whose size the study does not have at the start values of the unknowns."""
+    try:
+        values = model.curves(values_at(model.unknowns, first_coordinates(model.unknowns))).values
+    except SolveError:  # the fit says so
+        return
+    parts = iter(by_curve(values, plan.curves))
+    for experiment in plan.experiments:
+        multiples = _multiples(plan, experiment, of_start=True)
+        for curve, part in zip(experiment.curves, parts, strict=False):
+            note = scale_note(curve, part, *multiples, "at the start values")
+            if note and not _is_loaded_by_an_unknown(plan, experiment):
+                yield f"{curve.name}: {note}"
+
+
+def _is_sized(curve: ObservedCurve) -> bool:
+    return curve.measured is not None and curve.series.quantity in SIZED
+
+
+def _is_loaded_by_an_unknown(plan: CalibrationPlan, experiment: Experiment) -> bool:
+    return any(each.number.kind in OF_LOAD for each in occurrences(plan.unknowns, experiment))
+
+
+def _multiples(
+    plan: CalibrationPlan, experiment: Experiment, *, of_start: bool = False
+) -> tuple[float, float]:
+    """Return by what an unknown modulus can multiply forces or divide displacements: the least and the most.
+
+    They are multiples of what the study gives with its own modulus, or with that of the start.
+    """
+    found = [1.0]
+    for each in occurrences(plan.unknowns, experiment):
+        if each.number.kind == "modulus":
+            one = plan.unknowns[each.index].unknown
+            own = one.start if of_start else each.number.value / each.factor
+            found += [x for end in (one.lower, one.upper) for x in (end / own, own / end)]
+    return min(found), max(found)
+
+
+def _linear_law(config: RunConfig) -> MacroLaw | None:
+    """Return linear poroelasticity of the body, with the middle of a family; None where a cell is large."""
+    found = {name: _linear_law_of_cell(config.of_cell(name)) for name in config.cell_names}
+    laws = {name: law for name, law in found.items() if law is not None}
+    if len(laws) < len(found):
+        return None
+    return RegionLaw.by_cell(config.macro.regions, laws[None], {name: laws[name] for name in config.cells})
+
+
+def _linear_law_of_cell(config: RunConfig) -> MacroLaw | None:
+    try:
+        registry.get("cell solver", config.fem.backend)
+    except PluginError:
+        return None
+    if tetrahedra_solved(config.cell) > MOST_TETRAHEDRA:
+        return None
+    reference = undeformed(config.cell, config.fem, config.conductivity, None)
+    return LinearPoroelasticity(reference.coefficients(config.cell, config.conductivity))

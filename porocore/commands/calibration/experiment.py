@@ -8,22 +8,21 @@ and so on, and its results are multiplied by these. So one surrogate serves all 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from functools import cached_property, partial
+from functools import partial
 from typing import Any, get_args
 
 import numpy as np
 
-from porocore.commands.calibration.observations import HistoryInterpolation, weights_of
-from porocore.commands.calibration.plan import Experiment, PlannedUnknown
+from porocore.commands.calibration.observations import HistoryInterpolation, by_curve, weights_of
+from porocore.commands.calibration.plan import AXES, Experiment, PlannedUnknown, StudyNumber, occurrences
 from porocore.commands.calibration.problem import CurveModel, CurvePrediction, Unknown
-from porocore.commands.calibration.settings import AXES, StudyNumber
 from porocore.core.models.bounds import MOST_TIMES
 from porocore.core.models.strict import with_number
-from porocore.core.parallel.calls import CallProcesses, Tell, results_of
+from porocore.core.parallel.calls import CallProcesses, Tell, side_by_side
 from porocore.core.units import QUANTITIES, ExactScales, dimensions, speaking
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import MacroLaw
@@ -42,7 +41,7 @@ from porocore.interfaces.solution import MacroSolution
 from porocore.macro.boundary.symmetry import part_weights, whole_sensitivities, whole_specimen
 from porocore.macro.composition.fields import TableField
 from porocore.macro.integration.stepping import Stepper
-from porocore.macro.problem import MacroProblem, MacroSetup, TimePlan
+from porocore.macro.problem import MacroProblem, TimePlan
 from porocore.plugins.border import body_gradients_of, body_sensitivities_of, body_solution_of
 from porocore.states import Array
 from porocore.study.config.config import MacroSettings, RunConfig
@@ -69,48 +68,46 @@ class RelativeScales:
         return float(QUANTITIES[quantity].factor(ExactScales(modulus, Fraction(1), pore, viscosity)))
 
 
+def relative_scales(values: Mapping[StudyNumber, float]) -> RelativeScales:
+    """Return the scales that the modulus, viscosity and edge among the values of numbers make."""
+    found = {str(number.kind): value / number.value for number, value in values.items() if number.is_scale}
+    return RelativeScales(**found)
+
+
 @dataclass(frozen=True, eq=False)
 class BodyAtValues:
     """Body of an experiment with certain values of its unknown numbers.
 
     Attributes
     ----------
-    config
-        The study in its own units.
-    macro
-        The body in the units of :attr:`scales`.
-    load
-        Its load.
+    problem
+        Of the part of a symmetric body that is solved, in the units of :attr:`scales`.
     scales
         Modulus, viscosity and pore size.
+    shift
+        Added to the times of the data, in the times of the study.
     """
 
-    config: RunConfig
-    macro: MacroSettings
-    load: float
+    problem: MacroProblem
     scales: RelativeScales
+    shift: float
 
     @classmethod
     def of_values(cls, config: RunConfig, load: float, values: Mapping[StudyNumber, float]) -> BodyAtValues:
         """Return the body with dimensionless values in place of the numbers of a study."""
-        macro, fields, relative = config.macro, dict(config.macro.fields), RelativeScales()
-        fields |= table_fields(values)
+        macro, scales, shift = config.macro, relative_scales(values), 0.0
+        fields = {**macro.fields, **table_fields(values)}
         for number, value in values.items():
             if number.kind == "cell" and number.hat is None:
                 fields[number.name] = value
             elif number.kind == "load":
                 load = value
+            elif number.kind == "time_shift":
+                shift += value
             elif number.kind == "boundary":
                 macro = with_number(macro, number.path, partial(_constant, value))
-            elif number.kind in ("modulus", "viscosity", "pore"):
-                relative = replace(relative, **{number.kind: value / number.value})
         macro = macro.model_copy(update={"fields": fields, "loads": (load,)})
-        return cls(config, _scaled(macro, relative), load, relative)
-
-    @cached_property
-    def problem(self) -> MacroProblem:
-        """Problem of the part of a symmetric body that is solved."""
-        return self.macro.problem(self.load)
+        return cls(_scaled(macro, scales).problem(load), scales, shift)
 
 
 def table_fields(values: Mapping[StudyNumber, float]) -> dict[str, TableField]:
@@ -168,9 +165,9 @@ def require_scalable(config: RunConfig, unknown: str) -> None:
     entries += [entry for region in config.macro.regions.values() for entry in region.fields.values()]
     texts = [entry for entry in entries if isinstance(entry, str) and _of_time(entry)]
     if formulas or texts:
-        told = formulas[0].expression if formulas else texts[0]
+        formula = formulas[0].expression if formulas else texts[0]
         raise ConfigurationError(
-            f"macro: the formula '{told}' goes by a dimensionless time, whose unit changes with the unknown "
+            f"macro: the formula '{formula}' goes by a dimensionless time, whose unit changes with the unknown "
             f"'{unknown}'; give a table or a ramp in its place"
         )
 
@@ -179,54 +176,35 @@ def _of_time(formula: str) -> bool:
     return re.search(r"\bt\b", formula) is not None
 
 
-_COMPONENTS = "012"
+def effect_of(number: StudyNumber, value: float, problem: MacroProblem) -> tuple[MacroChange, float] | None:
+    """Return the change of a run under a number with this dimensionless value; None for a time shift.
 
-
-@dataclass(frozen=True)
-class UnknownEffect:
-    """Change of a run under an unknown, and the factor by which its derivative is that by the dimensionless value."""
-
-    change: MacroChange
-    factor: float
-
-
-def effect_of(number: StudyNumber, value: float, body: BodyAtValues) -> UnknownEffect | None:
-    """Return the effect of a number of a study with this dimensionless value; None for a time shift."""
-    if number.kind == "cell":
-        return UnknownEffect(CellParameterChange(number.name, weight=number.hat), 1.0)
-    if number.kind == "modulus":
-        return UnknownEffect(ModulusChange(), 1 / value)
-    if number.kind == "viscosity":
-        return UnknownEffect(ViscosityChange(), 1 / value)
-    if number.kind == "pore":
-        # The conductivity goes with d²/μ_f.
-        return UnknownEffect(ViscosityChange(), -2 / value)
-    if number.kind == "load":
-        return UnknownEffect(LoadChange(), 1.0)
-    if number.kind == "boundary":
-        return _of_boundary(number, value, body)
+    With it comes the factor from the derivative by the change to that by the value.
+    """
+    match number.kind:
+        case "cell":
+            return CellParameterChange(number.name, weight=number.hat), 1.0
+        case "modulus":
+            return ModulusChange(), 1 / value
+        case "viscosity":
+            return ViscosityChange(), 1 / value
+        case "pore":  # The conductivity goes with d²/μ_f.
+            return ViscosityChange(), -2 / value
+        case "load":
+            return LoadChange(), 1.0
+        case "boundary":
+            _, surface, key, *rest = number.path
+            quantity = next(each for each in get_args(BoundaryQuantity) if each == key)
+            component = next((int(part) for part in rest if part in "012"), 0)
+            change = BoundaryChange(surface, quantity, component)
+            if rest and rest[-1] == "ramp":  # The derivative is by the factor of the function of time.
+                return change, 1 / value
+            # The number in the part of a symmetric body that is solved, in the units of the run.
+            found = dict(problem.boundary[surface])[key]
+            for each in rest:
+                found = found[int(each)]
+            return change, float(found) / value
     return None
-
-
-def _of_boundary(number: StudyNumber, value: float, body: BodyAtValues) -> UnknownEffect:
-    _, surface, key, *rest = number.path
-    quantity = next(each for each in get_args(BoundaryQuantity) if each == key)
-    component = next((int(part) for part in rest if part in _COMPONENTS), 0)
-    change = BoundaryChange(surface, quantity, component)
-    if rest and rest[-1] == "ramp":
-        # The derivative is by the factor of the function of time.
-        return UnknownEffect(change, 1 / value)
-    part = _at(body.problem, number)
-    return UnknownEffect(change, part / value)
-
-
-def _at(setup: MacroSetup, number: StudyNumber) -> float:
-    """Return the number in the part of a symmetric body that is solved, in the units of the run."""
-    _, surface, key, *rest = number.path
-    found = dict(setup.boundary[surface])[key]
-    for each in rest:
-        found = found[int(each)]
-    return float(found)
 
 
 #: A step nearer than this share of its length to the time of a datum is left out, but for kinks of the loads.
@@ -368,23 +346,18 @@ class ExperimentModel:
         steps: Array | None = None,
     ) -> None:
         self.experiment, self.law = experiment, law
-        #: Position of each unknown that belongs to the experiment, its number, and the factor to dimensionless values.
-        self.numbers: list[tuple[int, StudyNumber, float]] = [
-            (j, each.numbers[experiment.name], each.dimensionless(experiment))
-            for j, each in enumerate(unknowns)
-            if experiment.name in each.numbers
-        ]
+        self.numbers = occurrences(unknowns, experiment)
         self._count = len(unknowns)
-        for j, number, _ in self.numbers:
-            if number.kind in ("modulus", "viscosity", "pore"):
-                require_scalable(experiment.config, unknowns[j].unknown.name)
+        for each in self.numbers:
+            if each.number.is_scale:
+                require_scalable(experiment.config, unknowns[each.index].unknown.name)
         self._solver: MacroSolver = make_backend("macro solver", experiment.config)
         if not type(self._solver).sensitivities:
             raise ConfigurationError(
                 f"macro.backend: the macro solver '{experiment.config.macro_backend}' gives no sensitivities, which a "
                 "calibration needs; choose another, such as skfem"
             )
-        first = np.array([each.unknown.start for each in unknowns])
+        first = np.array([one.unknown.start for one in unknowns])
         #: Steps that an error control has taken at the first values; None: there is none.
         self.chosen_steps: Array | None = None
         self.config = self._with_fixed_steps(first, steps)
@@ -392,11 +365,11 @@ class ExperimentModel:
     def _with_fixed_steps(self, first: Array, steps: Array | None) -> RunConfig:
         """Return the study with the steps that it has at the first values of the unknowns."""
         config = self.experiment.config
-        body = BodyAtValues.of_values(config, self.experiment.load, self._values_of(first))
 
         def chosen() -> Array:
             found = steps
             if found is None:
+                body = BodyAtValues.of_values(config, self.experiment.load, self._values_of(first))
                 prepared = prepared_body(self._solver, config.macro_backend, body.problem)
                 solution = body_solution_of(self._solver, prepared, self.law, body.problem)
                 found = np.asarray(solution.history.time * body.scales.factor("time"))
@@ -405,7 +378,7 @@ class ExperimentModel:
 
         own = config.macro.problem(self.experiment.load)
         data = np.concatenate([curve.times for curve in self.experiment.curves])
-        shifted = any(number.kind == "time_shift" for _, number, _ in self.numbers)
+        shifted = any(each.number.kind == "time_shift" for each in self.numbers)
         with speaking(config.result_units):
             plan = with_fixed_steps(own, data, chosen, hit=not shifted)
         return config.model_copy(update={"macro": config.macro.model_copy(update={"time": plan})})
@@ -421,18 +394,10 @@ class ExperimentModel:
         """Return the curves (m,) alone, without their slopes; see :meth:`curves`."""
         with speaking(self.config.result_units):
             body, solution, _ = self.solve(values)
-        places = self._places(values, body, solution)
-        return np.concatenate(
-            [
-                curve.factor
-                * body.scales.factor(curve.series.quantity)
-                * at.values(curve.series.values(solution))
-                for curve, at in zip(self.experiment.curves, places, strict=True)
-            ]
-        )
+        return np.concatenate([unit * at.values(series) for unit, at, series in self._series(body, solution)])
 
     def _values_of(self, values: Array) -> dict[StudyNumber, float]:
-        return {number: float(values[j]) * factor for j, number, factor in self.numbers}
+        return {each.number: each.value(values) for each in self.numbers}
 
     def body(self, values: Array) -> BodyAtValues:
         """Return the body for values (k,) of the unknowns."""
@@ -445,22 +410,21 @@ class ExperimentModel:
 
         They are those of the values of the series, in the units of the run, for values (k,) of the unknowns.
         """
-        body, solver = self.body(values), self._solver
+        body, solver, curves = self.body(values), self._solver, self.experiment.curves
         problem, prepared = body.problem, prepared_body(solver, self.config.macro_backend, body.problem)
-        count = sum(map(len, self.experiment.curves))
+        count = sum(map(len, curves))
         if not changes:
             plain = body_solution_of(solver, prepared, self.law, problem)
             return body, whole_specimen(plain, problem), np.zeros((count, 0))
         if type(solver).gradients and len(changes) > BACKWARDS + count / 2:
-            weights = partial(self._weights, values, body)
+            weights = partial(self._weights, body)
             back, by = body_gradients_of(solver, prepared, self.law, problem, changes, weights)
             return body, whole_specimen(back, problem), by
         solution, found = body_sensitivities_of(solver, prepared, self.law, problem, changes)
         found = whole_sensitivities(replace(found, changes=tuple(changes)), problem)
         whole = self._whole(solution, body)
-        pairs = zip(self.experiment.curves, self._places(values, body, solution), strict=True)
-        rows = [at.values(curve.series.slopes(found)) for curve, at in pairs]
-        return body, whole, np.concatenate(rows)
+        pairs = zip(curves, self._places(body, solution), strict=True)
+        return body, whole, np.concatenate([at.values(curve.series.slopes(found)) for curve, at in pairs])
 
     def _whole(self, solution: MacroSolution, body: BodyAtValues) -> MacroSolution:
         """Return the solution of the whole specimen, which has all series that were measured."""
@@ -469,33 +433,35 @@ class ExperimentModel:
             curve.series.values(whole)
         return whole
 
-    def _places(
-        self, values: Array, body: BodyAtValues, solution: MacroSolution
-    ) -> list[HistoryInterpolation]:
+    def _places(self, body: BodyAtValues, solution: MacroSolution) -> list[HistoryInterpolation]:
         """Return the places of the data of each curve among the steps."""
         steps = solution.history.time * body.scales.factor("time")
-        shift = sum(v for number, v in self._values_of(values).items() if number.kind == "time_shift")
-        return [HistoryInterpolation.at(steps, curve.times + shift) for curve in self.experiment.curves]
+        return [HistoryInterpolation.at(steps, curve.times + body.shift) for curve in self.experiment.curves]
 
-    def _weights(self, values: Array, body: BodyAtValues, solution: MacroSolution) -> HistoryWeights:
+    def _series(
+        self, body: BodyAtValues, whole: MacroSolution
+    ) -> Iterator[tuple[float, HistoryInterpolation, Array]]:
+        """Yield the factor to the unit of each curve, the places of its data, and its series (steps,) of the run."""
+        for curve, at in zip(self.experiment.curves, self._places(body, whole), strict=True):
+            unit = curve.factor * body.scales.factor(curve.series.quantity)
+            yield unit, at, curve.series.values(whole)
+
+    def _weights(self, body: BodyAtValues, solution: MacroSolution) -> HistoryWeights:
         """Return the weights of the histories of the part that is solved in each datum."""
         self._whole(solution, body)
-        steps, found, first = len(solution.history.time), list[Array](), 0
-        count = sum(map(len, self.experiment.curves))
-        for at in self._places(values, body, solution):
-            own = at.weights(steps)
-            found.append(np.zeros((steps, count)))
-            found[-1][:, first : first + own.shape[1]] = own
-            first += own.shape[1]
-        whole = weights_of([curve.series for curve in self.experiment.curves], found)
-        return part_weights(whole, body.problem)
+        curves, steps = self.experiment.curves, len(solution.history.time)
+        data = by_curve(np.eye(sum(map(len, curves))), curves)
+        places = zip(self._places(body, solution), data, strict=True)
+        found = [at.weights(steps) @ own for at, own in places]
+        return part_weights(weights_of([curve.series for curve in curves], found), body.problem)
 
-    def _effects(self, values: Array, body: BodyAtValues) -> dict[int, UnknownEffect]:
+    def _effects(self, values: Array, body: BodyAtValues) -> dict[int, tuple[MacroChange, float]]:
+        """Return by the position of an unknown the change that it makes, and the factor to its derivative."""
         found = {}
-        for j, number, factor in self.numbers:
-            effect = effect_of(number, float(values[j]) * factor, body)
+        for each in self.numbers:
+            effect = effect_of(each.number, each.value(values), body.problem)
             if effect is not None:
-                found[j] = UnknownEffect(effect.change, effect.factor * factor)
+                found[each.index] = effect[0], effect[1] * each.factor
         return found
 
     def dependence(self, values: Array) -> Array:
@@ -504,10 +470,10 @@ class ExperimentModel:
         A move of the unknowns along which they are zero changes nothing, in no curve and under no load.
         """
         effects = self._effects(values, self.body(values))
-        rows = {effect.change: np.zeros(self._count) for effect in effects.values()}
-        for j, effect in effects.items():
-            rows[effect.change][j] = effect.factor
-        clocks = [np.eye(self._count)[j] for j, _, _ in self.numbers if j not in effects]
+        rows = {change: np.zeros(self._count) for change, _ in effects.values()}
+        for j, (change, factor) in effects.items():
+            rows[change][j] = factor
+        clocks = [np.eye(self._count)[each.index] for each in self.numbers if each.index not in effects]
         return np.reshape([*rows.values(), *clocks], (-1, self._count))
 
     def curves(self, values: Array) -> CurvePrediction:
@@ -518,22 +484,20 @@ class ExperimentModel:
         SolveError
             The body cannot be computed there.
         """
-        effects = self._effects(values, self.body(values))
-        changes = [*dict.fromkeys(effect.change for effect in effects.values())]
         with speaking(self.config.result_units):
+            effects = self._effects(values, self.body(values))
+            changes = [*dict.fromkeys(change for change, _ in effects.values())]
             body, solution, derivatives = self.solve(values, changes)
-        rows, slopes, first = [], [], 0
-        for curve, at in zip(self.experiment.curves, self._places(values, body, solution), strict=True):
-            unit = curve.factor * body.scales.factor(curve.series.quantity)
-            series = curve.series.values(solution)
+        rows, slopes = [], []
+        parts = by_curve(derivatives, self.experiment.curves)
+        for (unit, at, series), part in zip(self._series(body, solution), parts, strict=True):
             rows.append(unit * at.values(series))
-            mine = np.zeros((len(curve), self._count))
-            by, first = unit * derivatives[first : first + len(curve)], first + len(curve)
-            for j, effect in effects.items():
-                mine[:, j] = effect.factor * by[:, changes.index(effect.change)]
-            for j, number, factor in self.numbers:
-                if number.kind == "time_shift":
-                    mine[:, j] = unit * factor * at.rates(series)
+            mine, by = np.zeros((len(part), self._count)), unit * part
+            for j, (change, factor) in effects.items():
+                mine[:, j] = factor * by[:, changes.index(change)]
+            for each in self.numbers:
+                if each.number.kind == "time_shift":
+                    mine[:, each.index] = unit * each.factor * at.rates(series)
             slopes.append(mine)
         flagged = bool((solution.history.flagged > 0).any())
         return CurvePrediction(np.concatenate(rows), np.concatenate(slopes), flagged)
@@ -563,7 +527,7 @@ class StudiesModel(CurveModel):
 
     def curves(self, values: Array) -> CurvePrediction:
         """Return the curves; see :class:`~porocore.commands.calibration.problem.CurveModel`."""
-        found: list[CurvePrediction] = self._each(curves_elsewhere, values)
+        found: list[CurvePrediction] = self._each(_curves, values)
         return CurvePrediction(
             np.concatenate([each.values for each in found]),
             np.concatenate([each.slopes for each in found]),
@@ -578,26 +542,20 @@ class StudiesModel(CurveModel):
         SolveError
             An experiment cannot be computed with these steps.
         """
-        return self._each(halved_elsewhere, values, halvings)
+        return self._each(_halved, values, halvings)
 
-    def _each(self, call: Callable[..., Any], *arguments: Any) -> list[Any]:
-        """Return what a call of each experiment returns, side by side where there are processes."""
-        if self._processes is None or len(self.experiments) < 2:
-            return [call(lambda told: None, one, *arguments) for one in self.experiments]
+    def _each(self, function: Callable[..., Any], *arguments: Any) -> list[Any]:
+        """Return what a function of each experiment returns, side by side where there are processes."""
         calls = [
-            self._processes.submit(
-                f"while it solved the experiment '{one.experiment.name}'", call, one, *arguments
-            )
+            (f"while it solved the experiment '{one.experiment.name}'", (one, *arguments))
             for one in self.experiments
         ]
-        return results_of(calls)
+        return side_by_side(self._processes, function, calls)
 
 
-def curves_elsewhere(tell: Tell, model: ExperimentModel, values: Array) -> CurvePrediction:
-    """Return the curves of an experiment in this process."""
+def _curves(tell: Tell, model: ExperimentModel, values: Array) -> CurvePrediction:
     return model.curves(values)
 
 
-def halved_elsewhere(tell: Tell, model: ExperimentModel, values: Array, halvings: int) -> Array:
-    """Return the curves of an experiment with halved steps in this process."""
+def _halved(tell: Tell, model: ExperimentModel, values: Array, halvings: int) -> Array:
     return model.halved(halvings).values(values)

@@ -6,12 +6,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from porocore.commands.calibration.contents import CalibrationContents, labelled, unknown_label, values_at
 from porocore.commands.calibration.infer import Inference
 from porocore.commands.calibration.plan import FittedField
 from porocore.commands.calibration.posterior import Posterior
 from porocore.commands.calibration.problem import Unknown
 from porocore.commands.calibration.profiles import ROOT_95, ConfidenceInterval, ParameterPlane
+from porocore.commands.calibration.results import Calibration
 from porocore.core.units import pretty
 from porocore.report.figures.style import (
     BLACK,
@@ -35,10 +35,25 @@ from porocore.states import Array
 MOST_NUMBERS = 10
 
 
+def _spaced(name: str) -> str:
+    """Return a name in words, without underscores."""
+    return named(name.replace("_", " "))
+
+
+def _labelled(name: str, unit: str) -> str:
+    """Return the label of an axis: a name in words, and the unit in brackets; a dash without one."""
+    return f"{_spaced(name)} [{pretty(unit) or '–'}]"
+
+
+def _along(unknown: Unknown, coordinates: Array) -> Array:
+    """Return the values (n,) of an unknown at coordinates (n,)."""
+    return np.array([unknown.value(float(x)) for x in coordinates])
+
+
 @styled
 def correlation_figure(inference: Inference) -> Figure:
     """Draw the correlations of the coordinates to first order, without priors, each with its number, or a dash."""
-    names = [named(one.name.replace("_", " ")) for one in inference.unknowns]
+    names = [_spaced(one.name) for one in inference.unknowns]
     correlations = inference.correlations
     count = len(names)
     numbers = count <= MOST_NUMBERS
@@ -72,9 +87,9 @@ def _text(value: float) -> str:
 
 
 @styled
-def field_figure(contents: CalibrationContents, field: FittedField) -> Figure:
+def field_figure(done: Calibration, field: FittedField) -> Figure:
     """Draw one field: fitted values with bars of their 95 % intervals, and the truth of made-up data."""
-    inference, members = contents.inference, list(field.members)
+    inference, members = done.inference, list(field.members)
     places, values = np.array(field.places), inference.values[members]
     ends = [inference.intervals[i].values for i in members]
     bars = np.array(
@@ -85,14 +100,14 @@ def field_figure(contents: CalibrationContents, field: FittedField) -> Figure:
     )
     figure = new_figure(4.4, 3.2)
     axes = figure.add_subplot()
-    if contents.truth is not None:
-        axes.plot(places, contents.truth[members], color=BLACK, ls="--", label="truth")
+    if done.truth is not None:
+        axes.plot(places, done.truth[members], color=BLACK, ls="--", label="truth")
     axes.errorbar(
         places, values, np.maximum(bars, 0.0), fmt="o-", ms=4, color=BLUE, ecolor=GREY, elinewidth=1.2, capsize=3,
         label="fit, 95 % intervals",
     )  # fmt: skip
-    axes.set_xlabel(labelled(field.along, field.unit))
-    axes.set_ylabel(labelled(field.name, inference.unknowns[members[0]].unit))
+    axes.set_xlabel(_labelled(field.along, field.unit))
+    axes.set_ylabel(_labelled(field.name, inference.unknowns[members[0]].unit))
     legend_above(figure, axes, columns=2)
     return figure
 
@@ -104,24 +119,24 @@ BAND = 2.0
 
 
 @styled
-def fit_figure(contents: CalibrationContents, curve: int) -> Figure:
+def fit_figure(done: Calibration, curve: int) -> Figure:
     """Draw one curve: data with bars of one standard deviation, the best prediction, and the residuals below."""
-    data, axes_of = contents.data, contents.curve_axes(curve)
-    rows = contents.rows_of(curve)
+    data, rows = done.data, done.data.rows(curve)
+    unit, time_unit = (units[curve] if units else "" for units in (data.units, data.time_units))
     times, values, deviations = data.times[rows], data.values[rows], data.deviations[rows]
-    predicted = contents.inference.best.prediction.values[rows]
+    predicted = done.inference.best.prediction.values[rows]
     figure = new_figure(5.4, 4.6)
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2.6, 1.0))
     upper.errorbar(
         times, values, deviations, fmt="o", ms=3.4, mfc="white", mec=BLACK, mew=0.8, ecolor=GREY, elinewidth=0.8,
-        label=f"{'data' if contents.truth is None else 'synthetic data'}, ± 1 standard deviation",
+        label=f"{'data' if done.truth is None else 'synthetic data'}, ± 1 standard deviation",
     )  # fmt: skip
     upper.plot(times, predicted, color=BLUE, label="fit", zorder=3)
-    upper.set_ylabel(labelled(axes_of.label or data.names[curve], axes_of.unit))
+    upper.set_ylabel(_labelled(data.names[curve], unit))
     if 0 <= min(values.min(), predicted.min()) < 0.5 * values.max():
         upper.set_ylim(bottom=0)
     _residuals(lower, times, (values - predicted) / deviations)
-    lower.set_xlabel(f"time $t$ [{pretty(axes_of.time_unit) or '–'}]")
+    lower.set_xlabel(f"time $t$ [{pretty(time_unit) or '–'}]")
     if times[0] > 0 and times[-1] > WIDE_TIMES * times[0]:
         lower.set_xscale("log")
     figure.align_ylabels()
@@ -168,7 +183,7 @@ def plane_figure(inference: Inference, truth: Array | None = None) -> Figure:
     # The first path is wider, since both cover each other in a valley.
     for index, colour, width in zip(plane.indices, (lighter(PURPLE, 0.35), ORANGE), (3.0, 1.1), strict=True):
         path = inference.data_intervals[index].coordinates[:, plane.indices]
-        name = named(inference.unknowns[index].name.replace("_", " "))
+        name = _spaced(inference.unknowns[index].name)
         axes.plot(
             *_values(pair, path), ".-", ms=3 + width, lw=width, color=colour, label=f"profile of {name}"
         )
@@ -178,8 +193,8 @@ def plane_figure(inference: Inference, truth: Array | None = None) -> Figure:
     if truth is not None:
         axes.plot(*truth[list(plane.indices)], "*", ms=11, color=GREEN, mec="white", ls="", label="truth")
     _limits(axes, pair, np.concatenate(shown))
-    axes.set_xlabel(unknown_label(pair[0]))
-    axes.set_ylabel(unknown_label(pair[1]))
+    axes.set_xlabel(_labelled(pair[0].name, pair[0].unit))
+    axes.set_ylabel(_labelled(pair[1].name, pair[1].unit))
     legend_above(figure, axes, columns=2)
     return figure
 
@@ -230,7 +245,7 @@ def _outline(axes: Axes, plane: ParameterPlane, pair: tuple[Unknown, ...]) -> No
 
 
 def _values(pair: tuple[Unknown, ...], coordinates: Array) -> tuple[Array, Array]:
-    x, y = (values_at(one, column) for one, column in zip(pair, coordinates.T, strict=True))
+    x, y = (_along(one, column) for one, column in zip(pair, coordinates.T, strict=True))
     return x, y
 
 
@@ -308,10 +323,10 @@ def _alone(axes: Axes, posterior: Posterior, index: int, edges: Array) -> None:
 
 def _label(axes: Axes, posterior: Posterior, row: int, column: int, count: int) -> None:
     if row == count - 1:
-        axes.set_xlabel(unknown_label(posterior.unknowns[column]))
+        axes.set_xlabel(_labelled(posterior.unknowns[column].name, posterior.unknowns[column].unit))
         axes.tick_params(axis="x", rotation=30)
     if column == 0 and row > 0:
-        axes.set_ylabel(unknown_label(posterior.unknowns[row]))
+        axes.set_ylabel(_labelled(posterior.unknowns[row].name, posterior.unknowns[row].unit))
     elif row != column:
         axes.tick_params(labelleft=False)
 
@@ -365,21 +380,21 @@ def _panel(axes: Axes, inference: Inference, i: int, truth: float | None) -> Non
     if low == high:  # another unknown is at its bound from the first step on, to both sides
         half = ALONE * (unknown.coordinate(unknown.upper) - unknown.coordinate(unknown.lower))
         low, high = low - half, high + half
-    axes.plot(values_at(unknown, x), rise, color=BLUE, label="profile of the data", zorder=3)
+    axes.plot(_along(unknown, x), rise, color=BLUE, label="profile of the data", zorder=3)
     points, roots = alone.coordinates[:, i], alone.roots
-    axes.plot(values_at(unknown, points), roots**2, "o", ms=3, color=BLUE, zorder=3)
+    axes.plot(_along(unknown, points), roots**2, "o", ms=3, color=BLUE, zorder=3)
     edges = [low, high]
     if both is not alone:
         more, less = smooth_profile(both, i)
         edges += [float(more[0]), float(more[-1])]
         axes.plot(
-            values_at(unknown, more), less, color=VERMILLION, ls=(0, (5, 1.5, 1, 1.5)), label="with priors"
+            _along(unknown, more), less, color=VERMILLION, ls=(0, (5, 1.5, 1, 1.5)), label="with priors"
         )
     deviation = float(inference.without_priors.deviations[i])
     if np.isfinite(deviation):
         dense = np.linspace(low, high, POINTS)
         parabola = ((dense - inference.data_best.coordinates[i]) / deviation) ** 2
-        axes.plot(values_at(unknown, dense), parabola, color=GREY, ls=DASHED, lw=1.2, label="to first order")
+        axes.plot(_along(unknown, dense), parabola, color=GREY, ls=DASHED, lw=1.2, label="to first order")
     axes.axhline(ROOT_95**2, color=BLACK, ls=DOTTED, lw=1.2, label="95 %: rise 3.84")
     if truth is not None:
         axes.axvline(truth, color=GREEN, lw=1.4, label="truth")
@@ -387,12 +402,12 @@ def _panel(axes: Axes, inference: Inference, i: int, truth: float | None) -> Non
     edges += [unknown.coordinate(value) for value in alone.values if value is not None]
     low, high = min(edges), max(edges)
     margin = 0.04 * (high - low)
-    sides = values_at(unknown, np.array([low - margin, high + margin]))
+    sides = _along(unknown, np.array([low - margin, high + margin]))
     _band(axes, alone, float(sides[0]), float(sides[1]))
     axes.set_xlim(*sides)
     if unknown.scale == "log" and high - low > np.log(WIDE_PROFILE):
         axes.set_xscale("log")
-    axes.set_xlabel(unknown_label(unknown))
+    axes.set_xlabel(_labelled(unknown.name, unknown.unit))
 
 
 def _band(axes: Axes, interval: ConfidenceInterval, low: float, high: float) -> None:

@@ -15,7 +15,15 @@ from porocore.commands.calibration.cells import FamilyCells
 from porocore.commands.calibration.experiment import ExperimentModel, StudiesModel, error_of_steps
 from porocore.commands.calibration.observations import ObservedCurve
 from porocore.commands.calibration.plan import CalibrationFolder, CalibrationPlan
-from porocore.commands.calibration.problem import CurveData, CurveModel, CurvePrediction, Fitted, Misfit
+from porocore.commands.calibration.problem import (
+    CurveData,
+    CurveModel,
+    CurvePrediction,
+    Fitted,
+    Misfit,
+    Unknown,
+    slopes_at,
+)
 from porocore.commands.calibration.settings import FitSettings
 from porocore.core.console import Console, Task
 from porocore.core.files.plain_data import json_hash, write_json
@@ -29,11 +37,15 @@ FORMAT = "porocore-evaluations"
 LARGEST = 1 << 30
 
 
-class EvaluationRecord:
-    """Evaluations of one model in a file of JSON lines, each written when it is made.
+class RecordedModel(CurveModel):
+    """Model whose evaluations are kept in a file of JSON lines, each when it is made, and not made again.
 
     Parameters
     ----------
+    unknowns
+        Of the model.
+    model
+        Returns the model; called where curves are asked for that the file does not have.
     path
         The file, made where there is none. A last line that is incomplete is removed.
     identity
@@ -45,8 +57,11 @@ class EvaluationRecord:
         The file is of another model, damaged, or cannot be written.
     """
 
-    def __init__(self, path: Path, identity: str) -> None:
-        self.path, self.identity = path, identity
+    def __init__(
+        self, unknowns: Sequence[Unknown], model: Callable[[], CurveModel], path: Path, identity: str
+    ) -> None:
+        self.unknowns, self.path, self.identity = tuple(unknowns), path, identity
+        self._model = model
         self._known: dict[tuple[float, ...], dict[str, Any]] = {}
         try:
             text = read_text(path, LARGEST) if path.exists() else ""
@@ -67,40 +82,34 @@ class EvaluationRecord:
         for values, line in self._known.items():
             yield np.array(values), None if "failed" in line else _prediction(line)
 
-    def find(self, values: Array) -> CurvePrediction | None:
-        """Return the curves for values (k,) of the unknowns; None where they are not known.
+    def curves(self, values: Array) -> CurvePrediction:
+        """Return the curves; see :class:`~porocore.commands.calibration.problem.CurveModel`.
 
         Raises
         ------
         SolveError
-            They could not be computed there.
-        """
-        line = self._known.get(tuple(values.tolist()))
-        if line is None:
-            return None
-        if "failed" in line:
-            raise SolveError(line["failed"])
-        return _prediction(line)
-
-    def keep(self, values: Array, found: CurvePrediction | SolveError) -> None:
-        """Append the outcome of one evaluation.
-
-        Raises
-        ------
+            They cannot be computed there.
         RunFolderError
             The file cannot be written.
         """
-        line: dict[str, Any] = {"unknowns": values.tolist()}
-        if isinstance(found, SolveError):
-            line["failed"] = str(found)
-        else:
-            line |= {
-                "values": found.values.tolist(),
-                "slopes": found.slopes.tolist(),
-                "flagged": found.flagged,
-            }
+        key = tuple(values.tolist())
+        if (line := self._known.get(key)) is not None:
+            if "failed" in line:
+                raise SolveError(line["failed"])
+            return _prediction(line)
+        try:
+            found = self._model().curves(values)
+        except SolveError as error:
+            self._keep(key, {"failed": str(error)})
+            raise
+        outcome = {"values": found.values.tolist(), "slopes": found.slopes.tolist(), "flagged": found.flagged}
+        self._keep(key, outcome)
+        return found
+
+    def _keep(self, key: tuple[float, ...], outcome: dict[str, Any]) -> None:
+        line = {"unknowns": list(key), **outcome}
         self._append(line)
-        self._known[tuple(values.tolist())] = line
+        self._known[key] = line
 
     def _read(self, lines: list[str]) -> None:
         if not lines:
@@ -131,40 +140,6 @@ def _prediction(line: dict[str, Any]) -> CurvePrediction:
     values = np.array(line["values"], dtype=float)
     slopes = np.array(line["slopes"], dtype=float).reshape(len(values), len(line["unknowns"]))
     return CurvePrediction(values, slopes, bool(line["flagged"]))
-
-
-class RecordedModel(CurveModel):
-    """A model whose evaluations are kept, and not made again.
-
-    Parameters
-    ----------
-    model
-        Computes the curves.
-    record
-        Knows them.
-    on_evaluation
-        Called after each evaluation that was made.
-    """
-
-    def __init__(
-        self, model: CurveModel, record: EvaluationRecord, on_evaluation: Callable[[], None] = lambda: None
-    ) -> None:
-        self.model, self.record, self.on_evaluation = model, record, on_evaluation
-        self.unknowns = model.unknowns
-
-    def curves(self, values: Array) -> CurvePrediction:
-        """Return the curves; see :class:`~porocore.commands.calibration.problem.CurveModel`."""
-        known = self.record.find(values)
-        if known is not None:
-            return known
-        try:
-            found = self.model.curves(values)
-        except SolveError as error:
-            self.record.keep(values, error)
-            raise
-        self.record.keep(values, found)
-        self.on_evaluation()
-        return found
 
 
 #: Data are not explained where the reduced chi-square is above this, and so large a one comes by chance less often.
@@ -250,8 +225,8 @@ def at_bounds(misfit: Misfit, coordinates: Array, *, explained: bool) -> list[st
     lower, upper = misfit.bounds
     advice = "" if explained else "check the units and signs of the data first; where they are right, "
     return [
-        f"the fitted {one.name} lies at the bound of the search, {one.value(float(bound)):.4g} {one.unit}".rstrip()
-        + f"; {advice}widen the bounds"
+        f"the fitted {one.name} lies at the bound of the search, {one.text(one.value(float(bound)))}; {advice}widen "
+        "the bounds"
         for one, x, low, high in zip(misfit.unknowns, coordinates, lower, upper, strict=True)
         for bound in (low, high)
         if abs(x - bound) < CLOSE * (high - low)
@@ -269,9 +244,8 @@ def far_from_start(misfit: Misfit, coordinates: Array) -> list[str]:
         ratio = one.value(float(x)) / one.start if one.scale == "log" else 1.0
         if not 1 / DISTANT < ratio < DISTANT:
             found.append(
-                f"the fitted {one.name}, {one.value(float(x)):.4g} {one.unit}".rstrip()
-                + f", is {ratio:.2g} times its start value, {one.start:.4g} {one.unit}".rstrip()
-                + "; check the units of the data and of the study"
+                f"the fitted {one.name}, {one.text(one.value(float(x)))}, is {ratio:.2g} times its start value, "
+                f"{one.text(one.start)}; check the units of the data and of the study"
             )
     return found
 
@@ -294,8 +268,6 @@ class Search:
 
     Attributes
     ----------
-    start : (k,)
-        Coordinates where it began.
     end
         Where it ended; None: the start could not be computed.
     converged
@@ -306,7 +278,6 @@ class Search:
         Why there is no end.
     """
 
-    start: Array
     end: Fitted | None
     converged: bool
     evaluations: int
@@ -459,7 +430,7 @@ def _search(
     try:
         size = len(misfit.at(inside).residuals)
     except SolveError as error:
-        return Search(start, None, False, 1, str(error))
+        return Search(None, False, 1, str(error))
     steps = _Steps(misfit)
     try:
         found: Any = least_squares(
@@ -475,34 +446,14 @@ def _search(
             max_nfev=settings.evaluations,
         )
     except _Creeping:
-        return Search(start, steps.last, True, evaluations)
-    return Search(start, misfit.at(np.asarray(found.x, dtype=float)), found.status > 0, evaluations)
+        return Search(steps.last, True, evaluations)
+    return Search(misfit.at(np.asarray(found.x, dtype=float)), found.status > 0, evaluations)
 
 
 #: With a reduced chi-square above this, no further cells are solved: beyond its samples a surrogate is not that wrong.
 HOPELESS = 100.0
 #: Where the data are not explained, the cells of a round must make the reduced chi-square smaller by this factor.
 LESS = 0.5
-
-
-class LazyModel(CurveModel):
-    """Model that is made when curves are first asked for, which a record may make needless."""
-
-    def __init__(self, plan: CalibrationPlan, make: Callable[[], StudiesModel]) -> None:
-        self.unknowns = tuple(each.unknown for each in plan.unknowns)
-        self._make = make
-        self._made: StudiesModel | None = None
-
-    @property
-    def made(self) -> StudiesModel:
-        """The model, made at its first use."""
-        if self._made is None:
-            self._made = self._make()
-        return self._made
-
-    def curves(self, values: Array) -> CurvePrediction:
-        """Return the curves; see :class:`~porocore.commands.calibration.problem.CurveModel`."""
-        return self.made.curves(values)
 
 
 class FitRounds:
@@ -544,53 +495,43 @@ class FitRounds:
         """Open the record of the present round."""
         known = [family.identity_after(self.round) for family in self.cells]
         identity = json_hash([experiments_identity(self.plan), *known])
-        self.record = EvaluationRecord(self.folder.evaluations(self.round), identity)
-        self._lazy = LazyModel(self.plan, self._made)
-        self.model = RecordedModel(self._lazy, self.record)
-        if len(self.record):
-            self.console.note(f"fit: {len(self.record)} evaluations are known")
+        unknowns = [each.unknown for each in self.plan.unknowns]
+        path = self.folder.path / f"evaluations-{self.round}.jsonl"
+        self._studies: StudiesModel | None = None
+        self.model = RecordedModel(unknowns, lambda: self.studies, path, identity)
+        if len(self.model):
+            self.console.note(f"fit: {len(self.model)} evaluations are known")
 
-    def _made(self) -> StudiesModel:
+    @property
+    def studies(self) -> StudiesModel:
+        """Models of all experiments with the cells of the present round, made at their first use."""
+        if self._studies is not None:
+            return self._studies
         if self.round < self._last:
             raise RunFolderError(
-                f"{self.record.path} lacks evaluations that led to further cells; start again in another --out"
+                f"{self.model.path} lacks evaluations that led to further cells; start again in another --out"
             )
-        models = {}
+        path, models = self.folder.path / "steps.json", dict[str, ExperimentModel]()
+        with complete(path, "record of time steps", "start again"):
+            steps = dict(read_json(path)) if path.exists() else {}
         for family in self.cells:
             law = family.law()
             for experiment in self.plan.experiments:
-                if experiment.name in family.experiments:
-                    steps = self._known_steps().get(experiment.name)
-                    known = None if steps is None else np.array(steps, dtype=float)
-                    models[experiment.name] = ExperimentModel(experiment, self.plan.unknowns, law, known)
-                    self._keep_steps(experiment.name, models[experiment.name])
-        return StudiesModel(
-            [each.unknown for each in self.plan.unknowns],
-            [models[experiment.name] for experiment in self.plan.experiments],
-            self.processes,
-        )
-
-    def _known_steps(self) -> dict[str, list[float]]:
-        path = self.folder.steps
-        with complete(path, "record of time steps", "start again"):
-            return dict(read_json(path)) if path.exists() else {}
-
-    def _keep_steps(self, name: str, model: ExperimentModel) -> None:
-        known = self._known_steps()
-        if model.chosen_steps is not None and name not in known:
-            write_json(self.folder.steps, {**known, name: model.chosen_steps.tolist()})
-
-    @property
-    def experiments(self) -> Sequence[ExperimentModel]:
-        """Models of all experiments with the cells of the present round."""
-        return self._lazy.made.experiments
+                if (name := experiment.name) in family.experiments:
+                    known = np.array(steps[name], dtype=float) if name in steps else None
+                    models[name] = ExperimentModel(experiment, self.plan.unknowns, law, known)
+                    if name not in steps and (chosen := models[name].chosen_steps) is not None:
+                        steps[name] = chosen.tolist()
+                        write_json(path, steps)
+        experiments = [models[experiment.name] for experiment in self.plan.experiments]
+        self._studies = StudiesModel(self.model.unknowns, experiments, self.processes)
+        return self._studies
 
     def dependence(self, misfit: Misfit, coordinates: Array) -> Array:
         """Return the derivatives (n, k), by the coordinates, of all that the experiments know of the unknowns."""
         values = misfit.values(coordinates)
-        rows = np.concatenate([one.dependence(values) for one in self.experiments])
-        slopes = [one.value_slope(float(x)) for one, x in zip(misfit.unknowns, coordinates, strict=True)]
-        return np.asarray(rows * np.array(slopes))
+        rows = np.concatenate([one.dependence(values) for one in self.studies.experiments])
+        return np.asarray(rows * slopes_at(misfit.unknowns, coordinates))
 
     def error_of_steps(self, misfit: Misfit, best: Fitted, halvings: int) -> Array:
         """Return the error (m,) of the curves at a point that is owed to the steps in time, over their deviations.
@@ -607,22 +548,22 @@ class FitRounds:
         with self.console.task("error of the steps in time", "halvings") as task:
             while len(known) < halvings:
                 task.update(len(known), halvings)
-                each = self._lazy.made.with_halved_steps(values, len(known) + 1)
+                each = self.studies.with_halved_steps(values, len(known) + 1)
                 known.append(np.concatenate(each).tolist())
-                kept = {"of": self.record.identity, "unknowns": values.tolist(), "curves": known}
-                write_json(self.folder.halved_steps, kept)
+                kept = {"of": self.model.identity, "unknowns": values.tolist(), "curves": known}
+                write_json(self.folder.path / "halved-steps.json", kept)
             task.update(halvings, halvings)
         curves = [best.prediction.values, *map(np.array, known[:halvings])]
         ends = np.cumsum([sum(map(len, one.curves)) for one in self.plan.experiments])[:-1]
-        parts = zip(*(np.split(each, ends) for each in curves), np.split(deviations, ends), strict=True)
+        parts = zip(*(np.split(each, ends) for each in (*curves, deviations)), strict=True)
         return np.concatenate([error_of_steps(part, by) / by for *part, by in parts])
 
     def _known_halved(self, values: Array) -> list[list[float]]:
         """Return the curves with halved steps at these values that the folder holds."""
-        path = self.folder.halved_steps
+        path = self.folder.path / "halved-steps.json"
         with complete(path, "record of halved steps", "start again"):
             found = dict(read_json(path)) if path.exists() else {}
-            same = (found.get("of"), found.get("unknowns")) == (self.record.identity, values.tolist())
+            same = (found.get("of"), found.get("unknowns")) == (self.model.identity, values.tolist())
             return list(found["curves"]) if same else []
 
     def fitted(self, data: CurveData) -> tuple[Misfit, CalibrationFit]:
@@ -667,7 +608,7 @@ class FitRounds:
                 "fit: the fitted body leaves the states that the surrogate is trusted in; further cells are solved "
                 "there"
             )
-            models = self._lazy.made.experiments
+            models = self.studies.experiments
             new = [
                 family.extend([one for one in models if one.experiment.name in family.experiments], values)
                 for family in self.cells

@@ -1,23 +1,23 @@
-"""Inference from a fit (infer): precision, unseen directions, intervals, identifiability, further data."""
+"""Inference from a fit (infer): precision, non-identifiable directions, intervals, further data."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
-from porocore.commands.calibration.combination import SeenProduct, seen_product
-from porocore.commands.calibration.minimum import (
-    LinearPrecision,
-    Minimum,
-    Objective,
-    UnseenDirection,
-    minimise,
+from porocore.commands.calibration.directions import (
+    IdentifiableProduct,
+    NonIdentifiableDirection,
+    direction_words,
+    identifiable_product,
+    non_identifiable_directions,
     significant,
-    unseen_directions,
 )
-from porocore.commands.calibration.problem import Fitted, Misfit, Unknown
+from porocore.commands.calibration.minimum import LinearPrecision, Minimum, Objective, minimise
+from porocore.commands.calibration.problem import Fitted, Misfit, Unknown, values_at
 from porocore.commands.calibration.profiles import (
     ConfidenceInterval,
     LowerPoint,
@@ -30,7 +30,6 @@ from porocore.commands.calibration.suggestions import (
     IdentifiabilityRule,
     Suggestion,
     SystematicError,
-    direction_words,
     ranked,
     repeated_parts,
 )
@@ -38,6 +37,7 @@ from porocore.core.echo import joined
 from porocore.errors import ConfigurationError
 from porocore.states import Array
 
+T = TypeVar("T")
 #: Times that the profiles start again because they have met a lower point.
 MOST_RESTARTS = 3
 #: Rays of the region of two unknowns.
@@ -66,12 +66,8 @@ class Inference:
         Precision to first order at ``best``.
     directions
         Non-identifiable directions, the least identifiable first.
-    words
-        The same in words.
     intervals, data_intervals
         95 % intervals with and without priors.
-    identifiable
-        True where the interval without priors is narrow enough by the rule.
     suggestions
         Further data, the most helpful first.
     plane
@@ -95,24 +91,37 @@ class Inference:
     limits: Array
     with_priors: LinearPrecision
     without_priors: LinearPrecision
-    directions: tuple[UnseenDirection, ...]
-    words: tuple[str, ...]
+    directions: tuple[NonIdentifiableDirection, ...]
     intervals: tuple[ConfidenceInterval, ...]
     data_intervals: tuple[ConfidenceInterval, ...]
-    identifiable: tuple[bool, ...]
     suggestions: tuple[Suggestion, ...]
     plane: ParameterPlane | None
     evaluations: int
     points: tuple[Fitted, ...]
     rule: IdentifiabilityRule
-    products: tuple[SeenProduct, ...] = ()
+    products: tuple[IdentifiableProduct, ...] = ()
     systematic: SystematicError | None = None
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """Non-identifiable directions in words."""
+        at = self.best.coordinates
+        return tuple(direction_words(each, self.unknowns, self.limits, at) for each in self.directions)
+
+    @property
+    def identifiable(self) -> tuple[bool, ...]:
+        """True where the interval without priors is narrow enough by the rule, for each unknown."""
+        rows = zip(self.unknowns, self.values, self.data_intervals, strict=True)
+        return tuple(self.rule.holds(one, float(value), *interval.values) for one, value, interval in rows)
 
     @property
     def values(self) -> Array:
         """Values (k,) of the unknowns at the best point."""
-        pairs = zip(self.unknowns, self.best.coordinates, strict=True)
-        return np.array([one.value(float(x)) for one, x in pairs])
+        return values_at(self.unknowns, self.best.coordinates)
+
+    def by_name(self, each: Iterable[T]) -> dict[str, T]:
+        """Return something of each unknown by its name."""
+        return {one.name: of for one, of in zip(self.unknowns, each, strict=True)}
 
     @property
     def correlations(self) -> Array:
@@ -154,9 +163,8 @@ class Inference:
             intervals=intervals,
             data_intervals=by_data,
             products=tuple(
-                each.moved(self.unknowns, self.data_best.coordinates, alone) for each in self.products
+                each.moved(self.unknowns, self.data_best.coordinates, alone.shift) for each in self.products
             ),
-            identifiable=_identifiable(self.rule, self.unknowns, self.values, by_data),
         )
 
 
@@ -207,17 +215,17 @@ def infer(
     rule = rule or IdentifiabilityRule()
     unknowns = tuple(misfit.unknowns)
     _require_moved(misfit, best)
-    objective = Objective(misfit, rule.limits(unknowns, best.coordinates))
+    objective = Objective(misfit, rule.limits(unknowns, best.coordinates), tell=tell)
     objective.add(best)
-    found, intervals = _intervals(objective, best.coordinates, tell)
+    found, intervals = _intervals(objective, best.coordinates)
     alone, data_found, data_intervals = objective.without_priors(), found, intervals
     if any(one.has_prior for one in unknowns):
-        data_found, data_intervals = _intervals(alone, found.fitted.coordinates, tell)
+        data_found, data_intervals = _intervals(alone, found.fitted.coordinates)
     fitted, limits = found.fitted, rule.limits(unknowns, found.fitted.coordinates)
     jacobian = alone.at(fitted.coordinates).jacobian
     known = None if dependence is None else dependence(fitted.coordinates)
-    directions = unseen_directions(jacobian, limits, known)
-    products = [seen_product(alone, data_found, each, limits, tell) for each in directions if each.exact]
+    directions = non_identifiable_directions(jacobian, limits, known)
+    products = [identifiable_product(alone, data_found, each, limits) for each in directions if each.exact]
     return Inference(
         unknowns=unknowns,
         best=fitted,
@@ -227,12 +235,10 @@ def infer(
         with_priors=LinearPrecision.from_jacobian(fitted.jacobian),
         without_priors=LinearPrecision.from_jacobian(jacobian),
         directions=directions,
-        words=tuple(direction_words(each, unknowns, limits, fitted.coordinates) for each in directions),
         intervals=intervals,
         data_intervals=data_intervals,
-        identifiable=_identifiable(rule, unknowns, misfit.values(fitted.coordinates), data_intervals),
         suggestions=ranked(jacobian, limits, [*further, *repeated_parts(misfit, fitted)]),
-        plane=_plane(alone, data_found, data_intervals, rays, tell),
+        plane=_plane(alone, data_found, data_intervals, rays),
         evaluations=objective.evaluations,
         points=objective.points,
         rule=rule,
@@ -251,29 +257,17 @@ def _require_moved(misfit: Misfit, best: Fitted) -> None:
         )
 
 
-def _identifiable(
-    rule: IdentifiabilityRule,
-    unknowns: Sequence[Unknown],
-    values: Array,
-    intervals: Sequence[ConfidenceInterval],
-) -> tuple[bool, ...]:
-    rows = zip(unknowns, values, intervals, strict=True)
-    return tuple(rule.holds(one, float(value), *interval.values) for one, value, interval in rows)
-
-
-def _intervals(
-    objective: Objective, start: Array, tell: Callable[[str], None]
-) -> tuple[Minimum, tuple[ConfidenceInterval, ...]]:
+def _intervals(objective: Objective, start: Array) -> tuple[Minimum, tuple[ConfidenceInterval, ...]]:
     """Return the minimum next to a point, and all intervals about it; again from a lower point that a profile meets."""
     everything = np.arange(len(start))
     for _ in range(MOST_RESTARTS):
         best = minimise(objective, start, everything)
         try:
-            return best, tuple(confidence_interval(objective, best, i, tell) for i in everything)
+            return best, tuple(confidence_interval(objective, best, i) for i in everything)
         except LowerPoint as lower:
             start = lower.fitted.coordinates
     best = minimise(objective, start, everything)
-    return best, tuple(confidence_interval(objective, best, i, tell, strict=False) for i in everything)
+    return best, tuple(confidence_interval(objective, best, i, strict=False) for i in everything)
 
 
 def _plane(
@@ -281,7 +275,6 @@ def _plane(
     best: Minimum,
     intervals: Sequence[ConfidenceInterval],
     rays: int,
-    tell: Callable[[str], None],
 ) -> ParameterPlane | None:
     """Return the plane of the two unknowns that have the widest distributions, in limits.
 
@@ -293,4 +286,4 @@ def _plane(
     widths = LinearPrecision.from_jacobian(best.fitted.jacobian * objective.scale).spread
     first, second = sorted(int(i) for i in np.argsort(-widths, kind="stable")[:2])
     is_open = any(end is None for i in (first, second) for end in intervals[i].values)
-    return parameter_plane(objective, best, (first, second), 0 if is_open else rays, tell)
+    return parameter_plane(objective, best, (first, second), 0 if is_open else rays)

@@ -11,10 +11,16 @@ import yaml
 
 from porocore.commands.calibration.expectations import body_height, require_free, sign_note, size_note
 from porocore.commands.calibration.observations import MeasuredSeries
-from porocore.commands.calibration.plan import CalibrationPlan, Experiment, PlannedUnknown
+from porocore.commands.calibration.plan import (
+    OF_LOAD,
+    CalibrationPlan,
+    Experiment,
+    PlannedUnknown,
+    occurrences,
+)
 from porocore.commands.calibration.posterior import require_emcee
 from porocore.commands.calibration.reading import read_curve
-from porocore.commands.calibration.settings import OF_LOAD, CalibrationSettings, ExperimentSettings
+from porocore.commands.calibration.settings import CalibrationSettings, ExperimentSettings
 from porocore.commands.calibration.unknowns import bounds_notes, keyed, planned_unknowns
 from porocore.core.files.reading import read_text
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted
@@ -130,10 +136,10 @@ def _study(
         config = validated(of_study)
     loads = config.macro.loads
     if experiment.load is None and len(loads) > 1:
-        told = ", ".join(f"{load:g}" for load in loads)
+        listed = ", ".join(f"{load:g}" for load in loads)
         where = _key(key, "load") if name else "macro.loads"
         raise ConfigurationError(
-            f"{where}: expected one load for the experiment, got those of the study, {told}; "
+            f"{where}: expected one load for the experiment, got those of the study, {listed}; "
             + ("add 'load:'" if name else "keep one, or list experiments with a load each")
         )
     load = loads[0] if experiment.load is None else experiment.load
@@ -160,7 +166,7 @@ def _plan(
     for name, (config, load, experiment) in studies.items():
         family, said = _family(config, plain[name], unknowns, at)
         notes |= dict.fromkeys((*said, *(f"{name}: {note}" if name else note for note in config.unit_notes)))
-        curves, kinds = [], {each.numbers[name].kind for each in unknowns if name in each.numbers}
+        curves, kinds = [], {each.number.kind for each in occurrences(unknowns, plain[name])}
         for observed, observation in experiment.observations.items():
             keys = ("experiments", name, "observations") if name else ("observations",)
             try:
@@ -186,7 +192,8 @@ def _plan(
         experiments.append(Experiment(name, family, load, tuple(curves)))
     if refused:
         raise ConfigurationError("\n".join(refused))
-    title = settings.title or next(iter(experiments)).config.title
+    own = experiments[0].config.title
+    title = f"Calibration: {own}".removesuffix(": ") if settings.title in ("", own) else settings.title
     _check_posterior(settings, len(unknowns), at)
     _check_shifts(experiments, unknowns, at)
     plan = CalibrationPlan(
@@ -208,19 +215,16 @@ def _height(config: RunConfig, series: MeasuredSeries) -> float | None:
 
 def _check_shifts(experiments: Sequence[Experiment], unknowns: list[PlannedUnknown], at: Location) -> None:
     """Refuse a time shift by which data come to lie behind the end of their study, where nothing is computed."""
-    for each in unknowns:
-        for one in experiments:
-            number = each.numbers.get(one.name)
-            if number is None or number.kind != "time_shift":
-                continue
-            factor, end = each.dimensionless(one), one.config.macro.time.end
+    for one in experiments:
+        for each in occurrences(unknowns, one):
+            unknown, end = unknowns[each.index].unknown, one.config.macro.time.end
             last = max(float(curve.times[-1]) for curve in one.curves)
-            if last + each.unknown.upper * factor > end * (1 + 1e-9):
-                unit = f" {each.unknown.unit}" if each.unknown.unit else ""
+            if each.number.kind == "time_shift" and last + unknown.upper * each.factor > end * (1 + 1e-9):
+                unit = f" {unknown.unit}" if unknown.unit else ""
                 of = f" of the experiment '{one.name}'" if one.name else ""
                 raise ConfigurationError(
-                    f"{_key(at, 'unknowns', each.unknown.name, 'upper')}: expected at most {(end - last) / factor:.4g}"
-                    f"{unit}, got {each.unknown.upper:g}{unit}, by which the last data{of} lie behind the end of the "
+                    f"{_key(at, 'unknowns', unknown.name, 'upper')}: expected at most {(end - last) / each.factor:.4g}"
+                    f"{unit}, got {unknown.upper:g}{unit}, by which the last data{of} lie behind the end of the "
                     "study; raise its macro.time.end, or give 'until:'"
                 )
 
@@ -243,11 +247,10 @@ def _family(
 ) -> tuple[RunConfig, tuple[str, ...]]:
     """Return the study of the family of cells that the bounds of the unknowns span."""
     ranges = {}
-    for each in unknowns:
-        number = each.numbers.get(experiment.name)
-        if number is not None and number.kind == "cell":
-            factor = each.dimensionless(experiment)
-            ranges[number.name] = (each.unknown.lower * factor, each.unknown.upper * factor)
+    for each in occurrences(unknowns, experiment):
+        if each.number.kind == "cell":
+            one = unknowns[each.index].unknown
+            ranges[each.number.name] = (one.lower * each.factor, one.upper * each.factor)
     if not ranges:
         return config, ()
     try:

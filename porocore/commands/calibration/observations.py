@@ -334,10 +334,10 @@ class ObservedCurve:
         if self.spread is None and not largest:
             return f"deviation {100 * (self.share or 0):.3g} % of the largest value"
         low, high = float(self.deviations.min()), float(self.deviations.max())
-        told = f"deviation {_range(low, high)} {pretty(self.unit)}".rstrip()
+        deviation = f"deviation {_range(low, high)} {pretty(self.unit)}".rstrip()
         if not largest:
-            return told
-        return f"{told}, {_range(100 * low / largest, 100 * high / largest)} % of the largest value"
+            return deviation
+        return f"{deviation}, {_range(100 * low / largest, 100 * high / largest)} % of the largest value"
 
     def made_up(self, exact: Array, seed: Sequence[int]) -> ObservedCurve:
         """Return the curve with exact values (m,) and normal noise of its standard deviation."""
@@ -370,8 +370,14 @@ def curve_data(curves: Sequence[ObservedCurve]) -> CurveData:
         np.repeat(np.arange(len(curves)), [len(curve) for curve in curves]).astype(np.int64),
         np.concatenate([curve.displayed_times for curve in curves]),
         tuple(curve.name for curve in curves),
+        tuple(curve.unit for curve in curves),
         tuple(curve.time_unit for curve in curves),
     )
+
+
+def by_curve(values: Array, curves: Sequence[ObservedCurve]) -> list[Array]:
+    """Return the parts of values (m, ...) of all curves one after the other that belong to each curve."""
+    return np.split(values, np.cumsum([len(curve) for curve in curves])[:-1])
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
-from porocore.commands.calibration.contents import CalibrationContents
-from porocore.commands.calibration.derived import DerivedCell
 from porocore.commands.calibration.figures import (
     correlation_figure,
     field_figure,
@@ -18,73 +15,26 @@ from porocore.commands.calibration.figures import (
 )
 from porocore.commands.calibration.infer import Inference
 from porocore.commands.calibration.plan import CalibrationPlan
-from porocore.commands.calibration.posterior import Posterior
 from porocore.commands.calibration.problem import Unknown
-from porocore.commands.calibration.profiles import ConfidenceInterval, IntervalEnd
+from porocore.commands.calibration.profiles import Interval
+from porocore.commands.calibration.results import Calibration
 from porocore.commands.calibration.suggestions import Suggestion
+from porocore.core.console import duration
 from porocore.core.echo import joined
 from porocore.core.files.atomic import atomic_path
 from porocore.core.units import pretty
 from porocore.report.format import NONE, number, percent
-from porocore.report.page import Picture, Pictures, environment
+from porocore.report.page import Pictures, environment
+from porocore.study.run.folder import versions
 
 #: Suggestions that are shown.
 MOST_SUGGESTIONS = 5
 
 
-@dataclass(frozen=True)
-class UnknownRow:
-    """Row of an unknown in the table of results.
-
-    Attributes
-    ----------
-    name, unit, value, truth
-        As text.
-    interval, prior_interval
-        95 % intervals without and with priors.
-    identifiable
-        By the rule.
-    reasons
-        Why ends are none.
-    """
-
-    name: str
-    unit: str
-    value: str
-    truth: str
-    interval: str
-    prior_interval: str
-    identifiable: bool
-    reasons: tuple[str, ...]
-
-
-def unknown_rows(inference: Inference, truth: list[float] | None) -> Iterator[UnknownRow]:
-    """Yield a row for each unknown."""
-    for i, one in enumerate(inference.unknowns):
-        alone, both = inference.data_intervals[i], inference.intervals[i]
-        yield UnknownRow(
-            one.name,
-            pretty(one.unit) or NONE,
-            number(float(inference.values[i])),
-            "" if truth is None else number(truth[i]),
-            interval_text(alone),
-            "" if both is alone else interval_text(both),
-            inference.identifiable[i],
-            tuple(end_reasons(alone.low, alone.high)),
-        )
-
-
-def derived_rows(cell: DerivedCell) -> Iterator[tuple[str, str, str, str, str]]:
-    """Yield name, unit, value, 95 % interval and why ends of it are none, of each derived number."""
-    for each in cell.numbers:
-        reasons = "; ".join(end_reasons(each.low, each.high))
-        yield each.words, each.unit or NONE, number(each.value), ends_text(each.interval), reasons
-
-
-def underived_sentence(contents: CalibrationContents) -> str:
-    """Return why some experiments have no derived results; empty where all have some, or the plan is not known."""
-    names = [] if contents.plan is None else [each.name for each in contents.plan.experiments]
-    missing = [name for name in names if not any(name in cell.experiments for cell in contents.derived)]
+def underived_sentence(done: Calibration) -> str:
+    """Return why some experiments have no derived results; empty where all have some."""
+    names = [each.name for each in done.plan.experiments]
+    missing = [name for name in names if not any(name in cell.experiments for cell in done.derived)]
     if not missing:
         return ""
     of = f" of {joined(filter(None, missing))}" if any(missing) else ""
@@ -106,16 +56,16 @@ def search_rows(plan: CalibrationPlan) -> Iterator[tuple[str, ...]]:
 
 
 def _prior(one: Unknown) -> str:
-    told = []
+    found = []
     if one.prior is not None and one.scale == "log":
-        told.append(
+        found.append(
             f"median {number(one.value(one.prior.mean))}, deviation {number(one.prior.deviation)} of ln x"
         )
     elif one.prior is not None:
-        told.append(f"{number(one.prior.mean)} ± {number(one.prior.deviation)}")
+        found.append(f"{number(one.prior.mean)} ± {number(one.prior.deviation)}")
     if one.smoothing is not None:
-        told.append(f"difference from the value before: deviation {number(one.smoothing)}")
-    return "; ".join(told) or NONE
+        found.append(f"difference from the value before: deviation {number(one.smoothing)}")
+    return "; ".join(found) or NONE
 
 
 def data_rows(plan: CalibrationPlan) -> Iterator[tuple[str, ...]]:
@@ -139,58 +89,58 @@ def data_rows(plan: CalibrationPlan) -> Iterator[tuple[str, ...]]:
         )
 
 
-def provenance_rows(contents: CalibrationContents) -> Iterator[tuple[str, str]]:
-    """Yield backends, cells and settings of the fit, and versions."""
-    plan = contents.plan
-    if plan is not None:
-        for experiment in plan.experiments:
-            config, of = experiment.config, f", {experiment.name}" if experiment.name else ""
-            backends = f"cell {config.fem.backend}, surrogate {config.surrogate.backend}, body {config.macro_backend}"
-            yield f"backends{of}", f"{backends}; closure {config.closure}; load {number(experiment.load)}"
-            yield f"identity of the cells{of}", config.stages.training
-        yield "fit", ", ".join(f"{name} {value}" for name, value in plan.fit.model_dump().items())
-    yield from contents.versions.items()
+def provenance_rows(plan: CalibrationPlan) -> Iterator[tuple[str, str]]:
+    """Yield backends, cells and settings of the fit, and versions of porocore, its plugins and packages."""
+    for experiment in plan.experiments:
+        config, of = experiment.config, f", {experiment.name}" if experiment.name else ""
+        backends = (
+            f"cell {config.fem.backend}, surrogate {config.surrogate.backend}, body {config.macro_backend}"
+        )
+        yield f"backends{of}", f"{backends}; closure {config.closure}; load {number(experiment.load)}"
+        yield f"identity of the cells{of}", config.stages.training
+    yield "fit", ", ".join(f"{name} {value}" for name, value in plan.fit.model_dump().items())
+    yield from versions().items()
 
 
-def posterior_rows(posterior: Posterior) -> Iterator[tuple[str, str, str, str]]:
-    """Yield name, unit, median and 95 % credible interval of each unknown."""
-    for one, median, ends in zip(posterior.unknowns, posterior.medians, posterior.intervals, strict=True):
-        interval = " … ".join(number(end) for end in ends)
-        yield one.name, pretty(one.unit) or NONE, number(float(median)), interval
-
-
-def interval_text(interval: ConfidenceInterval) -> str:
-    """Return an interval such as ``1.2 … 1.4``; a dash for an end that is none."""
-    return ends_text(interval.values)
+def fact_rows(done: Calibration) -> Iterator[tuple[str, str]]:
+    """Yield numbers of values, solves and runs, the quality of the fit, the error of the steps, and the time."""
+    yield "Values of all curves", str(len(done.data.values))
+    yield "Reduced chi-square", f"{done.quality.reduced:.3g}"
+    error, text = done.inference.systematic, "not known"
+    if error is not None:
+        text = f"moves the unknowns by {error.size:.2g} standard deviations"
+        text += ", which the intervals hold" if error.counted else ""
+    yield "Error of the steps in time", text
+    yield "Cell solves", str(done.cell_solves)
+    yield "Runs of the experiments", str(done.runs)
+    yield "Time of the last call", duration(done.seconds)
 
 
 def ends_text(ends: tuple[float | None, float | None]) -> str:
-    """Return both ends; a dash for one that is none."""
+    """Return both ends, such as ``1.2 … 1.4``; a dash for one that is none."""
     return " … ".join(number(value) for value in ends)
 
 
-def end_reasons(low: IntervalEnd, high: IntervalEnd) -> Iterator[str]:
-    """Yield why ends of an interval are none."""
-    if low.value is None and high.value is None and low.reason == high.reason:
-        yield f"no ends: {low.reason}"
-        return
-    for name, end in (("lower", low), ("upper", high)):
-        if end.value is None:
-            yield f"no {name} end: {end.reason}"
+def open_text(interval: Interval) -> str:
+    """Return why ends of an interval are none."""
+    names, found = {"low": "lower", "high": "upper"}, interval.open_ends
+    if len(found) == len(names) and len(set(found.values())) == 1:
+        return f"no ends: {interval.low.reason}"
+    return "; ".join(f"no {names[side]} end: {reason}" for side, reason in found.items())
 
 
-def seen_sentence(inference: Inference) -> str:
+def directions_sentence(inference: Inference) -> str:
     """Return how many combinations of the unknowns are identifiable, in words."""
-    unseen, all_ = len(inference.directions), len(inference.unknowns)
-    if not unseen:
+    count, all_ = len(inference.directions), len(inference.unknowns)
+    if not count:
         return (
             "All combinations of the unknowns are identifiable: one standard deviation along any direction moves no "
             "unknown beyond its limit of identifiability."
         )
-    if unseen == all_:
+    if count == all_:
         return "No combination of the unknowns is identifiable:"
-    are = "combination of the unknowns is" if unseen == 1 else "combinations of the unknowns are"
-    return f"{_counted(unseen)} {are} non-identifiable, {all_ - unseen} of {all_} are identifiable:"
+    are = "combination of the unknowns is" if count == 1 else "combinations of the unknowns are"
+    return f"{_counted(count)} {are} non-identifiable, {all_ - count} of {all_} are identifiable:"
 
 
 def _counted(count: int) -> str:
@@ -204,11 +154,11 @@ def helpful(inference: Inference) -> list[Suggestion]:
 
 def gain_text(suggestion: Suggestion) -> str:
     """Return the gain of further data in words."""
-    gain, before = suggestion.gain, suggestion.unseen_before
+    gain, before = suggestion.gain, suggestion.non_identifiable_before
     if suggestion.separates:
-        if not suggestion.unseen:
+        if not suggestion.non_identifiable:
             return "makes all combinations identifiable"
-        return f"makes {before - suggestion.unseen} of {before} non-identifiable combinations identifiable"
+        return f"makes {before - suggestion.non_identifiable} of {before} non-identifiable combinations identifiable"
     text = f"{gain:.3g} times as precise along the least identifiable direction"
     return f"{text}, which stays non-identifiable" if before else text
 
@@ -217,16 +167,12 @@ def gain_text(suggestion: Suggestion) -> str:
 PAGE, FIGURES = "report.html", "figures"
 
 
-def write_report(
-    folder: Path, contents: CalibrationContents, tell: Callable[[str], None] = lambda name: None
-) -> Path:
-    """Write ``report.html`` into a folder and its figures into ``figures``, and return the page's path.
+def write_report(done: Calibration, tell: Callable[[str], None] = lambda name: None) -> Path:
+    """Write ``report.html`` into the folder of a calibration and its figures into ``figures``; return the page's path.
 
     Parameters
     ----------
-    folder
-        Of the calibration; it exists.
-    contents
+    done
         What is shown.
     tell
         Called with the name of each figure before it is drawn.
@@ -236,69 +182,51 @@ def write_report(
     RunFolderError
         A file cannot be written.
     """
-    (folder / FIGURES).mkdir(exist_ok=True)
-    html = render(contents, Pictures(folder / FIGURES, tell))
-    with atomic_path(folder / PAGE) as part:
+    (done.path / FIGURES).mkdir(exist_ok=True)
+    html = render(done, Pictures(done.path / FIGURES, tell))
+    with atomic_path(done.path / PAGE) as part:
         part.write_text(html, encoding="utf-8")
-    return folder / PAGE
+    return done.path / PAGE
 
 
-def render(contents: CalibrationContents, pictures: Pictures | None = None) -> str:
+def render(done: Calibration, pictures: Pictures | None = None) -> str:
     """Return the page as text; ``pictures`` may keep the figures as files."""
-    pictures = pictures or Pictures()
-    inference, truth = contents.inference, contents.truth
-    several = len(inference.unknowns) > 1
-    profiles = pictures.svg(
-        "profiles", profile_figure(inference, truth), "Profile likelihood of each unknown"
+    draw, plan, inference, truth = (pictures or Pictures()).svg, done.plan, done.inference, done.truth
+    made = environment("porocore.commands.calibration")
+    made.filters |= {"pretty": pretty, "ends": ends_text, "open": open_text}
+    profiles = draw("profiles", profile_figure(inference, truth), "Profile likelihood of each unknown")
+    return made.get_template("calibration.html.j2").render(
+        done=done,
+        inference=inference,
+        seen=directions_sentence(inference),
+        suggestions=[(each.name, gain_text(each)) for each in helpful(inference)],
+        separable=any(each.separates for each in inference.suggestions)
+        or all(each.exact for each in inference.directions),
+        underived=underived_sentence(done),
+        facts=list(fact_rows(done)),
+        searched=list(search_rows(plan)),
+        data=list(data_rows(plan)),
+        provenance=list(provenance_rows(plan)),
+        fits=[
+            (name, draw(f"fit_{name}", fit_figure(done, c), f"Fit of {name}"))
+            for c, name in enumerate(done.data.names)
+        ],
+        fields=[
+            draw(f"field_{each.name}", field_figure(done, each), f"Field of {each.name}")
+            for each in plan.fields
+        ],
+        posterior_picture=None
+        if done.posterior is None
+        else draw(
+            "posterior",
+            posterior_figure(done.posterior, inference.values, truth),
+            "Posterior distribution of the unknowns",
+        ),
+        profiles=profiles,
+        plane=None
+        if inference.plane is None
+        else draw("plane", plane_figure(inference, truth), "Plane of two unknowns"),
+        correlations=draw("correlations", correlation_figure(inference), "Correlations")
+        if len(inference.unknowns) > 1
+        else None,
     )
-    return (
-        environment("porocore.commands.calibration")
-        .get_template("calibration.html.j2")
-        .render(
-            contents=contents,
-            inference=inference,
-            rows=list(unknown_rows(inference, None if truth is None else truth.tolist())),
-            seen=seen_sentence(inference),
-            suggestions=[(each.name, gain_text(each)) for each in helpful(inference)],
-            separable=any(each.separates for each in inference.suggestions)
-            or all(each.exact for each in inference.directions),
-            derived=[(each.title, list(derived_rows(each))) for each in contents.derived],
-            underived=underived_sentence(contents),
-            searched=[] if contents.plan is None else list(search_rows(contents.plan)),
-            data=[] if contents.plan is None else list(data_rows(contents.plan)),
-            provenance=list(provenance_rows(contents)),
-            fits=_fits(contents, pictures),
-            fields=_fields(contents, pictures),
-            posterior_rows=[] if contents.posterior is None else list(posterior_rows(contents.posterior)),
-            posterior_picture=_posterior(contents, pictures),
-            profiles=profiles,
-            plane=None
-            if inference.plane is None
-            else pictures.svg("plane", plane_figure(inference, truth), "Plane of two unknowns"),
-            correlations=pictures.svg("correlations", correlation_figure(inference), "Correlations")
-            if several
-            else None,
-        )
-    )
-
-
-def _posterior(contents: CalibrationContents, pictures: Pictures) -> Picture | None:
-    if contents.posterior is None:
-        return None
-    figure = posterior_figure(contents.posterior, contents.inference.values, contents.truth)
-    return pictures.svg("posterior", figure, "Posterior distribution of the unknowns")
-
-
-def _fields(contents: CalibrationContents, pictures: Pictures) -> list[Picture]:
-    return [
-        pictures.svg(f"field_{each.name}", field_figure(contents, each), f"Field of {each.name}")
-        for each in contents.fields
-    ]
-
-
-def _fits(contents: CalibrationContents, pictures: Pictures) -> list[tuple[str, Picture]]:
-    names = contents.data.names
-    return [
-        (name, pictures.svg(f"fit_{name}", fit_figure(contents, c), f"Fit of {name}"))
-        for c, name in enumerate(names)
-    ]

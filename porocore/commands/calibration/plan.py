@@ -1,19 +1,64 @@
-"""Plan of a calibration (CalibrationPlan), and its folder (CalibrationFolder): claim, lock, files."""
+"""Plan of a calibration (CalibrationPlan): experiments, unknowns and the numbers of studies that they are."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from porocore.commands.calibration.observations import ObservedCurve
 from porocore.commands.calibration.problem import Unknown
-from porocore.commands.calibration.settings import AXES, FitSettings, PosteriorSettings, StudyNumber
+from porocore.commands.calibration.settings import FitSettings, PosteriorSettings
 from porocore.commands.calibration.suggestions import IdentifiabilityRule
 from porocore.core.files.claim import WorkFolder
+from porocore.core.files.yaml_document import Location
 from porocore.core.units import QUANTITIES, pretty, unit_in_si
+from porocore.interfaces.sensitivities import HatFunction
+from porocore.states import Array
 from porocore.study.config.config import RunConfig
+
+NumberKind = Literal["cell", "modulus", "viscosity", "pore", "load", "boundary", "time_shift"]
+#: Unknown numbers by which a load may have either sign, and any size.
+OF_LOAD: tuple[NumberKind, ...] = ("load", "boundary")
+#: Those by which the units of a run are multiplied: they are above 0, and searched in ln x by default.
+OF_SCALES: tuple[NumberKind, ...] = ("modulus", "viscosity", "pore")
+#: Names of the coordinates, in order.
+AXES: tuple[Literal["x"], Literal["y"], Literal["z"]] = ("x", "y", "z")
+
+
+@dataclass(frozen=True)
+class StudyNumber:
+    """A number of a study.
+
+    Attributes
+    ----------
+    kind
+        What it is.
+    name
+        Name of a parameter of the cell, or ``boundary.SURFACE.KEY``; else the kind.
+    quantity
+        Of :data:`porocore.core.units.QUANTITIES`; empty for a plain number.
+    value
+        That of the study, dimensionless.
+    path
+        Keys below ``macro`` of a value on the boundary.
+    hat
+        Of a control value of a parameter's field; None: the number holds everywhere.
+    """
+
+    kind: NumberKind
+    name: str
+    quantity: str
+    value: float
+    path: Location = ()
+    hat: HatFunction | None = None
+
+    @property
+    def is_scale(self) -> bool:
+        """True for a modulus, a viscosity or an edge, by which the units of a run are multiplied."""
+        return self.kind in OF_SCALES
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +111,38 @@ class PlannedUnknown:
         assert scales is not None
         size = unit_in_si(self.unknown.unit, number.quantity)
         return float(size / QUANTITIES[number.quantity].factor(scales.exact))
+
+
+@dataclass(frozen=True)
+class Occurrence:
+    """Unknown in one experiment.
+
+    Attributes
+    ----------
+    index
+        Position of the unknown among all.
+    number
+        The number of the study that it is.
+    factor
+        A value of the unknown times it is the dimensionless number.
+    """
+
+    index: int
+    number: StudyNumber
+    factor: float
+
+    def value(self, values: Array) -> float:
+        """Return the dimensionless number for values (k,) of all unknowns."""
+        return float(values[self.index]) * self.factor
+
+
+def occurrences(unknowns: Sequence[PlannedUnknown], experiment: Experiment) -> list[Occurrence]:
+    """Return the unknowns that occur in an experiment."""
+    return [
+        Occurrence(i, each.numbers[experiment.name], each.dimensionless(experiment))
+        for i, each in enumerate(unknowns)
+        if experiment.name in each.numbers
+    ]
 
 
 @dataclass(frozen=True)
@@ -139,13 +216,6 @@ class CalibrationPlan:
         return FittedField(name, AXES[number.hat.axis], places, unit, tuple(members))
 
     @property
-    def heading(self) -> str:
-        """Title of the report: its own, or that of the study with the word before it."""
-        if not self.title or self.title != self.experiments[0].config.title:
-            return self.title or "Calibration"
-        return f"Calibration: {self.title}"
-
-    @property
     def rule(self) -> IdentifiabilityRule:
         """Rule by which the unknowns are identifiable."""
         plain = IdentifiabilityRule()
@@ -201,40 +271,6 @@ RECORD = "calibrate.json"
 
 
 class CalibrationFolder(WorkFolder):
-    """Files of one calibration."""
+    """Folder of one calibration."""
 
     record, work, version = RECORD, "calibration", 3
-
-    def evaluations(self, round_: int) -> Path:
-        """Return the record of all evaluations of a round."""
-        return self.path / f"evaluations-{round_}.jsonl"
-
-    @property
-    def steps(self) -> Path:
-        """Time steps of the experiments whose studies have an error control."""
-        return self.path / "steps.json"
-
-    @property
-    def halved_steps(self) -> Path:
-        """Curves at the best values with halved time steps."""
-        return self.path / "halved-steps.json"
-
-    @property
-    def results(self) -> Path:
-        """Values, intervals and directions."""
-        return self.path / "calibration.json"
-
-    @property
-    def curves(self) -> Path:
-        """Measured and fitted curves."""
-        return self.path / "curves.csv"
-
-    @property
-    def posterior(self) -> Path:
-        """Draws from the posterior distribution."""
-        return self.path / "posterior.csv"
-
-    @property
-    def samples(self) -> Path:
-        """Evaluations of the fit."""
-        return self.path / "samples.csv"

@@ -429,15 +429,15 @@ class Posterior:
         names = [one.name for one in self.unknowns]
         return {
             "unknowns": {
-                name: {"median": float(median), "interval95": list(ends)}
+                name: {"median": median, "interval95": ends}
                 for name, median, ends in zip(names, self.medians, self.intervals, strict=True)
             },
             "steps": self.coordinates.shape[0],
             "walkers": self.coordinates.shape[1],
-            "autocorrelation": _finite(self.autocorrelation),
-            "independent_draws": _finite(self.independent),
-            "log_density_error": _finite(self.check.error),
-            "total_variation": _finite(self.check.distance),
+            "autocorrelation": self.autocorrelation,
+            "independent_draws": self.independent,
+            "log_density_error": self.check.error,
+            "total_variation": self.check.distance,
             "checked": self.check.drawn,
             "beyond": self.check.beyond,
             "runs": self.runs,
@@ -522,7 +522,3 @@ def _scattered(interpolant: ResidualInterpolant, count: int, random: np.random.G
     x = interpolant.coordinates(random.standard_normal((count, len(interpolant.lower))))
     room = interpolant.upper - interpolant.lower
     return np.asarray(interpolant.lower + room - np.abs((x - interpolant.lower) % (2 * room) - room))
-
-
-def _finite(value: float) -> float | None:
-    return value if np.isfinite(value) else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import exp, log
@@ -73,6 +73,25 @@ class Unknown:
         """Return the derivative of the value by the coordinate."""
         return exp(coordinate) if self.scale == "log" else 1.0
 
+    def text(self, value: float) -> str:
+        """Return a value with its unit."""
+        return f"{value:.4g} {self.unit}".rstrip()
+
+
+def values_at(unknowns: Sequence[Unknown], coordinates: Iterable[float]) -> Array:
+    """Return the values (k,) of unknowns at coordinates (k,)."""
+    return np.array([one.value(float(x)) for one, x in zip(unknowns, coordinates, strict=True)])
+
+
+def slopes_at(unknowns: Sequence[Unknown], coordinates: Iterable[float]) -> Array:
+    """Return the derivatives (k,) of the values of unknowns by their coordinates, at coordinates (k,)."""
+    return np.array([one.value_slope(float(x)) for one, x in zip(unknowns, coordinates, strict=True)])
+
+
+def first_coordinates(unknowns: Sequence[Unknown]) -> Array:
+    """Return the coordinates (k,) of the first values, at which every search begins."""
+    return np.array([one.coordinate(one.start) for one in unknowns])
+
 
 @dataclass(frozen=True, eq=False)
 class CurvePrediction:
@@ -124,8 +143,8 @@ class CurveData:
         Time of each.
     names
         Names of the curves.
-    time_units
-        Units of the times of each curve, for words; empty: they have none.
+    units, time_units
+        Units of the values and of the times of each curve, for words; empty: they have none.
     """
 
     values: Array
@@ -133,7 +152,13 @@ class CurveData:
     curve: IntArray
     times: Array
     names: tuple[str, ...]
+    units: tuple[str, ...] = ()
     time_units: tuple[str, ...] = ()
+
+    def rows(self, curve: int) -> IntArray:
+        """Return the rows of a curve in the order of time."""
+        rows = np.flatnonzero(self.curve == curve)
+        return np.asarray(rows[np.argsort(self.times[rows], kind="stable")])
 
 
 @dataclass(frozen=True, eq=False)
@@ -187,7 +212,7 @@ class Misfit:
     @property
     def start(self) -> Array:
         """Coordinates of the first values, (k,)."""
-        return np.array([one.coordinate(one.start) for one in self.unknowns])
+        return first_coordinates(self.unknowns)
 
     @property
     def bounds(self) -> tuple[Array, Array]:
@@ -197,7 +222,7 @@ class Misfit:
 
     def values(self, coordinates: Array) -> Array:
         """Return the values (k,) of the unknowns at coordinates (k,)."""
-        return np.array([one.value(x) for one, x in zip(self.unknowns, coordinates, strict=True)])
+        return values_at(self.unknowns, coordinates)
 
     def at(self, coordinates: Array) -> Fitted:
         """Return residuals and Jacobian at coordinates (k,); the last evaluation is kept.
@@ -220,9 +245,8 @@ class Misfit:
 
     def _evaluated(self, x: Array) -> Fitted:
         prediction = self.model.curves(self.values(x))
-        scale = np.array([one.value_slope(c) for one, c in zip(self.unknowns, x, strict=True)])
         residuals = (prediction.values - self.data.values) / self.data.deviations
-        jacobian = prediction.slopes * scale / self.data.deviations[:, None]
+        jacobian = prediction.slopes * slopes_at(self.unknowns, x) / self.data.deviations[:, None]
         offsets, rows = self._priors
         return Fitted(
             x,

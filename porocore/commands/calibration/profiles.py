@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum
 
@@ -11,14 +11,14 @@ import numpy.typing as npt
 
 from porocore.commands.calibration.minimum import Minimum, Objective, minimise
 from porocore.commands.calibration.problem import Fitted, Unknown
-from porocore.commands.calibration.suggestions import bound_words, held_words, lost_words, widened_words
+from porocore.core.echo import joined
 from porocore.errors import SolveError
 from porocore.states import Array, IntArray
 
 #: The root of the rise is met to this; a last Newton step, which costs nothing, then makes the end far better.
 ROOT_TOLERANCE = 0.15
-#: A point of a walk is accepted where the next step would lower its sum of squares by less than this. The rise is told
-#: with that step, so that an end (a rise of 3.84) moves by a small part of it, and most walks need one evaluation.
+#: A point of a walk is accepted where the next step would lower its sum of squares by less than this. The rise counts
+#: that step, so that an end (a rise of 3.84) moves by a small part of it, and most walks need one evaluation.
 LEFT = 0.01
 #: Points of one walk, and halvings of a step whose point cannot be computed or trusted.
 MOST_POINTS, MOST_HALVINGS = 40, 4
@@ -357,7 +357,6 @@ def parameter_plane(
     best: Minimum,
     indices: tuple[int, int],
     rays: int,
-    tell: Callable[[str], None] = lambda text: None,
 ) -> ParameterPlane:
     """Return the region of two unknowns by walks along rays, which are even in the scales of a fit to first order.
 
@@ -378,7 +377,7 @@ def parameter_plane(
         if n in spared and closed[between].all() and abs(np.log(shares[1] / shares[0])) < ALIKE:
             radii[n], closed[n] = linear[n] * np.sqrt(shares.prod()), True
             continue
-        tell(f"plane of {names}, ray {n + 1} of {rays}")
+        objective.tell(f"plane of {names}, ray {n + 1} of {rays}")
         walk = walks[n].run()
         closed[n] = walk.end is End.crossed
         furthest = max(each.distance for each in walk.points if each.root <= ROOT_95_OF_TWO)
@@ -422,14 +421,42 @@ class IntervalEnd:
     reason: str = ""
 
 
+def interval_words(ends: tuple[float | None, float | None]) -> str:
+    """Return an interval such as ``1.2 to open``, by its ends."""
+    return " to ".join("open" if end is None else f"{end:.4g}" for end in ends)
+
+
 @dataclass(frozen=True, eq=False)
-class ConfidenceInterval:
-    """95 % interval of one unknown, with its profile.
+class Interval:
+    """95 % interval of a number.
 
     Attributes
     ----------
     low, high
         Its ends.
+    """
+
+    low: IntervalEnd
+    high: IntervalEnd
+
+    @property
+    def values(self) -> tuple[float | None, float | None]:
+        """Both ends as values."""
+        return self.low.value, self.high.value
+
+    @property
+    def open_ends(self) -> dict[str, str]:
+        """Reasons of the ends that the data do not set, by ``low`` and ``high``."""
+        ends = {"low": self.low, "high": self.high}
+        return {name: end.reason for name, end in ends.items() if end.value is None}
+
+
+@dataclass(frozen=True, eq=False)
+class ConfidenceInterval(Interval):
+    """95 % interval of one unknown, with its profile.
+
+    Attributes
+    ----------
     coordinates : (n, k)
         Points of the profile in the order of the unknown: its coordinate, and the best of the others. Points at which
         bounds of the others raise the sum of squares are left out.
@@ -437,15 +464,8 @@ class ConfidenceInterval:
         Square root of the rise of the sum of squares, negative below the best value; ±1.96 at the ends.
     """
 
-    low: IntervalEnd
-    high: IntervalEnd
     coordinates: Array
     roots: Array
-
-    @property
-    def values(self) -> tuple[float | None, float | None]:
-        """Both ends as values."""
-        return self.low.value, self.high.value
 
     def widened(self, unknown: Unknown, shift: float) -> ConfidenceInterval:
         """Return the interval that holds the values of this one, and all of them after a shift of the coordinate."""
@@ -463,15 +483,14 @@ def _shifted(end: IntervalEnd, unknown: Unknown, move: float) -> IntervalEnd:
     value = unknown.value(unknown.coordinate(end.value) + move)
     if unknown.lower <= value <= unknown.upper:
         return IntervalEnd(value)
-    bound = unknown.lower if move < 0 else unknown.upper
-    return IntervalEnd(None, widened_words(unknown, bound))
+    bound = unknown.text(unknown.lower if move < 0 else unknown.upper)
+    return IntervalEnd(None, f"an error of the curves moves it beyond the bound of the search, {bound}")
 
 
 def confidence_interval(
     objective: Objective,
     best: Minimum,
     index: int,
-    tell: Callable[[str], None] = lambda text: None,
     strict: bool = True,
 ) -> ConfidenceInterval:
     """Return the 95 % interval of an unknown by its profile likelihood.
@@ -488,7 +507,7 @@ def confidence_interval(
     """
     unknown, walks = objective.misfit.unknowns[index], list[ProfileWalk]()
     for sign, name in ((-1.0, "lower"), (1.0, "upper")):
-        tell(f"{name} end of {unknown.name}")
+        objective.tell(f"{name} end of {unknown.name}")
         walk = ProfileWalk(objective, best, np.array([index]), np.array([sign]), ROOT_95, strict)
         walks.append(walk.run())
     below, above = (walk.honest for walk in walks)
@@ -512,10 +531,12 @@ def _end(walk: ProfileWalk, sign: int, unknowns: Sequence[Unknown], index: int) 
     if walk.end is End.crossed:
         return IntervalEnd(unknown.value(float(best[index] + sign * walk.distance)))
     furthest = max(walk.points, key=lambda each: each.distance).fitted.coordinates
-    reached = unknown.value(float(furthest[index]))
+    reached = [one.text(one.value(float(x))) for one, x in zip(unknowns, furthest, strict=True)]
     if walk.end is End.bound:
-        return IntervalEnd(None, bound_words(unknown, reached))
-    if walk.end is End.held:
-        held = [(int(i), unknowns[i].value(float(furthest[i]))) for i in walk.held_by]
-        return IntervalEnd(None, held_words(unknowns, held))
-    return IntervalEnd(None, lost_words(unknown, reached, walk.end.value))
+        why = f"the data do not exclude any value up to the bound of the search, {reached[index]}"
+    elif walk.end is End.held:
+        held = joined(f"{unknowns[i].name} at its bound {reached[i]}" for i in walk.held_by)
+        why = f"the data set no end here; only {held} would"
+    else:
+        why = f"the profile is known up to {reached[index]}; beyond it {walk.end.value}"
+    return IntervalEnd(None, why)

@@ -1,4 +1,4 @@
-"""Results of a calibration (Calibration), and their files: calibration.json, curves.csv, samples.csv, report."""
+"""Results of a calibration (Calibration), and the entries of its files."""
 
 from __future__ import annotations
 
@@ -10,23 +10,14 @@ from typing import Any
 import numpy as np
 
 from porocore.commands.calibration.derived import METHOD, DerivedCell
-from porocore.commands.calibration.entries import (
-    direction_entries,
-    precision_entries,
-    product_entries,
-    suggestion_entries,
-    systematic_entry,
-    unknown_entries,
-)
-from porocore.commands.calibration.fit import EvaluationRecord, FitQuality
+from porocore.commands.calibration.fit import FitQuality, RecordedModel
 from porocore.commands.calibration.infer import Inference
-from porocore.commands.calibration.plan import CalibrationFolder, CalibrationPlan
+from porocore.commands.calibration.observations import by_curve
+from porocore.commands.calibration.plan import CalibrationPlan
 from porocore.commands.calibration.posterior import Posterior
-from porocore.commands.calibration.problem import Misfit
-from porocore.core.console import duration
-from porocore.core.files.plain_data import json_ready, write_csv, write_json
+from porocore.commands.calibration.problem import CurveData, values_at
+from porocore.core.files.plain_data import write_csv
 from porocore.states import Array
-from porocore.study.run.folder import versions
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,6 +30,8 @@ class Calibration:
         Folder of its files: ``calibration.json``, ``report.html``, ``curves.csv``, ``samples.csv``.
     plan
         Experiments with their curves, and unknowns.
+    data
+        All measured values, one after the other.
     inference
         Values, intervals and directions.
     quality
@@ -49,100 +42,64 @@ class Calibration:
         Aggregate modulus, permeability and other physical numbers of each fitted undeformed cell, with intervals.
     cell_solves
         Cells that the families were learned from, held-out ones included.
+    runs
+        Runs of the experiments.
     seconds
         Wall time of this call.
     warnings
         Sentences on what is to be doubted.
+    truth : (k,)
+        Values of the unknowns with which the data were made up; None: they were measured.
     """
 
     path: Path
     plan: CalibrationPlan
+    data: CurveData
     inference: Inference
     quality: FitQuality
-    posterior: Posterior | None
-    derived: tuple[DerivedCell, ...]
-    cell_solves: int
-    seconds: float
-    warnings: tuple[str, ...]
+    posterior: Posterior | None = None
+    derived: tuple[DerivedCell, ...] = ()
+    cell_solves: int = 0
+    runs: int = 0
+    seconds: float = 0.0
+    warnings: tuple[str, ...] = ()
+    truth: Array | None = None
 
     @property
     def values(self) -> dict[str, float]:
         """Fitted values by the names of the unknowns, in their units."""
-        return {
-            one.name: float(value)
-            for one, value in zip(self.inference.unknowns, self.inference.values, strict=True)
-        }
+        return self.inference.by_name(self.inference.values.tolist())
 
     @property
     def intervals(self) -> dict[str, tuple[float | None, float | None]]:
         """95 % intervals by name, priors counted; None where the data set no end."""
-        pairs = zip(self.inference.unknowns, self.inference.intervals, strict=True)
-        return {one.name: found.values for one, found in pairs}
+        return self.inference.by_name(found.values for found in self.inference.intervals)
 
     @property
     def identifiable(self) -> dict[str, bool]:
         """Identifiability of each unknown by name, by the data without priors."""
-        pairs = zip(self.inference.unknowns, self.inference.identifiable, strict=True)
-        return {one.name: found for one, found in pairs}
+        return self.inference.by_name(self.inference.identifiable)
 
 
-def write_results(
-    folder: CalibrationFolder,
-    done: Calibration,
-    misfit: Misfit,
-    record: EvaluationRecord,
-    truth: Array | None,
-) -> None:
-    """Write results, curves, evaluations and the report; ``truth`` are the values of made-up data.
+#: Rows of ``posterior.csv`` at most.
+MOST_DRAWS = 2000
+
+
+def write_tables(done: Calibration, model: RecordedModel) -> None:
+    """Write ``curves.csv``, ``samples.csv`` with all evaluations, and ``posterior.csv`` where there is one.
 
     Raises
     ------
     RunFolderError
         A file cannot be written.
     """
-    write_csv(folder.curves, CURVES, _curve_rows(done))
-    names = [f"{one.name} [{one.unit or '-'}]" for one in misfit.unknowns]
-    write_csv(folder.samples, [*names, "chi_square", "flagged"], _sample_rows(misfit, record))
+    columns = ("curve", "time", "time unit", "measured", "deviation", "fitted", "unit")
+    write_csv(done.path / "curves.csv", columns, _curve_rows(done))
+    names = [f"{one.name} [{one.unit or '-'}]" for one in done.inference.unknowns]
+    samples = _sample_rows(done.data, model)
+    write_csv(done.path / "samples.csv", [*names, "chi_square", "flagged"], samples)
     if done.posterior is not None:
-        write_csv(folder.posterior, names, _thinned(done.posterior).tolist())
-    _write_report(folder, done, misfit, len(record), truth)
-    # Last, so that a folder with results has all of them.
-    write_json(folder.results, json_ready(results_of(done)), indent=2, ensure_ascii=False)
-
-
-#: Rows of ``posterior.csv`` at most.
-MOST_DRAWS = 2000
-#: Columns of ``curves.csv``.
-CURVES = ("curve", "time", "time unit", "measured", "deviation", "fitted", "unit")
-
-
-def results_of(done: Calibration) -> dict[str, Any]:
-    """Return what ``calibration.json`` holds."""
-    entries = {
-        "unknowns": unknown_entries(done.inference),
-        "fields": {
-            each.name: {
-                "along": each.along,
-                "at": list(each.places),
-                "unit": each.unit,
-                "unknowns": [done.inference.unknowns[i].name for i in each.members],
-            }
-            for each in done.plan.fields
-        },
-        "derived": {"method": METHOD, "cells": [each.entries() for each in done.derived]},
-        "directions": direction_entries(done.inference),
-        "products": product_entries(done.inference),
-        "misfit": done.quality.chi_square,
-        "reduced_misfit": done.quality.reduced,
-        "deviations_off": done.quality.deviations_off,
-        "error_of_steps": systematic_entry(done.inference),
-        "precision": precision_entries(done.inference),
-        "suggestions": suggestion_entries(done.inference),
-        "warnings": list(done.warnings),
-        "cell_solves": done.cell_solves,
-        "seconds": round(done.seconds, 2),
-    }
-    return entries if done.posterior is None else entries | {"posterior": done.posterior.entries()}
+        write_csv(done.path / "posterior.csv", names, _thinned(done.posterior).tolist())
 
 
 def _thinned(posterior: Posterior) -> Array:
@@ -153,23 +110,16 @@ def _thinned(posterior: Posterior) -> Array:
 
 
 def _curve_rows(done: Calibration) -> Iterator[list[Any]]:
-    fitted, first = done.inference.best.prediction.values, 0
-    for curve in done.plan.curves:
+    curves = done.plan.curves
+    for curve, fitted in zip(curves, by_curve(done.inference.best.prediction.values, curves), strict=True):
         assert curve.measured is not None
-        columns = (
-            curve.displayed_times,
-            curve.measured,
-            curve.deviations,
-            fitted[first : first + len(curve)],
-        )
-        first += len(curve)
+        columns = curve.displayed_times, curve.measured, curve.deviations, fitted
         for t, measured, deviation, value in np.stack(columns, axis=1).tolist():
             yield [curve.name, t, curve.time_unit or "-", measured, deviation, value, curve.unit or "-"]
 
 
-def _sample_rows(misfit: Misfit, record: EvaluationRecord) -> Iterator[list[Any]]:
-    data = misfit.data
-    for values, found in record:
+def _sample_rows(data: CurveData, model: RecordedModel) -> Iterator[list[Any]]:
+    for values, found in model:
         if found is None:
             yield [*values.tolist(), "", ""]
         else:
@@ -177,44 +127,126 @@ def _sample_rows(misfit: Misfit, record: EvaluationRecord) -> Iterator[list[Any]
             yield [*values.tolist(), float(residuals @ residuals), int(found.flagged)]
 
 
-def _error_text(inference: Inference) -> str:
-    """Return how far the error of the steps moves the unknowns, in words."""
-    error = inference.systematic
-    if error is None:
-        return "not known"
-    return f"moves the unknowns by {error.size:.2g} standard deviations" + (
-        ", which the intervals hold" if error.counted else ""
-    )
+def results_of(done: Calibration) -> dict[str, Any]:
+    """Return what ``calibration.json`` holds; numbers that are not finite become None there."""
+    entries = {
+        "unknowns": unknown_entries(done.inference),
+        "fields": {
+            each.name: {
+                "along": each.along,
+                "at": each.places,
+                "unit": each.unit,
+                "unknowns": [done.inference.unknowns[i].name for i in each.members],
+            }
+            for each in done.plan.fields
+        },
+        "derived": {"method": METHOD, "cells": [each.entries() for each in done.derived]},
+        "directions": direction_entries(done.inference),
+        "products": {
+            each.name: {"value": each.value, "unit": each.unit, "interval95": each.interval}
+            for each in done.inference.products
+        },
+        "misfit": done.quality.chi_square,
+        "reduced_misfit": done.quality.reduced,
+        "deviations_off": done.quality.deviations_off,
+        "error_of_steps": systematic_entry(done.inference),
+        "precision": precision_entries(done.inference),
+        "suggestions": suggestion_entries(done.inference),
+        "warnings": done.warnings,
+        "cell_solves": done.cell_solves,
+        "seconds": round(done.seconds, 2),
+    }
+    return entries if done.posterior is None else entries | {"posterior": done.posterior.entries()}
 
 
-def _write_report(
-    folder: CalibrationFolder, done: Calibration, misfit: Misfit, evaluations: int, truth: Array | None
-) -> None:
-    from porocore.commands.calibration.contents import CalibrationContents, CurveAxes
-    from porocore.commands.calibration.page import write_report  # matplotlib is slow to import
+def unknown_entries(inference: Inference) -> dict[str, dict[str, Any]]:
+    """Return value, unit, intervals and identifiability of each unknown, by its name.
 
-    quality = done.quality
-    facts = (
-        ("Values of all curves", str(len(misfit.data.values))),
-        ("Reduced chi-square", f"{quality.reduced:.3g}"),
-        ("Error of the steps in time", _error_text(done.inference)),
-        ("Cell solves", str(done.cell_solves)),
-        ("Runs of the experiments", str(evaluations)),
-        ("Time of the last call", duration(done.seconds)),
+    ``interval95`` counts the priors, ``interval95_without_prior`` does not; an end that the data do not set is None,
+    and ``open_ends`` has the reason. ``deviation`` is that of ln x where the scale is ``log``, to first order. It is
+    ``identifiable`` if the ends without priors lie within ``resolution`` of the value.
+    """
+    return {
+        one.name: {
+            "value": float(inference.values[i]),
+            "unit": one.unit,
+            "scale": one.scale,
+            "interval95": inference.intervals[i].values,
+            "interval95_without_prior": inference.data_intervals[i].values,
+            "open_ends": inference.data_intervals[i].open_ends,
+            "deviation": inference.with_priors.deviations[i],
+            "deviation_without_prior": inference.without_priors.deviations[i],
+            "identifiable": inference.identifiable[i],
+            "resolution": inference.rule.distance(one, float(inference.values[i])),
+        }
+        for i, one in enumerate(inference.unknowns)
+    }
+
+
+def direction_entries(inference: Inference) -> list[dict[str, Any]]:
+    """Return the non-identifiable directions in words and numbers, by the names of the unknowns.
+
+    ``direction`` is a unit vector over the coordinates, which are ln x where the scale is ``log``; ``deviation`` is the
+    standard deviation along it, infinite where the data do not depend on it. ``step`` changes no measured value by more
+    than ``largest_change`` of its standard deviations. The model does not depend on one that is ``exact``.
+    """
+    return [
+        {
+            "words": words,
+            "direction": inference.by_name(each.direction.tolist()),
+            "deviation": each.deviation,
+            "step": inference.by_name(each.step.tolist()),
+            "largest_change": each.change,
+            "exact": each.exact,
+        }
+        for words, each in zip(inference.words, inference.directions, strict=True)
+    ]
+
+
+def precision_entries(inference: Inference) -> dict[str, Any]:
+    """Return singular values without priors, and correlations without and with them; NaN where they mean nothing."""
+
+    def correlations(found: Array) -> dict[str, dict[str, float]]:
+        return inference.by_name(inference.by_name(row) for row in found.tolist())
+
+    alone = inference.correlations
+    with_priors = (
+        inference.with_priors.correlations if any(u.has_prior for u in inference.unknowns) else alone
     )
-    axes = tuple(CurveAxes("", curve.unit, curve.time_unit) for curve in done.plan.curves)
-    contents = CalibrationContents(
-        done.plan.heading,
-        misfit.data,
-        done.inference,
-        axes,
-        truth,
-        facts,
-        done.warnings,
-        fields=done.plan.fields,
-        posterior=done.posterior,
-        derived=done.derived,
-        plan=done.plan,
-        versions=versions(),
-    )
-    write_report(folder.path, contents)
+    return {
+        "singular_values": inference.without_priors.singular_values,
+        "correlations": correlations(with_priors),
+        "correlations_without_priors": correlations(alone),
+    }
+
+
+def systematic_entry(inference: Inference) -> dict[str, Any] | None:
+    """Return the known error of the curves and how it moves the best values, by the names; None: none is known.
+
+    ``largest_error`` is that of a value in its standard deviations; ``shift`` is what exact curves would add to the
+    values, ``shift_in_deviations`` the same to first order in standard deviations of each unknown. The intervals hold
+    the values of exact curves where it is ``counted``.
+    """
+    found = inference.systematic
+    if found is None:
+        return None
+    moved = values_at(inference.unknowns, inference.best.coordinates + found.shift)
+    return {
+        "largest_error": np.abs(found.errors).max(),
+        "shift": inference.by_name((moved - inference.values).tolist()),
+        "shift_in_deviations": inference.by_name(found.deviations.tolist()),
+        "largest_shift_in_deviations": found.size,
+        "counted": found.counted,
+    }
+
+
+def suggestion_entries(inference: Inference) -> list[dict[str, Any]]:
+    """Return further data that help, the best first; a gain of the smallest singular value may be infinite.
+
+    ``unseen`` directions are then still non-identifiable.
+    """
+    return [
+        {"data": each.name, "gain": each.gain, "least": each.least, "unseen": each.non_identifiable}
+        for each in inference.suggestions
+        if each.helps
+    ]

@@ -154,58 +154,6 @@ def clock_format(unit: str) -> str:
     return "" if found is None else "s" if found[3] else "min"
 
 
-def clock_unit(where: str, texts: Sequence[str], lines: Sequence[int], unit: str, *, scales: bool) -> str:
-    """Return the unit of clock times, read as a number of their last place; empty where a column has none.
-
-    Parameters
-    ----------
-    where
-        File and heading, with a place for the line.
-    texts, lines
-        Of the column.
-    unit
-        Its unit, or the format that stands there; empty: none is given.
-    scales
-        The study has some.
-
-    Raises
-    ------
-    ConfigurationError
-        Some entries alone are clock times, they may be hours or minutes, or the unit is that of a plain number.
-    """
-    read = [CLOCK.fullmatch(text.strip()) for text in texts]
-    k = next((k for k, each in enumerate(read) if each is not None), None)
-    if k is None:
-        return ""
-    at, got = where.format(lines[k]), echo(texts[k])
-    other = next((i for i, text in enumerate(texts) if re.fullmatch(r"\s*[0-9.,]*[0-9]\s*", text)), None)
-    if other is not None:
-        raise ConfigurationError(
-            f"{at}: expected a number, as in line {lines[other]}, got the clock time {got}; write all times alike"
-        )
-    told = any(each is not None and (each["h"] or each["f"]) for each in read)
-    found = clock_format(unit)
-    if unit and not found:
-        raise ConfigurationError(
-            f"{at}: expected a number in {echo(unit)}, got the clock time {got}; give 'time_unit: \"hh:mm:ss\"', or "
-            "'time_unit: \"mm:ss\"'"
-        )
-    if told and found == "min":
-        raise ConfigurationError(
-            f"{at}: expected times as hh:mm, got {got} among others with seconds; give 'time_unit: \"hh:mm:ss\"'"
-        )
-    if not told and not found:
-        raise ConfigurationError(
-            f"{at}: {got} may be minutes and seconds, or hours and minutes; give 'time_unit: \"mm:ss\"' or "
-            "'time_unit: \"hh:mm\"'"
-        )
-    if not scales:
-        raise ConfigurationError(
-            f"{at}: {got} is a time in seconds, but {ADD_SCALES}, or write dimensionless times"
-        )
-    return found or "s"
-
-
 POINT, COMMA = ".", ","
 WORDS = {POINT: "decimal points", COMMA: "decimal commas"}
 _OTHER = {POINT: COMMA, COMMA: POINT}
@@ -286,14 +234,15 @@ class TextColumn:
 
     Attributes
     ----------
-    name
-        Its heading.
+    path, name
+        The file, and the heading of the column.
     texts, lines
         Of its n cells, and their lines in the file.
     clock
         They may be clock times.
     """
 
+    path: Path
     name: str
     texts: Sequence[str]
     lines: Sequence[int]
@@ -314,6 +263,10 @@ class TextColumn:
         """Points or commas that can only stand between groups of three digits."""
         return {group for entry in self.entries if (group := entry.group)}
 
+    def at(self, k: int) -> str:
+        """Return where an entry stands, for messages."""
+        return f"{self.path}:{self.lines[k]}: {self.name}"
+
 
 @dataclass(frozen=True, eq=False)
 class Numbers:
@@ -333,57 +286,26 @@ class Numbers:
         return float(Decimal(1).scaleb(min(e for e in exponents if isinstance(e, int))))
 
 
-def read_columns(
-    where: str, columns: Sequence[TextColumn], separator: str, decimal: str | None = None
-) -> list[Numbers]:
-    """Return the numbers of some columns of one table.
-
-    The decimal mark of a column is that with which all of its entries are numbers. Where both are possible, as for
-    1,234, it is that of the other columns, or the point where commas separate entries and all of the column have a
-    point. A point or comma is taken for one between groups of three digits only where it can be nothing else at
-    another place of the column, or, in a column without decimals, of another one.
-
-    Parameters
-    ----------
-    where
-        The file, for messages.
-    columns
-        With one number of entries.
-    separator
-        Sign between the entries of a line.
-    decimal
-        The decimal mark; None: it is found.
-
-    Raises
-    ------
-    ConfigurationError
-        An entry is no finite number, two of a column have different decimal marks, or it may be two numbers. The
-        message names the line.
-    """
-    marks = {mark for column in columns for mark in column.marks}
-    groups = {group for column in columns for group in column.groups}
-    return [_read(where, column, marks, groups, separator, decimal) for column in columns]
-
-
 def _read(
-    where: str, column: TextColumn, marks: set[str], groups: set[str], separator: str, decimal: str | None
+    column: TextColumn, marks: set[str], groups: set[str], separator: str, decimal: str | None
 ) -> Numbers:
-    _require_numbers(where, column)
+    """Return the numbers of a column; ``marks`` and ``groups`` are those of all columns that are read."""
+    _require_numbers(column)
     own = column.marks
     if decimal is None and len(own) == 2:
-        raise _contradiction(where, column)
+        raise _contradiction(column)
     mark = decimal or (next(iter(own)) if own else _mark_of_others(column, marks, separator))
     found = []
-    for line, entry in zip(column.lines, column.entries, strict=True):
+    for k, entry in enumerate(column.entries):
         if entry.is_ambiguous:
             grouped = mark is not None and mark not in entry.text
             seen = _OTHER.get(mark or "") in (column.groups if own else groups - marks)
             if mark is None or (grouped and not seen and (decimal is None or own)):
-                raise _ambiguity(f"{where}:{line}: {column.name}", entry, mark if own else None)
+                raise _ambiguity(column.at(k), entry, mark if own else None)
         if (text := entry.readings.get(mark or POINT)) is None:
             raise ConfigurationError(
-                f"{where}:{line}: {column.name}: expected a number with {WORDS[mark or POINT]}, as the key 'decimal' "
-                f"says, got {echo(entry.text)}; change the key, or the number"
+                f"{column.at(k)}: expected a number with {WORDS[mark or POINT]}, as the key 'decimal' says, got "
+                f"{echo(entry.text)}; change the key, or the number"
             )
         found.append(text)
     return Numbers(tuple(found))
@@ -397,18 +319,16 @@ def _mark_of_others(column: TextColumn, marks: set[str], separator: str) -> str 
     return POINT if separator == COMMA and all(POINT in text for text in column.texts) else None
 
 
-def _require_numbers(where: str, column: TextColumn) -> None:
+def _require_numbers(column: TextColumn) -> None:
     sound = [entry.is_number and (column.clock or ":" not in entry.text) for entry in column.entries]
     if all(sound):
         return
     k = sound.index(False)
-    advice = _advice(column.entries[k].text)
+    text = column.texts[k]
+    advice = _advice(text)
     if k > 0 and not any(sound[k:]):
         advice = f"remove the rows below the table, or end it by 'last_line: {column.lines[k] - 1}'"
-    raise ConfigurationError(
-        f"{where}:{column.lines[k]}: {column.name}: expected a finite number, got {echo(column.entries[k].text)}; "
-        f"{advice}"
-    )
+    raise ConfigurationError(f"{column.at(k)}: expected a finite number, got {echo(text)}; {advice}")
 
 
 def _advice(text: str) -> str:
@@ -423,17 +343,17 @@ def _advice(text: str) -> str:
     return "remove the row"
 
 
-def _contradiction(where: str, column: TextColumn) -> ConfigurationError:
+def _contradiction(column: TextColumn) -> ConfigurationError:
     """Return the complaint about the first entry with the rarer decimal mark of a column that has both."""
-    by_mark: dict[str, list[tuple[int, str]]] = {POINT: [], COMMA: []}
-    for line, entry in zip(column.lines, column.entries, strict=True):
+    by_mark: dict[str, list[int]] = {POINT: [], COMMA: []}
+    for k, entry in enumerate(column.entries):
         if (mark := entry.only_mark) is not None:
-            by_mark[mark].append((line, entry.text))
-    most = max(by_mark, key=lambda mark: (len(by_mark[mark]), -by_mark[mark][0][0]))
-    (line, text), (other_line, other) = by_mark[_OTHER[most]][0], by_mark[most][0]
+            by_mark[mark].append(k)
+    most = max(by_mark, key=lambda mark: (len(by_mark[mark]), -by_mark[mark][0]))
+    k, other = by_mark[_OTHER[most]][0], by_mark[most][0]
     return ConfigurationError(
-        f"{where}:{line}: {column.name}: expected {WORDS[most]}, as in {echo(other)} in line {other_line}, got "
-        f"{echo(text)}; write all numbers of the column alike"
+        f"{column.at(k)}: expected {WORDS[most]}, as in {echo(column.texts[other])} in line {column.lines[other]}, got "
+        f"{echo(column.texts[k])}; write all numbers of the column alike"
     )
 
 
@@ -734,18 +654,25 @@ class CurveTable:
             raise ConfigurationError(f"{self.path}: no column is called {echo(name)}; {advice}")
         return found[0]
 
-    def with_clock(self, column: int, format_or_unit: str | None, *, scales: bool) -> CurveTable | None:
+    def with_clock(self, column: int, given: str | None, *, scales: bool) -> CurveTable | None:
         """Return the table with the unit that clock times in a column have; None: there are none.
+
+        Parameters
+        ----------
+        column
+            Of the times.
+        given
+            Their unit, or the format that stands in its place; None: that of the heading.
+        scales
+            The study has some.
 
         Raises
         ------
         ConfigurationError
-            As :func:`~porocore.commands.calibration.tables.clock_unit`.
+            Some entries alone are clock times, they may be hours or minutes, or the unit is that of a plain number.
         """
-        heading, texts = self.headings[column], [row[column] for row in self.rows]
-        unit = heading.unit if format_or_unit is None else format_or_unit
-        where = f"{self.path}:{{}}: {heading.name}"
-        found = clock_unit(where, texts, self.lines, unit, scales=scales)
+        heading = self.headings[column]
+        found = _clock_unit(self._column(column), heading.unit if given is None else given, scales=scales)
         if not found:
             return None
         headings = [replace(each, unit=found) if each is heading else each for each in self.headings]
@@ -767,17 +694,71 @@ class CurveTable:
     ) -> list[Numbers]:
         """Return the numbers of some columns, which together determine the decimal mark.
 
-        Only the column ``clock`` may have clock times.
+        The decimal mark of a column is that with which all of its entries are numbers. Where both are possible, as for
+        1,234, it is that of the other columns, or the point where commas separate entries and all of the column have a
+        point. A point or comma is taken for one between groups of three digits only where it can be nothing else at
+        another place of the column, or, in a column without decimals, of another one.
+
+        Parameters
+        ----------
+        columns
+            The columns.
+        decimal
+            The decimal mark; None: it is found.
+        clock
+            The only column that may have clock times.
 
         Raises
         ------
         ConfigurationError
-            As :func:`~porocore.commands.calibration.tables.read_columns`.
+            An entry is no finite number, two of a column have different decimal marks, or it may be two numbers. The
+            message names the line.
         """
-        found = [
-            TextColumn(self.names[k], [row[k] for row in self.rows], self.lines, k == clock) for k in columns
-        ]
-        return read_columns(str(self.path), found, self.separator, decimal)
+        found = [self._column(k, clock=k == clock) for k in columns]
+        marks = {mark for column in found for mark in column.marks}
+        groups = {group for column in found for group in column.groups}
+        return [_read(column, marks, groups, self.separator, decimal) for column in found]
+
+    def _column(self, k: int, *, clock: bool = False) -> TextColumn:
+        return TextColumn(self.path, self.names[k], [row[k] for row in self.rows], self.lines, clock)
+
+
+def _clock_unit(column: TextColumn, unit: str, *, scales: bool) -> str:
+    """Return the unit of clock times, read as a number of their last place; empty where a column has none."""
+    read = [CLOCK.fullmatch(text.strip()) for text in column.texts]
+    k = next((k for k, each in enumerate(read) if each is not None), None)
+    if k is None:
+        return ""
+    at, got = column.at(k), echo(column.texts[k])
+    other = next(
+        (i for i, text in enumerate(column.texts) if re.fullmatch(r"\s*[0-9.,]*[0-9]\s*", text)), None
+    )
+    if other is not None:
+        raise ConfigurationError(
+            f"{at}: expected a number, as in line {column.lines[other]}, got the clock time {got}; write all times "
+            "alike"
+        )
+    has_seconds = any(each is not None and (each["h"] or each["f"]) for each in read)
+    found = clock_format(unit)
+    if unit and not found:
+        raise ConfigurationError(
+            f"{at}: expected a number in {echo(unit)}, got the clock time {got}; give 'time_unit: \"hh:mm:ss\"', or "
+            "'time_unit: \"mm:ss\"'"
+        )
+    if has_seconds and found == "min":
+        raise ConfigurationError(
+            f"{at}: expected times as hh:mm, got {got} among others with seconds; give 'time_unit: \"hh:mm:ss\"'"
+        )
+    if not has_seconds and not found:
+        raise ConfigurationError(
+            f"{at}: {got} may be minutes and seconds, or hours and minutes; give 'time_unit: \"mm:ss\"' or "
+            "'time_unit: \"hh:mm\"'"
+        )
+    if not scales:
+        raise ConfigurationError(
+            f"{at}: {got} is a time in seconds, but {ADD_SCALES}, or write dimensionless times"
+        )
+    return found or "s"
 
 
 def _rows(lines: Sequence[str], separator: str) -> list[_Row] | None:

@@ -1,4 +1,4 @@
-"""Unknowns of a calibration and their ranges, as the section `calibration:` gives them."""
+"""Unknowns of a calibration: the numbers of a study that may be unknown, their ranges, priors and first values."""
 
 from __future__ import annotations
 
@@ -6,39 +6,60 @@ import math
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
-from itertools import product
+from itertools import chain, pairwise, product
+from typing import Any
 
-from porocore.commands.calibration.plan import Experiment, PlannedUnknown
+import numpy as np
+from annotated_types import Ge, Gt
+from pydantic.fields import FieldInfo
+
+from porocore.cell.family.family import possible_parameters
+from porocore.commands.calibration.plan import AXES, Experiment, NumberKind, PlannedUnknown, StudyNumber
 from porocore.commands.calibration.problem import NormalPrior, Scale, Unknown
 from porocore.commands.calibration.settings import (
     CalibrationSettings,
     ControlSettings,
     ObservationSettings,
     PriorSettings,
-    StudyNumber,
     SyntheticTimes,
     UnknownSettings,
-    control_numbers,
-    declared_positive,
-    field_number,
-    study_number,
 )
 from porocore.core.echo import echo, suggestion
 from porocore.core.files.yaml_document import Location, dotted
+from porocore.core.formulas import TimeFunction
+from porocore.core.models.strict import walk
 from porocore.core.units import (
     NO_SCALES,
     QUANTITIES,
     ResultUnits,
     UnitError,
+    dimensions,
     in_si,
     length_text,
     number_or_quantity,
     pretty,
     unit_in_si,
     unit_within,
+    value_of,
 )
 from porocore.errors import ConfigurationError
+from porocore.interfaces.sensitivities import HatFunction
+from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.composition.axes import as_field
+from porocore.macro.composition.fields import Points
+from porocore.macro.problem import body_mesh
+from porocore.states import Array
+from porocore.study.config.config import MacroSettings, RunConfig
+from porocore.study.sweep.plan import quantities_of
 
+#: Numbers with a name of their own, with their quantities.
+OWN: dict[NumberKind, str] = {
+    "modulus": "stress",
+    "viscosity": "viscosity",
+    "pore": "pore-size",
+    "load": "",
+    "time_shift": "time",
+}
 #: Keys of an unknown and of an observation, with which complaints begin.
 _KEYS = {
     *UnknownSettings.model_fields,
@@ -122,6 +143,144 @@ def _planned(
     ]
 
 
+class _Values:
+    """Values of one unknown, in one unit: that of the first value that has one; empty for dimensionless values.
+
+    Raises
+    ------
+    ConfigurationError
+        The unit is none of the quantity, a study has no scales, or plain numbers mean something else in another
+        experiment.
+    """
+
+    def __init__(
+        self,
+        given: UnknownSettings,
+        numbers: Mapping[str, StudyNumber],
+        experiments: Mapping[str, Experiment],
+    ) -> None:
+        self.given, self.number = given, next(iter(numbers.values()))
+        self.config = experiments[next(iter(numbers))].config
+        self.scale: Scale = given.scale or ("log" if self.number.is_scale else "linear")
+        prior = [] if given.prior is None else [given.prior.mean]
+        starts = [given.start] if given.field is None else [given.start, *given.field.start]
+        texts = [text for text in (given.lower, given.upper, *starts, *prior) if isinstance(text, str)]
+        self.unit = next(filter(None, map(unit_within, texts)), "")
+        self._require_a_unit(numbers, experiments)
+
+    def _require_a_unit(
+        self, numbers: Mapping[str, StudyNumber], experiments: Mapping[str, Experiment]
+    ) -> None:
+        quantity = self.number.quantity
+        if self.unit and not quantity:
+            raise ConfigurationError(f"expected plain numbers, got {echo(self.unit)} as a unit")
+        if self.unit:
+            try:
+                unit_in_si(self.unit, quantity)
+            except UnitError as error:
+                raise ConfigurationError(f"lower: {error}") from None
+        found = {name: experiments[name].config.scales for name in numbers}
+        if self.unit and (without := [name for name, scales in found.items() if scales is None]):
+            of = f" of the experiment '{without[0]}'" if without[0] else ""
+            raise ConfigurationError(f"lower: {echo(self.given.lower)} {NO_SCALES}{of}")
+        if self.unit or not quantity:
+            return
+        factors = {1.0 if s is None else float(QUANTITIES[quantity].factor(s.exact)) for s in found.values()}
+        if max(factors) - min(factors) > SAME * max(factors):
+            raise ConfigurationError(
+                "expected values with a unit, since the experiments have other scales, so that a plain number means "
+                "something else in each"
+            )
+
+    def read(self, key: str, value: float | str) -> float:
+        """Return a value in the unit."""
+        try:
+            value = number_or_quantity(value)
+            if isinstance(value, str):
+                return float(in_si(value, self.number.quantity) / unit_in_si(self.unit, self.number.quantity))
+        except UnitError as error:
+            raise ConfigurationError(f"{key}: {error}") from None
+        if self.unit:
+            raise ConfigurationError(
+                f"{key}: expected a value with a unit, such as {value:g} {self.unit}, got {value:g}"
+            )
+        return value
+
+    def positive(self, key: str, value: float | str) -> float:
+        """Return a value in the unit, which must be above 0."""
+        return _positive(key, value, self.read(key, value))
+
+    def deviation(self, key: str, value: float | str) -> float:
+        """Return a standard deviation of the coordinate."""
+        if self.scale == "linear":
+            return self.positive(key, value)
+        if isinstance(value, str):
+            raise ConfigurationError(
+                f"{key}: expected a plain number, that of ln x, such as 0.2, got {echo(value)}"
+            )
+        return _positive(key, value, float(value))
+
+    def bounds(self) -> tuple[float, float]:
+        """Return both bounds.
+
+        Raises
+        ------
+        ConfigurationError
+            They are empty, or the lower one is not above 0 for a number that must be; bounds of a number of the
+            boundary hold 0.
+        """
+        given, number = self.given, self.number
+        lower, upper = self.read("lower", given.lower), self.read("upper", given.upper)
+        if not lower < upper:
+            raise ConfigurationError(
+                f"expected lower < upper, got {echo(given.lower)} and {echo(given.upper)}"
+            )
+        if lower > 0:
+            return lower, upper
+        if number.is_scale or (number.kind == "cell" and declared_positive(number.name, self.config)):
+            raise ConfigurationError(
+                f"lower: expected a number above 0, as every value of {echo(number.name)} is, got {echo(given.lower)}; "
+                "give the least one that is possible"
+            )
+        if number.kind == "boundary" and self.scale == "linear" and not upper < 0:
+            raise ConfigurationError(
+                f"expected bounds of one sign for {echo(number.name)}, whose derivatives are taken relative to it, got "
+                f"{echo(given.lower)} and {echo(given.upper)}; leave out 0"
+            )
+        if self.scale == "log":
+            raise ConfigurationError(
+                f"lower: expected a number above 0 for a search in ln x, got {echo(given.lower)}; or scale: linear"
+            )
+        return lower, upper
+
+    def prior(self) -> NormalPrior | None:
+        """Return the prior."""
+        if self.given.prior is None:
+            return None
+        key, mean, logarithmic = "prior.mean", self.given.prior.mean, self.scale == "log"
+        found = math.log(self.positive(key, mean)) if logarithmic else self.read(key, mean)
+        return NormalPrior(found, self.deviation("prior.deviation", self.given.prior.deviation))
+
+    def start(self, control: int | None) -> tuple[str, float | str | None]:
+        """Return the first value as it is given, and its key; None: it is that of the study."""
+        field = self.given.field
+        if control is None or field is None or not field.start:
+            return "start", self.given.start
+        if self.given.start is not None:
+            raise ConfigurationError("start: the first values stand in field.start too; keep one of the two")
+        if len(field.start) != len(field.at):
+            raise ConfigurationError(
+                f"field.start: expected {len(field.at)} values, one for each coordinate, got {len(field.start)}"
+            )
+        return "field.start", field.start[control]
+
+
+def _positive(key: str, value: float | str, number: float) -> float:
+    if number <= 0:
+        raise ConfigurationError(f"{key}: expected a number above 0, got {echo(value)}")
+    return number
+
+
 def _unknown(
     name: str,
     given: UnknownSettings,
@@ -130,26 +289,24 @@ def _unknown(
     control: int | None = None,
 ) -> PlannedUnknown:
     """Return an unknown; ``control`` is the place of a control value in its field."""
-    first = next(iter(numbers))
-    unit = _unit(given, numbers[first])
-    _require_one_meaning(given, unit, numbers, experiments)
-    scale: Scale = given.scale or ("log" if numbers[first].is_positive else "linear")
-    number = numbers[first]
-    lower, upper = (
-        _number(key, value, unit, number) for key, value in (("lower", given.lower), ("upper", given.upper))
-    )
-    if not lower < upper:
-        raise ConfigurationError(f"expected lower < upper, got {echo(given.lower)} and {echo(given.upper)}")
-    if lower <= 0:
-        _require_sign(given, upper, scale, numbers, experiments)
-    prior, smoothing = _prior(given, unit, number, scale), _smoothing(given, unit, number, scale, control)
-    resolution = None if given.resolution is None else _number("resolution", given.resolution, unit, number)
-    if resolution is not None and resolution <= 0:
-        raise ConfigurationError(f"resolution: expected a number above 0, got {echo(given.resolution)}")
-    unknown = Unknown(name, lower, lower, upper, scale, prior, unit, smoothing)
+    values = _Values(given, numbers, experiments)
+    lower, upper = values.bounds()
+    prior, smoothing = values.prior(), None if given.field is None else given.field.smoothing
+    # The first control value has no neighbour before it.
+    spread = values.deviation("field.smoothing", smoothing) if control and smoothing is not None else None
+    resolution = None if given.resolution is None else values.positive("resolution", given.resolution)
+    unknown = Unknown(name, lower, lower, upper, values.scale, prior, values.unit, spread)
     found = PlannedUnknown(unknown, numbers, resolution)
-    start = _start(given, found, experiments[first], control)
-    return replace(found, unknown=replace(found.unknown, start=start))
+    key, first = values.start(control)
+    if first is not None:
+        start = values.read(key, first)
+        if not lower <= start <= upper:
+            raise ConfigurationError(f"{key}: expected a value within the bounds, got {echo(first)}")
+    else:
+        start = values.number.value / found.dimensionless(experiments[next(iter(numbers))])
+        if not lower < start < upper:
+            start = math.sqrt(lower * upper) if values.scale == "log" else (lower + upper) / 2
+    return replace(found, unknown=replace(unknown, start=start))
 
 
 def bounds_notes(planned: PlannedUnknown, experiments: Mapping[str, Experiment]) -> Iterator[str]:
@@ -183,140 +340,208 @@ def _in_units(value: float, quantity: str, units: ResultUnits) -> str:
     return units.text(value, quantity)
 
 
-def _require_sign(
-    given: UnknownSettings,
-    upper: float,
-    scale: Scale,
-    numbers: Mapping[str, StudyNumber],
-    experiments: Mapping[str, Experiment],
-) -> None:
-    """Refuse a lower bound, not above 0, of a number that must be; of one of the boundary whose bounds hold 0."""
-    number, config = next((each, experiments[name].config) for name, each in numbers.items())
-    if number.is_positive or (number.kind == "cell" and declared_positive(number.name, config)):
+def study_number(text: str, config: RunConfig, load: float) -> StudyNumber:
+    """Return the number of a study that a text names.
+
+    Parameters
+    ----------
+    text
+        Such as ``radius``, ``modulus``, ``load`` or ``boundary.y+.pressure``.
+    config, load
+        The study and its load.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such number; similar ones are proposed.
+    """
+    cell = _cell_numbers(config)
+    own = {
+        "modulus": 1.0,
+        "viscosity": config.cell.viscosity,
+        "pore": 1.0,
+        "load": load,
+        "time_shift": 0.0,
+    }
+    boundary = _boundary_numbers(config.macro)
+    for kind, quantity in OWN.items():
+        if text == kind and not (kind == "viscosity" and _is_range(config, kind)):
+            return StudyNumber(kind, text, quantity, own[kind])
+    if text in cell:
+        _require_one_value(text, config)
+        return cell[text]
+    if text in boundary:
+        return boundary[text]
+    names = [*(name for name in cell if name not in own), *own, *boundary]
+    raise ConfigurationError(
+        f"expected a number of the study, got {echo(text)}; {suggestion(text, names, 'the numbers are')}"
+    )
+
+
+def field_number(text: str, config: RunConfig) -> StudyNumber:
+    """Return the parameter of the cell that a text names, which may differ within the body.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such parameter, or a region has its own value.
+    """
+    cell = _cell_numbers(config)
+    if text not in cell:
         raise ConfigurationError(
-            f"lower: expected a number above 0, as every value of {echo(number.name)} is, got {echo(given.lower)}; "
-            "give the least one that is possible"
+            f"expected a parameter of the cell, which alone may be a field over the body, got {echo(text)}; "
+            f"{suggestion(text, cell, 'the parameters are')}"
         )
-    if number.kind == "boundary" and scale == "linear" and not upper < 0:
+    _require_no_regions(text, config)
+    return cell[text]
+
+
+def _is_range(config: RunConfig, name: str) -> bool:
+    return any(parameter.name == name for parameter in config.cell.parameters)
+
+
+def _cell_numbers(config: RunConfig) -> dict[str, StudyNumber]:
+    """Return the numbers of the cell that may be parameters, with the values that the body has."""
+    quantities = quantities_of(config.cell)
+    base = {parameter.name: parameter.base for parameter in config.cell.parameters}
+    own = {place.path: place.value for place in walk(type(config.cell), config.cell)}
+    found = {}
+    for path, name in possible_parameters(config.cell).items():
+        given = config.macro.fields.get(name)
+        value = float(given) if isinstance(given, float | int) else base.get(name, own[path])
+        found[name] = StudyNumber("cell", name, quantities.get(name, ""), value)
+    return found
+
+
+def declared_positive(name: str, config: RunConfig) -> bool:
+    """Return whether a parameter of the cell is declared to be above 0, as a radius is and a Poisson's ratio is not."""
+    paths = {own: path for path, own in possible_parameters(config.cell).items()}
+    place = next(each for each in walk(type(config.cell), config.cell) if each.path == paths[name])
+    declared = [each.metadata if isinstance(each, FieldInfo) else [each] for each in place.metadata]
+    zero: Any = 0.0  # the package declares no type of its limits that compares with a number
+    return any(
+        (isinstance(each, Gt) and each.gt >= zero) or (isinstance(each, Ge) and each.ge > zero)
+        for each in chain.from_iterable(declared)
+    )
+
+
+def _require_one_value(name: str, config: RunConfig) -> None:
+    """Refuse a parameter of the cell that differs within the body.
+
+    Raises
+    ------
+    ConfigurationError
+        It is a field, or has values of their own in regions.
+    """
+    given = config.macro.fields.get(name)
+    if given is not None and not isinstance(given, float | int):
         raise ConfigurationError(
-            f"expected bounds of one sign for {echo(number.name)}, whose derivatives are taken relative to it, got "
-            f"{echo(given.lower)} and {echo(given.upper)}; leave out 0"
+            f"{echo(name)} is a field over the body, which is no number; give a number in macro.fields.{name}, or "
+            "'field:' with the coordinates of its control values"
         )
-    if scale == "log":
-        raise ConfigurationError(
-            f"lower: expected a number above 0 for a search in ln x, got {echo(given.lower)}; or scale: linear"
-        )
+    _require_no_regions(name, config)
 
 
-def _texts(given: UnknownSettings) -> list[float | str]:
-    prior = [] if given.prior is None else [given.prior.mean]
-    starts = [given.start] if given.field is None else [given.start, *given.field.start]
-    return [each for each in (given.lower, given.upper, *starts, *prior) if each is not None]
-
-
-def _unit(given: UnknownSettings, number: StudyNumber) -> str:
-    """Return the unit of an unknown, that of the first of its values that has one; empty for a dimensionless one."""
-    units = [unit_within(text) for text in _texts(given) if isinstance(text, str)]
-    unit = next((each for each in units if each), "")
-    if unit and not number.quantity:
-        raise ConfigurationError(f"expected plain numbers, got {echo(next(filter(None, units)))} as a unit")
-    if unit:
-        try:
-            unit_in_si(unit, number.quantity)
-        except UnitError as error:
-            raise ConfigurationError(f"lower: {error}") from None
-    return unit
-
-
-def _require_one_meaning(
-    given: UnknownSettings,
-    unit: str,
-    numbers: Mapping[str, StudyNumber],
-    experiments: Mapping[str, Experiment],
-) -> None:
-    """Refuse a unit in a study without scales, and plain numbers that mean something else in another experiment."""
-    quantity = next(iter(numbers.values())).quantity
-    found = {name: experiments[name].config.scales for name in numbers}
-    if unit and (without := [name for name, scales in found.items() if scales is None]):
-        of = f" of the experiment '{without[0]}'" if without[0] else ""
-        raise ConfigurationError(f"lower: {echo(given.lower)} {NO_SCALES}{of}")
-    if unit or not quantity:
-        return
-    factors = {1.0 if s is None else float(QUANTITIES[quantity].factor(s.exact)) for s in found.values()}
-    if max(factors) - min(factors) > SAME * max(factors):
-        raise ConfigurationError(
-            "expected values with a unit, since the experiments have other scales, so that a plain number means "
-            "something else in each"
-        )
-
-
-def _number(key: str, value: float | str, unit: str, number: StudyNumber) -> float:
-    """Return a value of an unknown in its unit."""
-    try:
-        value = number_or_quantity(value)
-        if isinstance(value, str):
-            return float(in_si(value, number.quantity) / unit_in_si(unit, number.quantity))
-    except UnitError as error:
-        raise ConfigurationError(f"{key}: {error}") from None
-    if unit:
-        raise ConfigurationError(
-            f"{key}: expected a value with a unit, such as {value:g} {unit}, got {value:g}"
-        )
-    return value
-
-
-def _start(
-    given: UnknownSettings, found: PlannedUnknown, experiment: Experiment, control: int | None
-) -> float:
-    """Return the first value, of the settings or of the study."""
-    one, number = found.unknown, found.numbers[experiment.name]
-    key, told = "start", given.start
-    if control is not None and given.field is not None and given.field.start:
-        if given.start is not None:
-            raise ConfigurationError("start: the first values stand in field.start too; keep one of the two")
-        if len(given.field.start) != len(given.field.at):
+def _require_no_regions(name: str, config: RunConfig) -> None:
+    """Refuse a parameter of the cell that has values of its own in regions."""
+    for region, settings in config.macro.regions.items():
+        if name in settings.fields:
             raise ConfigurationError(
-                f"field.start: expected {len(given.field.at)} values, one for each coordinate, got "
-                f"{len(given.field.start)}"
+                f"{echo(name)} has a value of its own in the region '{region}'; remove it there to fit that of the body"
             )
-        key, told = "field.start", given.field.start[control]
-    if told is not None:
-        start = _number(key, told, one.unit, number)
-        if not one.lower <= start <= one.upper:
-            raise ConfigurationError(f"{key}: expected a value within the bounds, got {echo(told)}")
-        return start
-    own = number.value / found.dimensionless(experiment)
-    if one.lower < own < one.upper:
-        return own
-    return math.sqrt(one.lower * one.upper) if one.scale == "log" else (one.lower + one.upper) / 2
 
 
-def _prior(given: UnknownSettings, unit: str, number: StudyNumber, scale: Scale) -> NormalPrior | None:
-    if given.prior is None:
-        return None
-    mean = _number("prior.mean", given.prior.mean, unit, number)
-    if scale == "log" and mean <= 0:
-        raise ConfigurationError(f"prior.mean: expected a number above 0, got {echo(given.prior.mean)}")
-    deviation = _deviation("prior.deviation", given.prior.deviation, unit, number, scale)
-    return NormalPrior(math.log(mean) if scale == "log" else mean, deviation)
+def _boundary_numbers(macro: MacroSettings) -> Mapping[str, StudyNumber]:
+    """Return the prescribed numbers other than 0 by names such as ``boundary.y+.traction.y``."""
+    found = {}
+    for place, dimension in dimensions(type(macro), macro):
+        value, path = place.value, place.path
+        if path[:1] != ("boundary",) or isinstance(value, bool) or not isinstance(value, float) or value == 0:
+            continue
+        if place.above is not None and isinstance(place.above.value, TimeFunction) and path[-1] != "ramp":
+            continue
+        if "table" in path:
+            continue
+        quantity = "" if dimension is None else dimension.quantity
+        words = [AXES[int(part)] if part.isdigit() and part in "012" else part for part in path[2:]]
+        name = ".".join((*path[:2], *words))
+        found[name] = StudyNumber("boundary", name, quantity, value, path)
+    return found
 
 
-def _smoothing(
-    given: UnknownSettings, unit: str, number: StudyNumber, scale: Scale, control: int | None
-) -> float | None:
-    """Return the deviation of the difference from the control value before; None: there is none, or no smoothing."""
-    if not control or given.field is None or given.field.smoothing is None:
-        return None
-    return _deviation("field.smoothing", given.field.smoothing, unit, number, scale)
+def control_numbers(number: StudyNumber, given: ControlSettings, config: RunConfig) -> list[StudyNumber]:
+    """Return the control values of a field as numbers of a study, with the values that the study has there.
+
+    Parameters
+    ----------
+    number
+        The parameter of the cell.
+    given
+        Axis and coordinates.
+    config
+        The study.
+
+    Raises
+    ------
+    ConfigurationError
+        The coordinates do not ascend, a control value concerns no point of the body, or the field of the study changes
+        with time.
+    """
+    axis = AXES.index(given.along)
+    places, mesh = _places(given, config), body_mesh(config.macro)
+    hats = [HatFunction(axis, places, i) for i in range(len(places))]
+    _require_points(given, hats, mesh)
+    values = _values_of_study(number, hats, mesh, config)
+    return [replace(number, hat=hat, value=float(value)) for hat, value in zip(hats, values, strict=True)]
 
 
-def _deviation(key: str, said: float | str, unit: str, number: StudyNumber, scale: Scale) -> float:
-    """Return a standard deviation of a coordinate."""
-    if scale == "log" and isinstance(said, str):
-        raise ConfigurationError(
-            f"{key}: expected a plain number, that of ln x, such as 0.2, got {echo(said)}"
+def _places(given: ControlSettings, config: RunConfig) -> tuple[float, ...]:
+    """Return the coordinates of the control values, dimensionless."""
+    try:
+        found = tuple(
+            value_of(each, "displacement", config.scales) if isinstance(each, str) else each
+            for each in given.at
         )
-    deviation = float(said) if scale == "log" else _number(key, said, unit, number)
-    if deviation <= 0:
-        raise ConfigurationError(f"{key}: expected a number above 0, got {echo(said)}")
-    return deviation
+    except UnitError as error:
+        raise ConfigurationError(f"field.at: {error}") from None
+    for k, (one, other) in enumerate(pairwise(found)):
+        if not one < other:
+            raise ConfigurationError(
+                f"field.at: expected ascending coordinates, got {_text(given.at[k])} before {_text(given.at[k + 1])}"
+            )
+    return found
+
+
+def _text(coordinate: float | str) -> str:
+    return echo(coordinate) if isinstance(coordinate, str) else f"{coordinate:g}"
+
+
+def _require_points(given: ControlSettings, hats: list[HatFunction], mesh: BodyMesh) -> None:
+    """Refuse a control value that holds at no point of the body."""
+    points = mesh.quadrature_points.reshape(-1, 3)
+    for hat, place in zip(hats, given.at, strict=True):
+        if not hat.values(points).any():
+            along = mesh.points[:, hat.axis]
+            raise ConfigurationError(
+                f"field.at: no point of the body has the value at {_text(place)}; the body reaches from "
+                f"{along.min():.6g} to {along.max():.6g} along {given.along}, dimensionless, and each value needs an "
+                "element beside it; give fewer coordinates, or others"
+            )
+
+
+def _values_of_study(
+    number: StudyNumber, hats: list[HatFunction], mesh: BodyMesh, config: RunConfig
+) -> Array:
+    """Return the values at the control places, of a field of the study those along a line through the body's middle."""
+    own = config.macro.fields.get(number.name)
+    if own is None or isinstance(own, float | int):
+        return np.full(len(hats), number.value)
+    key, field = f"macro.fields.{number.name}", as_field(own)
+    if field.varies:
+        raise ConfigurationError(
+            f"field: {key} changes with time, which the fitted field would not; remove it, or give numbers"
+        )
+    middle = (mesh.points.min(axis=0) + mesh.points.max(axis=0)) / 2
+    line = np.tile(middle, (len(hats), 1))
+    line[:, hats[0].axis] = hats[0].places
+    return field.reached(Points(line, line, np.arange(len(line))), 0.0, key)

@@ -232,16 +232,36 @@ class Call:
             raise trouble
 
 
-def results_of(calls: Sequence[Call]) -> list[Any]:
-    """Return the results of calls; all are waited for, so that an error leaves none behind.
+def side_by_side(
+    processes: CallProcesses | None,
+    function: Callable[..., Any],
+    calls: Sequence[tuple[str, tuple[Any, ...]]],
+    tell: Tell = lambda told: None,
+) -> list[Any]:
+    """Return ``function(tell, *arguments)`` of each call, in processes where there are some and several calls.
+
+    All calls are waited for, so that an error leaves none behind.
+
+    Parameters
+    ----------
+    processes
+        Take the calls; None: this process makes one after the other.
+    function
+        As for :meth:`CallProcesses.submit`.
+    calls
+        Words for messages, ``while it …``, and arguments of each call.
+    tell
+        Takes the reports of calls of this process; those of others are dropped.
 
     Raises
     ------
     PorocoreError
         As :meth:`Call.result`, of the first call that failed.
     """
+    if processes is None or len(calls) < 2:
+        return [function(tell, *arguments) for _, arguments in calls]
     failures, found = [], []
-    for call in calls:
+    for call in [processes.submit(what, function, *arguments) for what, arguments in calls]:
         try:
             found.append(call.result())
         except Exception as error:  # noqa: BLE001 - it is raised again below

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from calibration_models import Consolidation, Formula, misfit_of
 
-from porocore.commands.calibration.entries import derived_intervals
+from porocore.commands.calibration.derived import derived_intervals
 from porocore.commands.calibration.infer import infer
 from porocore.commands.calibration.problem import NormalPrior, Unknown
 
@@ -22,11 +22,13 @@ def inferred(model, truth, deviation=0.001):
 
 
 def derived(inference, **numbers):
-    return derived_intervals(
+    """Value and both ends of each number."""
+    found = derived_intervals(
         inference,
         lambda values: {name: float(of(values)) for name, of in numbers.items()},
         lambda name: name.startswith("plain"),
     )
+    return {name: (value, interval.low, interval.high) for name, (value, interval) in found.items()}
 
 
 def test_intervals_are_the_shadow_of_all_values_that_the_data_allow():

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from porocore.commands.calibration.minimum import unseen_directions
+from porocore.commands.calibration.directions import direction_words, non_identifiable_directions
 from porocore.commands.calibration.problem import Unknown
-from porocore.commands.calibration.suggestions import IdentifiabilityRule, direction_words
+from porocore.commands.calibration.suggestions import IdentifiabilityRule
 from porocore.macro.analytic import Terzaghi
 
 RULE = IdentifiabilityRule()
@@ -48,7 +48,7 @@ def confined(load=0.005):
 
 def test_confined_compression_hides_exactly_one_direction():
     jacobian, limits = confined()
-    (found,) = unseen_directions(jacobian, limits)
+    (found,) = non_identifiable_directions(jacobian, limits)
     # A linear layer has three numbers (stiffness, immediate share, time), so one of four unknowns' moves is free.
     assert found.deviation > 1e4
     # shared numbers of a prototype with a finite element cell: radius + 7 %, ν − 0.043, E + 19 %, μ + 36 %.
@@ -63,7 +63,7 @@ def test_confined_compression_hides_exactly_one_direction():
 
 def test_the_step_of_a_direction_changes_the_exact_curves_as_little_as_told():
     jacobian, limits = confined()
-    (found,) = unseen_directions(jacobian, limits)
+    (found,) = non_identifiable_directions(jacobian, limits)
     x = np.array([np.log(0.24), 0.35, 0.0, 0.0])
     times = np.geomspace(1e-3, 2, 40) / layer(x, 0.005).consolidation_coefficient
     # Along the curved line that keeps stiffness, immediate share and time, by small steps of the direction here.
@@ -77,7 +77,7 @@ def test_four_singular_values_of_the_prototype_name_one_direction():
     basis = np.linalg.qr(np.column_stack([unseen, np.eye(4)[:, [0, 1, 2]]]))[0]
     rows = np.diag([0.012, 244, 33, 31]) @ basis.T
     limits = RULE.limits(CELL, np.array([np.log(0.24), 0.35, 0.0, 0.0]))
-    (found,) = unseen_directions(rows, limits)
+    (found,) = non_identifiable_directions(rows, limits)
     cosine = abs(found.direction @ unseen) / np.linalg.norm(unseen)
     assert cosine == pytest.approx(1, abs=1e-3)
     assert found.deviation == pytest.approx(1 / 0.012, rel=1e-3)
@@ -88,15 +88,18 @@ def test_four_singular_values_of_the_prototype_name_one_direction():
 
 def test_well_determined_problems_have_none():
     jacobian, limits = confined()
-    assert unseen_directions(jacobian[:, [0, 1, 3]], limits[[0, 1, 3]]) == ()
+    assert non_identifiable_directions(jacobian[:, [0, 1, 3]], limits[[0, 1, 3]]) == ()
     rows = np.random.default_rng(2).normal(size=(50, 3)) * 10
-    assert unseen_directions(rows, np.full(3, 0.1)) == ()
+    assert non_identifiable_directions(rows, np.full(3, 0.1)) == ()
 
 
 def test_the_criterion_does_not_depend_on_units():
     rows = np.random.default_rng(3).normal(size=(50, 3)) @ np.diag([10.0, 1.2, 0.01])
     limits, factors = np.full(3, 0.1), np.array([1.0, 1e3, 1e-4])
-    one, other = unseen_directions(rows, limits), unseen_directions(rows / factors, limits * factors)
+    one, other = (
+        non_identifiable_directions(rows, limits),
+        non_identifiable_directions(rows / factors, limits * factors),
+    )
     assert len(one) == len(other) == 2
     for a, b in zip(one, other, strict=True):
         np.testing.assert_allclose(b.step / factors, a.step, rtol=1e-9, atol=1e-12)
@@ -108,7 +111,7 @@ def pair(one, other, *rest, scale="log"):
     columns = [one * column, other * column, *(each * column**2 for each in rest)]
     at = np.zeros(len(unknowns)) if scale == "log" else np.ones(len(unknowns))
     limits = RULE.limits(unknowns, at)
-    found = unseen_directions(np.stack(columns, axis=1), limits)
+    found = non_identifiable_directions(np.stack(columns, axis=1), limits)
     return [direction_words(each, unknowns, limits, at) for each in found]
 
 
@@ -148,7 +151,7 @@ def test_two_unseen_directions_are_told_with_few_unknowns():
     column = np.linspace(1, 2, 20) * 100
     rows = np.stack([column, -column, 0 * column, column**2], axis=1)
     at, limits = np.zeros(4), np.full(4, np.log(1.1))
-    found = unseen_directions(rows, limits)
+    found = non_identifiable_directions(rows, limits)
     words = sorted(direction_words(each, unknowns, limits, at).split(". ")[0] for each in found)
     assert words == ["Only the ratio a/b is identifiable, not the two separately", "c is not identifiable"]
 
@@ -158,7 +161,7 @@ def test_a_ratio_is_told_on_linear_scales_too():
     unknowns = (Unknown("a", 1.0, 0.1, 10.0, "log"), Unknown("b", 4.0, 0.1, 10.0))
     at, column = np.array([0.0, 4.0]), np.linspace(1, 2, 20) * 100
     limits = RULE.limits(unknowns, at)
-    (found,) = unseen_directions(np.stack([column, -column / 4.0], axis=1), limits)
+    (found,) = non_identifiable_directions(np.stack([column, -column / 4.0], axis=1), limits)
     assert direction_words(found, unknowns, limits, at).startswith(
         "Only the ratio a/b is identifiable, not the two separately. "
     )

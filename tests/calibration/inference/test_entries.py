@@ -4,17 +4,17 @@ import json
 
 import numpy as np
 import pytest
-from calibration_models import Formula, misfit_of
+from calibration_models import Formula, experiment, misfit_of
 
-from porocore.commands.calibration.entries import (
+from porocore.commands.calibration.infer import infer
+from porocore.commands.calibration.problem import Unknown
+from porocore.commands.calibration.results import (
     direction_entries,
     precision_entries,
     suggestion_entries,
     unknown_entries,
 )
-from porocore.commands.calibration.infer import infer
-from porocore.commands.calibration.problem import Unknown
-from porocore.commands.calibration.suggestions import experiment
+from porocore.core.files.plain_data import json_ready
 
 T = np.linspace(0.1, 2.0, 15)
 UNKNOWNS = (
@@ -29,7 +29,10 @@ def test_entries_of_a_product():
     best = misfit.at(misfit.start)
     alone = experiment("a alone", Formula(UNKNOWNS, lambda v: v[0] * T), best.coordinates, np.full(15, 0.02))
     found = infer(misfit, best, rays=0, further=[alone])
-    unknowns = unknown_entries(found)
+    unknowns, directions, precision, suggestions = (
+        json_ready(entries(found))
+        for entries in (unknown_entries, direction_entries, precision_entries, suggestion_entries)
+    )
     assert unknowns["a"]["interval95"] == [None, None]
     assert unknowns["a"]["unit"] == "kPa"
     assert set(unknowns["a"]["open_ends"]) == {"low", "high"}
@@ -38,13 +41,13 @@ def test_entries_of_a_product():
     low, high = unknowns["rate"]["interval95"]
     assert low < 1.3 < high
     assert unknowns["rate"]["identifiable"] is True
-    (direction,) = direction_entries(found)
+    (direction,) = directions
     assert direction["direction"] == pytest.approx({"a": 0.5**0.5, "b": -(0.5**0.5), "rate": 0.0}, abs=1e-9)
     assert direction["deviation"] is None
     assert "Only the product a·b is identifiable, not the two separately" in direction["words"]
-    assert precision_entries(found)["correlations"]["a"]["b"] == pytest.approx(-1, abs=1e-6)
-    assert suggestion_entries(found)[0]["data"] == "a alone"
-    assert suggestion_entries(found)[0]["gain"] is None
+    assert precision["correlations"]["a"]["b"] == pytest.approx(-1, abs=1e-6)
+    assert suggestions[0]["data"] == "a alone"
+    assert suggestions[0]["gain"] is None
     # Nothing of it is a number that JSON lacks.
-    for entries in (unknowns, direction_entries(found), precision_entries(found), suggestion_entries(found)):
+    for entries in (unknowns, directions, precision, suggestions):
         json.dumps(entries, allow_nan=False)

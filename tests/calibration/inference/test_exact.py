@@ -7,10 +7,14 @@ import pytest
 from calibration_models import Formula, misfit_of
 from curve_experiment import model_of, planned, starts
 
-from porocore.commands.calibration.combination import seen_product
+from porocore.commands.calibration.directions import (
+    exact_directions,
+    identifiable_product,
+    non_identifiable_directions,
+)
 from porocore.commands.calibration.figures import correlation_figure, plane_figure, profile_figure
 from porocore.commands.calibration.infer import infer
-from porocore.commands.calibration.minimum import Objective, exact_directions, minimise, unseen_directions
+from porocore.commands.calibration.minimum import Objective, minimise
 from porocore.commands.calibration.problem import Unknown
 
 T = np.linspace(0.1, 3, 30)
@@ -99,12 +103,12 @@ def test_an_exact_direction_and_one_that_the_data_do_not_see_are_told_apart():
     jacobian = np.stack([T, 2 * T, -T, 1e-6 * T**2], axis=1) * 100
     limits = np.full(4, 0.1)
     known = np.array([[1.0, 0, 0, 0], [0, 2, -1, 0], [0, 0, 0, 1]])
-    first, *others = unseen_directions(jacobian, limits, known)
+    first, *others = non_identifiable_directions(jacobian, limits, known)
     assert first.exact
     np.testing.assert_allclose(known @ first.direction, 0, atol=1e-12)
     assert len(others) == 2
     assert not any(each.exact for each in others)
-    assert [each.exact for each in unseen_directions(jacobian, limits)] == [False] * 3
+    assert [each.exact for each in non_identifiable_directions(jacobian, limits)] == [False] * 3
 
 
 def test_an_unknown_that_the_model_does_not_have():
@@ -120,8 +124,8 @@ def test_a_bound_near_the_best_point_is_no_end_of_the_product():
     misfit = misfit_of(Formula((MODULUS, near, free), relaxation), [2.0, 1.0, 1.3], 0.02, NOISE)
     best_of = Objective(misfit, np.full(3, 0.1))
     best = minimise(best_of, misfit.start, np.arange(3))
-    (direction,) = unseen_directions(best.fitted.jacobian, best_of.scale, KNOWN)
-    product = seen_product(best_of, best, direction, best_of.scale)
+    (direction,) = non_identifiable_directions(best.fitted.jacobian, best_of.scale, KNOWN)
+    product = identifiable_product(best_of, best, direction, best_of.scale)
     low, high = product.interval
     assert 0.8 * product.value < low < product.value < high < 1.2 * product.value
 

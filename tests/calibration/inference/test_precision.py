@@ -27,12 +27,11 @@ def test_singular_values_are_those_of_numpy():
 def test_what_is_not_seen_has_no_covariance_but_a_correlation():
     a, b = np.random.default_rng(1).normal(size=(2, 9))
     found = LinearPrecision.from_jacobian(np.stack([a, a, b], axis=1))
-    assert list(found.is_unseen) == [False, False, True]
+    assert list(found.is_round_off) == [False, False, True]
     assert np.isinf(found.deviations[:2]).all()
     # The third is as good as if the first two were one.
     other = LinearPrecision.from_jacobian(np.stack([a, b], axis=1))
     assert found.deviations[2] == pytest.approx(other.deviations[1], rel=1e-6)
-    assert np.isnan(found.covariance[0, 1])
     assert found.correlations[0, 1] == pytest.approx(-1, abs=1e-6)
 
 

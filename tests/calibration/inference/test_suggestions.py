@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from calibration_models import Formula, data_of, misfit_of
+from calibration_models import Formula, data_of, experiment, misfit_of
 
 from porocore.commands.calibration.infer import infer
 from porocore.commands.calibration.problem import Misfit, Unknown
-from porocore.commands.calibration.suggestions import FurtherData, experiment, ranked, repeated_parts
+from porocore.commands.calibration.suggestions import FurtherData, ranked, repeated_parts
 from porocore.errors import ConfigurationError
 
 T = np.linspace(0.1, 2.0, 16)
@@ -26,7 +26,7 @@ def test_another_test_separates_what_repetition_cannot():
     ]
     found = infer(misfit, best, rays=0, further=further).suggestions
     assert found[0].name == "a alone"
-    assert (found[0].unseen_before, found[0].unseen) == (1, 0)
+    assert (found[0].non_identifiable_before, found[0].non_identifiable) == (1, 0)
     assert found[0].gain == np.inf
     assert [each.name for each in found if each.helps] == ["a alone"]
     # The rows by hand: d(a t)/d ln a = a t.

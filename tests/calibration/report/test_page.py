@@ -1,15 +1,16 @@
 """Report page of a calibration: its words, tables and figures; axes and bands of the figures."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from browser import too_wide
-from calibration_models import Consolidation, Formula, data_of, misfit_of
+from calibration_models import Consolidation, Formula, data_of, experiment, misfit_of
 from curve_experiment import planned
 from report_page import ODD, Page
 
-from porocore.commands.calibration.contents import CalibrationContents, CurveAxes
+import porocore
 from porocore.commands.calibration.derived import DerivedCell
 from porocore.commands.calibration.figures import (
     correlation_figure,
@@ -20,13 +21,14 @@ from porocore.commands.calibration.figures import (
     smooth_profile,
     smooth_rim,
 )
+from porocore.commands.calibration.fit import FitQuality
 from porocore.commands.calibration.infer import infer
 from porocore.commands.calibration.page import render, write_report
-from porocore.commands.calibration.plan import FittedField
+from porocore.commands.calibration.plan import CalibrationPlan, FittedField
 from porocore.commands.calibration.posterior import sample_posterior
 from porocore.commands.calibration.problem import CurveData, Misfit, NormalPrior, Unknown
-from porocore.commands.calibration.settings import PosteriorSettings
-from porocore.commands.calibration.suggestions import experiment
+from porocore.commands.calibration.results import Calibration
+from porocore.commands.calibration.settings import FitSettings, PosteriorSettings
 
 T = np.geomspace(0.02, 6, 24)
 SEEN = (
@@ -40,6 +42,13 @@ def ratio(v):
     return 12 / v[0] * (1 - 0.8 * np.exp(-v[1] / v[2] * T))
 
 
+def results_of(title, misfit, inference, **more):
+    """Results without a study."""
+    plan = CalibrationPlan(title, (), (), FitSettings())
+    quality = FitQuality.of_fit(misfit, inference.best)
+    return Calibration(Path(), plan, misfit.data, inference, quality, **more)
+
+
 @pytest.fixture(scope="module")
 def unseen():
     """Two tests, of which neither sees conductivity and viscosity apart."""
@@ -49,24 +58,24 @@ def unseen():
     model = Formula(unknowns, lambda v: np.concatenate([ratio(v), 3 * ratio(v)]))
     values = model.curves(np.array([2.0, 1.0, 1.3])).values + 0.05 * np.concatenate([NOISE, NOISE[::-1]])
     data = CurveData(
-        values, np.full(48, 0.05), np.repeat([0, 1], 24), np.tile(T, 2), ("one: settlement", "two: force")
-    )
+        values, np.full(48, 0.05), np.repeat([0, 1], 24), np.tile(T, 2), ("one: settlement", "two: force"),
+        ("mm", "mm**2*kPa"), ("s", "s"),
+    )  # fmt: skip
     misfit = Misfit(model, data)
     best = misfit.at(misfit.start)
     alone = experiment(
         "a permeation test", Formula(unknowns, lambda v: v[1] * T), best.coordinates, np.full(24, 0.05)
     )
-    axes = (CurveAxes("settlement", "mm", "s"), CurveAxes("force", "mm**2*kPa", "s"))
-    return CalibrationContents(
-        ODD, data, infer(misfit, best, further=[alone], rays=8), axes, np.array([2.0, 1.0, 1.3]),
-        facts=(("cell solves", "24"),), warnings=("Look <here>.",), versions={"porocore": "<1>"},
+    return results_of(
+        ODD, misfit, infer(misfit, best, further=[alone], rays=8), truth=np.array([2.0, 1.0, 1.3]),
+        cell_solves=24, warnings=("Look <here>.",),
     )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def seen():
     misfit = misfit_of(Consolidation(SEEN, T), [1.2, 0.8], 0.001, NOISE, times=T)
-    return CalibrationContents("Seen", misfit.data, infer(misfit, misfit.at(misfit.start), rays=8))
+    return results_of("Seen", misfit, infer(misfit, misfit.at(misfit.start), rays=8))
 
 
 def test_no_table_is_cut_off(unseen, undrawn):
@@ -84,8 +93,8 @@ def test_the_page_of_an_unseen_direction(unseen, undrawn):
         "a permeation test",
         "makes all combinations identifiable",
         "no lower end: the data set no end here; only conductivity at its bound",
-        "cell solves",
-        "porocore<1>",
+        "Cell solves24",
+        f"porocore{porocore.__version__}",
     ):
         assert words in page.words, words
     assert "– … –" in page.words
@@ -122,8 +131,8 @@ def test_a_page_without_derived_results_says_why(unseen, undrawn):
 def test_one_unknown_has_no_plane_and_no_correlations(undrawn):
     model = Formula((Unknown("rate", 1.0, 0.01, 20.0, "log"),), lambda v: np.exp(-v[0] * T))
     misfit = misfit_of(model, [1.3], 0.02, NOISE, times=T)
-    contents = CalibrationContents("One", misfit.data, infer(misfit, misfit.at(misfit.start)))
-    assert len(Page(render(contents)).all("img")) == 2
+    done = results_of("One", misfit, infer(misfit, misfit.at(misfit.start)))
+    assert len(Page(render(done)).all("img")) == 2
 
 
 def test_a_posterior_has_medians_a_picture_and_its_error(undrawn):
@@ -131,7 +140,7 @@ def test_a_posterior_has_medians_a_picture_and_its_error(undrawn):
     misfit = misfit_of(Consolidation(SEEN, T), [1.2, 0.8], 0.001, NOISE, times=T)
     found = infer(misfit, misfit.at(misfit.start), rays=0)
     posterior = sample_posterior(misfit, found.points, found.best, PosteriorSettings(steps=200))
-    page = Page(render(CalibrationContents("D", misfit.data, found, posterior=posterior)))
+    page = Page(render(results_of("D", misfit, found, posterior=posterior)))
     assert "95 % credible interval" in page.words
     assert f"{posterior.medians[0]:.4g}"[:5] in page.words
     assert f"ln of the density is off by {posterior.check.error:.2g}" in page.words
@@ -142,9 +151,9 @@ def test_a_posterior_has_medians_a_picture_and_its_error(undrawn):
 def test_priors_have_a_column_and_a_curve(undrawn):
     unknowns = (replace(SEEN[0], prior=NormalPrior(0.2, 0.001)), SEEN[1])
     misfit = misfit_of(Consolidation(unknowns, T), [1.2, 0.8], 0.01, NOISE, times=T)
-    contents = CalibrationContents("P", misfit.data, infer(misfit, misfit.at(misfit.start), rays=4))
-    assert "intervalwith priors" in Page(render(contents)).words
-    labels = [line.get_label() for line in profile_figure(contents.inference).axes[0].get_lines()]
+    done = results_of("P", misfit, infer(misfit, misfit.at(misfit.start), rays=4))
+    assert "intervalwith priors" in Page(render(done)).words
+    labels = [line.get_label() for line in profile_figure(done.inference).axes[0].get_lines()]
     assert "with priors" in labels
 
 
@@ -168,11 +177,11 @@ def test_a_profile_of_one_point_has_an_axis_and_an_open_band(unseen):
 
 
 def test_files_of_the_report(seen, tmp_path):
-    told = []
-    path = write_report(tmp_path, seen, told.append)
+    drawn = []
+    path = write_report(replace(seen, path=tmp_path), drawn.append)
     assert path == tmp_path / "report.html"
     names = {"fit_curve", "profiles", "plane", "correlations"}
-    assert set(told) == names
+    assert set(drawn) == names
     assert {file.name for file in (tmp_path / "figures").iterdir()} == {
         f"{name}.{form}" for name in names for form in ("svg", "png")
     }
@@ -181,7 +190,7 @@ def test_files_of_the_report(seen, tmp_path):
 
 def test_the_fit_has_data_prediction_and_residuals(unseen):
     upper, lower = fit_figure(unseen, 1).axes
-    assert upper.get_ylabel() == "force [mm² kPa]"
+    assert upper.get_ylabel() == "two: force [mm² kPa]"
     assert lower.get_xlabel() == "time $t$ [s]"
     assert lower.get_xscale() == "log"
     residuals = lower.get_lines()[-1].get_ydata()
@@ -237,14 +246,13 @@ def test_correlations_have_their_numbers(unseen):
 
 
 def test_data_without_axes_are_dimensionless():
-    contents = plain()
-    assert fit_figure(contents, 0).axes[0].get_ylabel() == "curve [–]"
+    assert fit_figure(plain(), 0).axes[0].get_ylabel() == "curve [–]"
 
 
 def plain():
     model = Formula((Unknown("level", 1.0, -9.0, 9.0),), lambda v: v[0] * np.ones(5))
     misfit = Misfit(model, data_of([1, 2, 1, 2, 1], 0.5))
-    return CalibrationContents("C", misfit.data, infer(misfit, misfit.at(misfit.start)))
+    return results_of("C", misfit, infer(misfit, misfit.at(misfit.start)))
 
 
 def test_a_fitted_field_is_drawn_over_its_coordinate(seen, unseen):
@@ -257,6 +265,7 @@ def test_a_fitted_field_is_drawn_over_its_coordinate(seen, unseen):
     (bars,) = axes.containers[0].lines[2]
     for bar, interval in zip(bars.get_segments(), seen.inference.intervals, strict=True):
         np.testing.assert_allclose(bar[:, 1], interval.values)
-    with_field = replace(unseen, fields=(FittedField("a", "x", (0.0, 1.0, 2.0), "", (0, 1, 2)),))
-    assert "Field of a" in render(with_field)
+    bounds = {"lower": 0.15, "upper": 0.3, "start": 0.21}
+    graded = planned({"radius": {**bounds, "field": {"along": "y", "at": [0.0, 0.7, 1.5]}}})
+    assert "Field of radius" in render(replace(unseen, plan=graded))
     assert "Field of" not in render(unseen)
