@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -70,50 +71,39 @@ class FamilyCells:
         with speaking(self.config.result_units):
             pipeline.learn(self.folder, console=self._console, store=self._store)
 
-    def keep_rounds(self, count: int) -> None:
-        """Keep the further cells of so many rounds, and forget those of one that was not finished."""
-        if self.rounds > count:
-            write_json(self.folder.path / ROUNDS, self._rounds()[:count])
-        further, kept = self._further(), set(self._known())
-        if further is not None and (unfinished := [key for key in further.keys if key not in kept]):
-            further.drop(unfinished)
-
-    def _known(self) -> list[str]:
-        """Return the keys of the further cells of all rounds."""
-        return [key for keys in self._rounds() for key in keys]
-
-    def _rounds(self) -> list[list[str]]:
-        """Return the keys of the further cells of each round."""
+    @property
+    def rounds(self) -> list[list[str]]:
+        """Keys of the further cells that each round has solved."""
         path = self.folder.path / ROUNDS
         if not path.exists():
             return []
         with complete(path, "record of rounds", "start again"):
             return [[str(key) for key in keys] for keys in read_json(path)]
 
+    def keep_rounds(self, count: int) -> None:
+        """Keep the further cells of so many rounds, and forget those of one that was not finished."""
+        if len(self.rounds) > count:
+            write_json(self.folder.path / ROUNDS, self.rounds[:count])
+        further, kept = self._further(), set(chain(*self.rounds))
+        if further is not None and (unfinished := [key for key in further.keys if key not in kept]):
+            further.drop(unfinished)
+
     def _further(self) -> Dataset | None:
         path = self.folder.fallback
         return Dataset.open(path) if path.exists() else None
 
-    @property
-    def rounds(self) -> int:
-        """Number of rounds in which further cells were solved."""
-        return len(self._rounds())
-
-    @property
-    def identity(self) -> str:
-        """Hash of all cells that the present law has learned from."""
-        return self.identity_after(self.rounds)
-
-    def identity_after(self, round_: int) -> str:
-        """Return the hash of the cells that are known after so many rounds."""
-        known = [key for keys in self._rounds()[:round_] for key in keys]
+    def identity(self, rounds: int | None = None) -> str:
+        """Return the hash of the cells that are known after so many rounds; None: after all."""
+        known = chain(*self.rounds[:rounds])
         return json_hash([self.config.stages.training, self.config.closure, *known])
 
     def law(self) -> MacroLaw:
         """Return the law that knows the further cells of all rounds."""
         with ExitStack() as stack:
-            if self._known():
-                return _fixed(self._adaptive(stack)[1], self.identity)
+            if any(self.rounds):
+                law = self._adaptive(stack)[1]
+                # What it has learned so far; it learns no more.
+                return ClosedLaw(law.cell_law, law.closure, identity=self.identity(), name=law.name)
             (run,) = macro_laws(self.folder, stack, ("surrogate",)).values()
             return run.law
 
@@ -153,7 +143,7 @@ class FamilyCells:
 
     def extend(self, models: Sequence[ExperimentModel], values: Array) -> list[str]:
         """Solve cells where bodies with these values of the unknowns leave the sampled states; return their keys."""
-        before = set(self._known())
+        before = set(chain(*self.rounds))
         with ExitStack() as stack:
             run, law = self._adaptive(stack)
             for model in models:
@@ -174,7 +164,7 @@ class FamilyCells:
 
     def end_round(self, new: Sequence[str]) -> None:
         """Record the further cells of a round, by which it is finished."""
-        write_json(self.folder.path / ROUNDS, [*self._rounds(), [*new]])
+        write_json(self.folder.path / ROUNDS, [*self.rounds, [*new]])
 
     @property
     def solves(self) -> int:
@@ -184,11 +174,6 @@ class FamilyCells:
         for path in (folder.undeformed, folder.dataset, folder.test_dataset, folder.fallback):
             count += len(Dataset.open(path)) if path.exists() else 0
         return count
-
-
-def _fixed(law: AdaptiveLaw, identity: str) -> ClosedLaw:
-    """Return the law with what it has learned so far, which learns no more."""
-    return ClosedLaw(law.cell_law, law.closure, identity=identity, name=law.name)
 
 
 def families(

@@ -1,4 +1,4 @@
-"""Fit of the unknowns (fit): search, rounds in which further cells are solved, its record and quality."""
+"""Fit of the unknowns (fit): search from several starts, record of its evaluations (RecordedModel), quality."""
 
 from __future__ import annotations
 
@@ -11,10 +11,6 @@ from typing import Any
 
 import numpy as np
 
-from porocore.commands.calibration.cells import FamilyCells
-from porocore.commands.calibration.experiment import ExperimentModel, StudiesModel, error_of_steps
-from porocore.commands.calibration.observations import ObservedCurve
-from porocore.commands.calibration.plan import CalibrationFolder, CalibrationPlan
 from porocore.commands.calibration.problem import (
     CurveData,
     CurveModel,
@@ -22,13 +18,10 @@ from porocore.commands.calibration.problem import (
     Fitted,
     Misfit,
     Unknown,
-    slopes_at,
 )
 from porocore.commands.calibration.settings import FitSettings
 from porocore.core.console import Console, Task
-from porocore.core.files.plain_data import json_hash, write_json
-from porocore.core.files.reading import complete, read_json, read_text
-from porocore.core.parallel.calls import CallProcesses
+from porocore.core.files.reading import complete, read_text
 from porocore.errors import RunFolderError, SolveError
 from porocore.states import Array
 
@@ -448,205 +441,3 @@ def _search(
     except _Creeping:
         return Search(steps.last, True, evaluations)
     return Search(misfit.at(np.asarray(found.x, dtype=float)), found.status > 0, evaluations)
-
-
-#: With a reduced chi-square above this, no further cells are solved: beyond its samples a surrogate is not that wrong.
-HOPELESS = 100.0
-#: Where the data are not explained, the cells of a round must make the reduced chi-square smaller by this factor.
-LESS = 0.5
-
-
-class FitRounds:
-    """Models of the rounds of a calibration, each with the cells that are known then.
-
-    Parameters
-    ----------
-    plan
-        Of the calibration.
-    folder
-        Keeps evaluations and time steps.
-    cells
-        Families of the experiments, learned.
-    console
-        Shows the progress.
-    processes
-        Solve experiments side by side; None: there are none.
-    """
-
-    def __init__(
-        self,
-        plan: CalibrationPlan,
-        folder: CalibrationFolder,
-        cells: Sequence[FamilyCells],
-        console: Console,
-        processes: CallProcesses | None = None,
-    ) -> None:
-        self.processes = processes
-        self.plan, self.folder, self.cells, self.console = plan, folder, tuple(cells), console
-        self._last = min(family.rounds for family in cells)
-        for family in cells:
-            family.keep_rounds(self._last)
-        self.round = 0
-        #: True where no further cells are solved because the data are not explained, for which they are no remedy.
-        self.given_up = False
-        self._begin()
-
-    def _begin(self) -> None:
-        """Open the record of the present round."""
-        known = [family.identity_after(self.round) for family in self.cells]
-        identity = json_hash([experiments_identity(self.plan), *known])
-        unknowns = [each.unknown for each in self.plan.unknowns]
-        path = self.folder.path / f"evaluations-{self.round}.jsonl"
-        self._studies: StudiesModel | None = None
-        self.model = RecordedModel(unknowns, lambda: self.studies, path, identity)
-        if len(self.model):
-            self.console.note(f"fit: {len(self.model)} evaluations are known")
-
-    @property
-    def studies(self) -> StudiesModel:
-        """Models of all experiments with the cells of the present round, made at their first use."""
-        if self._studies is not None:
-            return self._studies
-        if self.round < self._last:
-            raise RunFolderError(
-                f"{self.model.path} lacks evaluations that led to further cells; start again in another --out"
-            )
-        path, models = self.folder.path / "steps.json", dict[str, ExperimentModel]()
-        with complete(path, "record of time steps", "start again"):
-            steps = dict(read_json(path)) if path.exists() else {}
-        for family in self.cells:
-            law = family.law()
-            for experiment in self.plan.experiments:
-                if (name := experiment.name) in family.experiments:
-                    known = np.array(steps[name], dtype=float) if name in steps else None
-                    models[name] = ExperimentModel(experiment, self.plan.unknowns, law, known)
-                    if name not in steps and (chosen := models[name].chosen_steps) is not None:
-                        steps[name] = chosen.tolist()
-                        write_json(path, steps)
-        experiments = [models[experiment.name] for experiment in self.plan.experiments]
-        self._studies = StudiesModel(self.model.unknowns, experiments, self.processes)
-        return self._studies
-
-    def dependence(self, misfit: Misfit, coordinates: Array) -> Array:
-        """Return the derivatives (n, k), by the coordinates, of all that the experiments know of the unknowns."""
-        values = misfit.values(coordinates)
-        rows = np.concatenate([one.dependence(values) for one in self.studies.experiments])
-        return np.asarray(rows * slopes_at(misfit.unknowns, coordinates))
-
-    def error_of_steps(self, misfit: Misfit, best: Fitted, halvings: int) -> Array:
-        """Return the error (m,) of the curves at a point that is owed to the steps in time, over their deviations.
-
-        It is estimated from runs whose steps are halved so many times.
-
-        Raises
-        ------
-        SolveError
-            An experiment cannot be computed with halved steps.
-        """
-        values, deviations = misfit.values(best.coordinates), misfit.data.deviations
-        known = self._known_halved(values)
-        with self.console.task("error of the steps in time", "halvings") as task:
-            while len(known) < halvings:
-                task.update(len(known), halvings)
-                each = self.studies.with_halved_steps(values, len(known) + 1)
-                known.append(np.concatenate(each).tolist())
-                kept = {"of": self.model.identity, "unknowns": values.tolist(), "curves": known}
-                write_json(self.folder.path / "halved-steps.json", kept)
-            task.update(halvings, halvings)
-        curves = [best.prediction.values, *map(np.array, known[:halvings])]
-        ends = np.cumsum([sum(map(len, one.curves)) for one in self.plan.experiments])[:-1]
-        parts = zip(*(np.split(each, ends) for each in (*curves, deviations)), strict=True)
-        return np.concatenate([error_of_steps(part, by) / by for *part, by in parts])
-
-    def _known_halved(self, values: Array) -> list[list[float]]:
-        """Return the curves with halved steps at these values that the folder holds."""
-        path = self.folder.path / "halved-steps.json"
-        with complete(path, "record of halved steps", "start again"):
-            found = dict(read_json(path)) if path.exists() else {}
-            same = (found.get("of"), found.get("unknowns")) == (self.model.identity, values.tolist())
-            return list(found["curves"]) if same else []
-
-    def fitted(self, data: CurveData) -> tuple[Misfit, CalibrationFit]:
-        """Return misfit and fit of the last round.
-
-        Where no values explain the data, that is said before further cells are solved. None are where they would be of
-        no use: the fitted body is then not that of the experiment.
-
-        Raises
-        ------
-        SolveError
-            The experiments can be computed at none of the starts.
-        """
-        misfit = Misfit(self.model, data)
-        found = fit(misfit, self.plan.fit, self.console)
-        before = HOPELESS / LESS
-        while True:
-            quality = FitQuality.of_fit(misfit, found.best)
-            bounds = at_bounds(misfit, found.best.coordinates, explained=quality.explains)
-            for complaint in filter(None, (quality.complaint, *bounds)):
-                self.console.warn(f"fit: {complaint}")
-            if not found.best.prediction.flagged or self.round >= self.plan.fit.rounds:
-                break
-            self.given_up = not quality.explains and (bool(bounds) or quality.reduced > LESS * before)
-            if self.given_up:
-                self.console.warn(
-                    "fit: the fitted body leaves the states that the surrogate is trusted in; no further cells are "
-                    "solved there, since they would not explain the data"
-                )
-                break
-            if not self._extended(misfit.values(found.best.coordinates)):
-                break
-            before = quality.reduced
-            misfit = Misfit(self.model, data)
-            found = fit(misfit, self.plan.fit, self.console, [found.best.coordinates])
-        return misfit, found
-
-    def _extended(self, values: Array) -> bool:
-        """Solve further cells around the body at these values; return False where there are none to be solved."""
-        if self.round >= self._last:
-            self.console.note(
-                "fit: the fitted body leaves the states that the surrogate is trusted in; further cells are solved "
-                "there"
-            )
-            models = self.studies.experiments
-            new = [
-                family.extend([one for one in models if one.experiment.name in family.experiments], values)
-                for family in self.cells
-            ]
-            self.console.note(f"fit: {sum(map(len, new))} further cells")
-            if not any(new):
-                return False
-            for family, keys in zip(self.cells, new, strict=True):
-                family.end_round(keys)
-            self._last = self.round + 1
-        self.round += 1
-        self._begin()
-        return True
-
-
-def experiments_identity(plan: CalibrationPlan) -> str:
-    """Return the hash of all that the curves depend on, beside cells and values of the unknowns."""
-    return json_hash([studies_identity(plan), [place_of(curve) for curve in plan.curves]])
-
-
-def place_of(curve: ObservedCurve) -> list[Any]:
-    """Return what a curve is of, its times and its units, for a hash."""
-    return [repr(curve.series), curve.times.tolist(), curve.unit, curve.factor]
-
-
-def studies_identity(plan: CalibrationPlan) -> str:
-    """Return the hash of the studies and of the numbers in them that are unknown."""
-    experiments = [
-        [
-            one.name,
-            one.config.stages.macro,
-            None if one.config.scales is None else one.config.scales.model_dump(),
-            one.load,
-        ]
-        for one in plan.experiments
-    ]
-    unknowns = [
-        [each.unknown.name, each.unknown.unit, each.unknown.start, repr(sorted(each.numbers.items()))]
-        for each in plan.unknowns
-    ]
-    return json_hash([experiments, unknowns])
