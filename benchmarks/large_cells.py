@@ -22,7 +22,8 @@ import numpy as np
 from common import table
 
 from porocore.cell.cell import Cell
-from porocore.cell.geometry.kinds import TriplyPeriodic, Voxels
+from porocore.cell.level_sets.tpms import TriplyPeriodic
+from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.core.parallel.memory import freed_memory_kept, one_thread_in_children
 from porocore.states import CellResponse, Status

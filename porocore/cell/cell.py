@@ -11,29 +11,46 @@ from pydantic import (
     BeforeValidator,
     Field,
     SerializerFunctionWrapHandler,
+    Tag,
     model_serializer,
     model_validator,
 )
 
-from porocore.cell.contact.settings import ContactSettings
+from porocore.cell.contact.wall_contact import ContactSettings
 from porocore.cell.family.family import Family
 from porocore.cell.family.mesh import family_mesh
-from porocore.cell.geometry.kinds import Geometry, OrthogonalChannels
-from porocore.cell.geometry.pore_geometry import require_few
+from porocore.cell.geometry.channels import OrthogonalChannels
+from porocore.cell.geometry.drawn import CylinderArray, NoPores, SphereArray
+from porocore.cell.geometry.pore_geometry import PoreGeometry, require_few
+from porocore.cell.geometry.spheres import SpherePores
+from porocore.cell.level_sets.tpms import TriplyPeriodic
+from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.materials.hyperelastic import AnyMaterial, Composite, NeoHookean, Solid
 from porocore.cell.materials.material import SWELLING
 from porocore.cell.meshing.connectivity import pieces, why_disconnected
 from porocore.cell.meshing.mesh import CellMesh, Domain, MeshSettings, block, make_mesh, tiled
+from porocore.cell.meshing.mesh_file import MeshFile
 from porocore.cell.meshing.tetrahedra import Phase, volume
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.yaml_document import dotted
 from porocore.core.models.name import Name
-from porocore.core.models.strict import CalledByUsers
+from porocore.core.models.strict import CalledByUsers, by_kind
 from porocore.core.tensors import PointGroup
 from porocore.core.units import Dimension, Unit
 from porocore.errors import ConfigurationError
 from porocore.states import Array
 
+Geometry = Annotated[
+    Annotated[OrthogonalChannels, Tag("orthogonal-channels")]
+    | Annotated[SphereArray, Tag("sphere-array")]
+    | Annotated[CylinderArray, Tag("cylinder-array")]
+    | Annotated[NoPores, Tag("no-pores")]
+    | Annotated[SpherePores, Tag("sphere-pores")]
+    | Annotated[TriplyPeriodic, Tag("tpms")]
+    | Annotated[Voxels, Tag("voxels")]
+    | Annotated[MeshFile, Tag("mesh-file")],
+    by_kind(PoreGeometry, "orthogonal-channels"),
+]
 Cells = Annotated[int, Field(ge=1, le=8)]
 #: Name of a region; a number is the name of a tag.
 Region = Annotated[Name, BeforeValidator(lambda name: str(name) if isinstance(name, int) else name)]

@@ -22,7 +22,7 @@ from itertools import product
 import numpy as np
 import numpy.typing as npt
 
-from porocore.cell.geometry.sides import CUBE, Sides
+from porocore.cell.geometry.pore_geometry import CUBE, Sides
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.tetrahedra import Tetrahedra, volumes
 from porocore.core.echo import joined

@@ -8,11 +8,12 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from porocore.cell.cell import Cell
-from porocore.cell.contact.wall_contact import WallContact
-from porocore.cell.geometry.kinds import MeshFile, Voxels
-from porocore.cell.geometry.sides import CUBE, unit_sides
+from porocore.cell.contact.wall_contact import ContactModel
+from porocore.cell.geometry.pore_geometry import CUBE, unit_sides
+from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.meshing.connectivity import pieces, why_disconnected
 from porocore.cell.meshing.mesh import MeshSettings, block, tiled
+from porocore.cell.meshing.mesh_file import MeshFile
 from porocore.cell.meshing.mesh_quality import measure_mesh_quality, quality_lines, unmatched
 from porocore.cell.meshing.tetrahedra import volume
 from porocore.commands.fields.points import PointFields
@@ -204,8 +205,8 @@ def test_walls_of_a_box_touch_like_those_of_its_period():
     points = np.where(joined.points == joined.low, np.array(sides) / -2, points)
     points = np.where(joined.points == joined.high, np.array(sides) / 2, points)
     double = replace(joined, points=points, periods=(1, 1, 1), sides=sides)
-    one = WallContact(single, 40.0, deepest=0.05).at(H, u)
-    two = WallContact(double, 40.0 / edge, deepest=0.05 * edge).at(H, tiled(single, u, (1, 1, 2)) * edge)
+    one = ContactModel(single, 40.0, deepest=0.05).at(H, u)
+    two = ContactModel(double, 40.0 / edge, deepest=0.05 * edge).at(H, tiled(single, u, (1, 1, 2)) * edge)
     assert one.active
     assert two.depth == pytest.approx(one.depth * edge, rel=1e-9)
     assert two.forces.energy == pytest.approx(one.forces.energy, rel=1e-9)

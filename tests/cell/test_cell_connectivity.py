@@ -5,8 +5,9 @@ import pytest
 
 from porocore.cell.cell import Cell
 from porocore.cell.equilibrium.solver import PreparedCell
-from porocore.cell.geometry.kinds import OrthogonalChannels, SpherePores, TriplyPeriodic
-from porocore.cell.geometry.spheres import Throat
+from porocore.cell.geometry.channels import OrthogonalChannels
+from porocore.cell.geometry.spheres import SpherePores, Throat
+from porocore.cell.level_sets.tpms import TriplyPeriodic
 from porocore.cell.meshing.connectivity import blocked, joined_by_nodes, pieces, why_disconnected
 from porocore.cell.meshing.mesh import MeshSettings, block, make_mesh
 from porocore.cell.meshing.tetrahedra import volume

@@ -5,9 +5,12 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.geometry.kinds import MeshFile, OrthogonalChannels, TriplyPeriodic, Voxels
+from porocore.cell.geometry.channels import OrthogonalChannels
 from porocore.cell.level_sets.image import read_image
+from porocore.cell.level_sets.tpms import TriplyPeriodic
+from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.meshing.mesh import MeshSettings, make_mesh
+from porocore.cell.meshing.mesh_file import MeshFile
 from porocore.cell.meshing.tetrahedra import volume
 from porocore.errors import ConfigurationError
 

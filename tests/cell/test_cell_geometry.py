@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from scipy.integrate import quad
 from scipy.spatial import cKDTree
 
-from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.geometry.channels import OrthogonalChannels
 from porocore.cell.meshing.connectivity import blocked, pieces
 from porocore.cell.meshing.mesh import MeshSettings, make_mesh
 from porocore.cell.meshing.tetrahedra import volume

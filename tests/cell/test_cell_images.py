@@ -5,8 +5,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from porocore.cell.cell import Cell
-from porocore.cell.geometry.kinds import Voxels
 from porocore.cell.level_sets.cutting import CRUMB
+from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.meshing.connectivity import crumbs, pieces
 from porocore.cell.meshing.mesh import MeshSettings, make_mesh
 from porocore.cell.meshing.mesh_quality import measure_mesh_quality, quality_lines, unmatched

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from porocore.cell.cell import Cell
-from porocore.cell.geometry.kinds import Geometry, SpherePores, TriplyPeriodic
-from porocore.cell.geometry.spheres import Throat
+from porocore.cell.cell import Cell, Geometry
+from porocore.cell.geometry.spheres import SpherePores, Throat
 from porocore.cell.level_sets.cutting import body_centred
-from porocore.cell.level_sets.tpms import below
+from porocore.cell.level_sets.tpms import TriplyPeriodic, below
 from porocore.cell.meshing.mesh import MeshSettings, make_mesh
 from porocore.cell.meshing.mesh_quality import dihedral_angles, unmatched
 from porocore.cell.meshing.tetrahedra import least_stretch, volume, volumes

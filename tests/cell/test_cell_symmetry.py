@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter
 
-from porocore.cell.cell import Cell
-from porocore.cell.geometry.kinds import Geometry
+from porocore.cell.cell import Cell, Geometry
 from porocore.cell.level_sets.tpms import Nodal
 from porocore.cell.materials.hyperelastic import AnyMaterial, Composite
 from porocore.cell.meshing.tetrahedra import Tetrahedra

@@ -5,7 +5,7 @@ import pytest
 
 from porocore.cell.cell import Cell
 from porocore.cell.conductivity.extension import HarmonicExtension, wall_interpolation
-from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.geometry.channels import OrthogonalChannels
 from porocore.cell.geometry.spheres import SpherePores
 from porocore.cell.level_sets.tpms import TriplyPeriodic
 from porocore.cell.meshing.mesh import MeshSettings

@@ -6,10 +6,15 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.contact.pairs import MirrorContact, pore_surface
-from porocore.cell.contact.settings import ContactSettings
-from porocore.cell.contact.wall_contact import DEEPEST, facet_edge, make_contact_model
-from porocore.cell.geometry.sides import unit_sides
+from porocore.cell.contact.pairs import pore_surface
+from porocore.cell.contact.wall_contact import (
+    DEEPEST,
+    ContactModel,
+    ContactSettings,
+    facet_edge,
+    make_contact_model,
+)
+from porocore.cell.geometry.pore_geometry import unit_sides
 from porocore.cell.meshing.mesh import CellMesh, MeshSettings
 
 H = np.diag([0.02, -0.25, 0.01])
@@ -29,7 +34,7 @@ def mesh(request):
 @pytest.fixture(scope="module")
 def pressed(mesh):
     """A contact and a made-up field that pushes the wall through all six planes, at random."""
-    contact = MirrorContact(mesh, stiffness=100.0, deepest=1.0)
+    contact = ContactModel(mesh, stiffness=100.0, deepest=1.0)
     rng = np.random.default_rng(3)
     x = mesh.points @ (np.eye(3) + H)
     outwards = x / (np.diag(np.eye(3) + H) * mesh.high) - 0.5  # −½ at X_a = 0, ½ at half of the side
@@ -99,7 +104,7 @@ def flattened(mesh):
     pressed = np.where(distance < near, left * distance - beyond, distance - (1 - left) * near - beyond)
     u = (pressed - distance) * np.where(x < edge / 2, 1.0, -1.0)
     u += np.random.default_rng(5).normal(size=u.shape) * 1e-4
-    return MirrorContact(mesh, stiffness=100.0, deepest=0.03), u
+    return ContactModel(mesh, stiffness=100.0, deepest=0.03), u
 
 
 @pytest.mark.parametrize("parity", ["", "xy", "x", "xyz", "|xyz"])
@@ -148,7 +153,7 @@ def test_only_the_distance_counts(mesh, pressed):
 
 def test_uniform_deformation_touches_nothing(mesh):
     """Planes and wall move alike, however the cell is squeezed."""
-    contact = MirrorContact(mesh, stiffness=100.0, deepest=1.0)
+    contact = ContactModel(mesh, stiffness=100.0, deepest=1.0)
     for squeeze in (np.diag([0.0, -0.6, 0.0]), np.diag([-0.5, 0.3, -0.7]), np.zeros((3, 3))):
         assert not contact.at(squeeze, np.zeros_like(mesh.points)).active
 
@@ -156,7 +161,7 @@ def test_uniform_deformation_touches_nothing(mesh):
 def test_energy_of_a_flat_wall(flat):
     """ε d² A / 2 of a facet that has passed its plane by d."""
     mesh, area, u = flat(1e-3)
-    state = MirrorContact(mesh, stiffness=50.0, deepest=1.0).at(np.zeros((3, 3)), u)
+    state = ContactModel(mesh, stiffness=50.0, deepest=1.0).at(np.zeros((3, 3)), u)
     assert state.forces.energy == pytest.approx(50.0 * 1e-6 * area / 2, rel=1e-12)
     assert state.depth == pytest.approx(1e-3, rel=1e-12)
     assert state.forces.share == pytest.approx(area / pore_surface(mesh).area, rel=1e-12)
@@ -190,7 +195,7 @@ def test_odd_perturbations_slide_and_tilt(flat, parity):
     """
     depth, stiffness = 1e-3, 40.0
     mesh, area, u = flat(depth)
-    contact = MirrorContact(mesh, stiffness, deepest=1.2 * depth)
+    contact = ContactModel(mesh, stiffness, deepest=1.2 * depth)
     x = (mesh.points + u)[:3]
     plane = 0.0 if mesh.points[:, 2].mean() < 0.25 else 0.5
     reflection = np.diag([1.0, 1.0, -1.0])
@@ -236,7 +241,7 @@ def test_odd_perturbations_slide_and_tilt(flat, parity):
 def test_odd_classes_have_even_planes_too(flat):
     """Under xy the plane of z is even: the penalty itself resists δ_n."""
     mesh, area, u = flat(1e-3)
-    rows, columns, values = MirrorContact(mesh, 40.0, 0.1).at(np.zeros((3, 3)), u).blocks("xy").entries
+    rows, columns, values = ContactModel(mesh, 40.0, 0.1).at(np.zeros((3, 3)), u).blocks("xy").entries
     K = np.zeros((12, 12))
     np.add.at(K, (rows, columns), values)
     lift = np.zeros((4, 3))

@@ -5,7 +5,7 @@ import pytest
 
 from porocore.cell.cell import Cell
 from porocore.cell.contact.pairs import FACE, VERTEX, Pairs, distance_derivatives, nearest, nearest_only
-from porocore.cell.contact.wall_contact import WallContact
+from porocore.cell.contact.wall_contact import ContactModel
 
 
 def random_pairs(n=3000, seed=0):
@@ -93,7 +93,7 @@ def folded():
     u = u[np.unique(mesh.periodic_class, return_index=True)[1]][mesh.periodic_class]
     # A bulge of the lower and upper walls of the channels towards each other.
     u[:, 1] -= 0.16 * np.sin(2 * np.pi * mesh.points[:, 1]) * np.cos(np.pi * mesh.points[:, 0]) ** 2
-    contact = WallContact(mesh, stiffness=40.0, deepest=0.05)
+    contact = ContactModel(mesh, stiffness=40.0, deepest=0.05)
     state = contact.at(H, u)
     assert state.active
     return contact, state, H, u
@@ -127,6 +127,6 @@ def test_walls_push_each_other_apart(folded):
 
 def test_the_undeformed_wall_touches_nothing():
     mesh = Cell(mesh={"size": 0.3, "element": "linear"}).make_mesh("solid", "whole")
-    state = WallContact(mesh, 40.0, 0.05).at(np.zeros((3, 3)), np.zeros_like(mesh.points))
+    state = ContactModel(mesh, 40.0, 0.05).at(np.zeros((3, 3)), np.zeros_like(mesh.points))
     assert not state.active
     assert state.depth == 0

@@ -8,7 +8,7 @@ import pytest
 from porocore.cell.cell import Cell
 from porocore.cell.contact.pairs import pore_surface
 from porocore.cell.contact.wall_contact import facet_edge
-from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.geometry.channels import OrthogonalChannels
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cell.meshing.tetrahedra import LARGEST_DEGREE, shape_functions, triangle_rule
 

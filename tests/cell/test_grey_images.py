@@ -8,8 +8,8 @@ import tifffile
 from scipy.ndimage import gaussian_filter
 
 from porocore.cell.cell import Cell
-from porocore.cell.geometry.kinds import Voxels
 from porocore.cell.level_sets.image import GreyValues, read_image, stated_voxel
+from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.meshing.mesh import MISSED
 from porocore.cell.meshing.mesh_quality import measure_mesh_quality, quality_lines
 from porocore.errors import ConfigurationError

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.geometry.kinds import Voxels
-from porocore.cell.level_sets.voxels import blended, mismatch_note
+from porocore.cell.level_sets.voxels import Voxels, blended, mismatch_note
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cell.meshing.mesh_quality import measure_mesh_quality, quality_lines
 from porocore.errors import ConfigurationError

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.geometry.kinds import Voxels
 from porocore.cell.level_sets.cutting import SPECKS
+from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.meshing.connectivity import pieces
 from porocore.cell.meshing.tetrahedra import volume
 

@@ -9,7 +9,8 @@ from pydantic import TypeAdapter
 from porocore import MacroState, Status
 from porocore.cell.cell import Cell
 from porocore.cell.equilibrium.responses import respond
-from porocore.cell.geometry.kinds import NoPores, OrthogonalChannels
+from porocore.cell.geometry.channels import OrthogonalChannels
+from porocore.cell.geometry.drawn import NoPores
 from porocore.cell.materials.hyperelastic import AnyMaterial, Composite, MooneyRivlin, NeoHookean
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cell.stability.line import _check_symmetric

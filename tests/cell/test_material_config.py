@@ -11,8 +11,8 @@ import pytest
 import yaml
 
 from porocore.cell.cell import Cell
-from porocore.cell.invariants.invariants import Formula, derivatives
 from porocore.cell.materials.hyperelastic import Composite, HolzapfelGasserOgden, NeoHookean
+from porocore.cell.materials.invariants import Formula, derivatives
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.errors import ConfigurationError
 from porocore.macro.laws import MeanGradientClosure, PotentialClosure

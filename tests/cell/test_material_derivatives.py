@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from solids import LAM, MATERIALS, MU, deformations, make
 
-from porocore.cell.invariants.invariants import PowerSum, power_difference
 from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.cell.materials.invariants import PowerSum, power_difference
 from porocore.cell.materials.material import Kinematics, ramp, ramp_curvature, ramp_derivative, voigt_moduli
 
 #: By differences only: eigenvalues of complex tensors are another matter.

@@ -5,8 +5,8 @@ import pytest
 import tifffile
 
 from porocore.cell.cell import Cell
-from porocore.cell.geometry.kinds import Voxels
 from porocore.cell.level_sets.image import open_image, read_image
+from porocore.cell.level_sets.voxels import Voxels
 from porocore.errors import ConfigurationError
 
 PAGES = np.random.default_rng(3).integers(0, 60_000, (12, 7, 9)).astype(np.uint16)

@@ -6,10 +6,10 @@ from scipy.spatial import cKDTree
 from stability_blocks import block
 
 from porocore.cell.cell import Cell
-from porocore.cell.contact.settings import ContactSettings
+from porocore.cell.contact.wall_contact import ContactSettings
 from porocore.cell.equilibrium.discrete import lumped_mass
 from porocore.cell.equilibrium.responses import follow, respond
-from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.geometry.channels import OrthogonalChannels
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cell.stability.modes import (

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.contact.settings import ContactSettings
-from porocore.cell.contact.wall_contact import make_contact_model
-from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.contact.wall_contact import ContactSettings, make_contact_model
+from porocore.cell.geometry.channels import OrthogonalChannels
 from porocore.cell.meshing.mesh import MeshSettings, block, tiled
 from porocore.cell.stability.modes import lowest_mode
 from porocore.interfaces.cell import CellField

@@ -8,7 +8,8 @@ from cube_symmetry import symmetry_error
 from scipy.stats import qmc
 
 from porocore.cell.cell import Cell
-from porocore.cell.geometry.kinds import OrthogonalChannels, Voxels
+from porocore.cell.geometry.channels import OrthogonalChannels
+from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.materials.hyperelastic import HolzapfelGasserOgden
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.core.inputs import InputSpace

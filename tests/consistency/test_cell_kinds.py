@@ -10,11 +10,13 @@ import pytest
 
 from porocore.cell.cell import Cell
 from porocore.cell.equilibrium.responses import follow, respond
-from porocore.cell.geometry.kinds import MeshFile, OrthogonalChannels, SpherePores, TriplyPeriodic, Voxels
-from porocore.cell.geometry.spheres import Throat
+from porocore.cell.geometry.channels import OrthogonalChannels
+from porocore.cell.geometry.spheres import SpherePores, Throat
 from porocore.cell.level_sets.cutting import LevelSetGeometry
-from porocore.cell.level_sets.tpms import Nodal
+from porocore.cell.level_sets.tpms import Nodal, TriplyPeriodic
+from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.meshing.mesh import CellMesh, MeshSettings
+from porocore.cell.meshing.mesh_file import MeshFile
 from porocore.commands.crosscheck.bodies import relative
 from porocore.commands.crosscheck.comparison import CELL
 from porocore.states import MacroState, Status

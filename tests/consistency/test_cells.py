@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.contact.settings import ContactSettings
+from porocore.cell.contact.wall_contact import ContactSettings
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.commands.crosscheck.bodies import AVERAGES, DERIVATIVES, compare_responses, relative
 from porocore.commands.crosscheck.comparison import CELL, STATES

@@ -12,8 +12,8 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from porocore.cell.cell import Cell
-from porocore.cell.contact.settings import ContactSettings
-from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.contact.wall_contact import ContactSettings
+from porocore.cell.geometry.channels import OrthogonalChannels
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.errors import ConfigurationError

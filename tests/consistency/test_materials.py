@@ -8,7 +8,7 @@ import pytest
 from pydantic import TypeAdapter
 
 from porocore.cell.cell import Cell
-from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.geometry.channels import OrthogonalChannels
 from porocore.cell.materials.hyperelastic import AnyMaterial
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.commands.crosscheck.bodies import compare_responses

@@ -8,7 +8,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from porocore.cell.cell import Cell
-from porocore.cell.geometry.kinds import OrthogonalChannels, Voxels
+from porocore.cell.geometry.channels import OrthogonalChannels
+from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.study.notes.abilities import resolution
 

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from porocore.cell.cell import Cell
+from porocore.cell.cell import Cell, Geometry
 from porocore.cell.equilibrium.solver import PreparedCell
-from porocore.cell.geometry.kinds import CylinderArray, Geometry, NoPores, OrthogonalChannels, SphereArray
+from porocore.cell.geometry.channels import OrthogonalChannels
+from porocore.cell.geometry.drawn import CylinderArray, NoPores, SphereArray
 from porocore.cell.meshing.mesh import MeshSettings, make_mesh
 from porocore.cell.meshing.tetrahedra import tetrahedron_rule
 from porocore.errors import ConfigurationError

@@ -11,7 +11,7 @@ from scipy import sparse
 from porocore.cell.cell import Cell
 from porocore.cell.equilibrium.discrete import FactorError
 from porocore.cell.equilibrium.responses import respond
-from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.geometry.channels import OrthogonalChannels
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.errors import ConfigurationError
 from porocore.states import MacroState, Status

@@ -5,9 +5,9 @@ import pytest
 
 from porocore import MacroState, Status
 from porocore.cell.cell import Cell
-from porocore.cell.contact.settings import ContactSettings
+from porocore.cell.contact.wall_contact import ContactSettings
 from porocore.cell.equilibrium.responses import respond
-from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.geometry.channels import OrthogonalChannels
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.errors import ConfigurationError

@@ -8,7 +8,8 @@ from porocore.cell.cell import Cell
 from porocore.cell.contact.wall_contact import make_contact_model
 from porocore.cell.equilibrium.discrete import LoadStepFailed
 from porocore.cell.equilibrium.responses import follow, respond
-from porocore.cell.geometry.kinds import OrthogonalChannels, TriplyPeriodic
+from porocore.cell.geometry.channels import OrthogonalChannels
+from porocore.cell.level_sets.tpms import TriplyPeriodic
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cell.stability.modes import lowest_of_class

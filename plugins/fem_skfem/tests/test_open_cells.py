@@ -5,7 +5,8 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from porocore.cell.cell import Cell
-from porocore.cell.geometry.kinds import TriplyPeriodic, Voxels
+from porocore.cell.level_sets.tpms import TriplyPeriodic
+from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.states import Status
 from porocore.testing.cell_checks.base import image_cell

@@ -16,9 +16,8 @@ from pydantic.fields import FieldInfo
 
 from porocore.cell.conductivity.extension import BoundaryExtension, ends_of_edges
 from porocore.cell.family.family import changed_numbers, number_at, with_number
-from porocore.cell.family.surfaces import WallSurface
 from porocore.cell.family.wall import ON, TINY, WallMotion, lies_on
-from porocore.cell.geometry.pore_geometry import PoreGeometry
+from porocore.cell.geometry.pore_geometry import PoreGeometry, WallSurface
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.cell.materials.material import SWELLING
 from porocore.cell.meshing.mesh import CellMesh, Domain, MeshSettings, make_mesh

@@ -22,7 +22,7 @@ from scipy.sparse.linalg import splu
 from porocore.cell.contact.wall_contact import elements_at_wall
 from porocore.cell.equilibrium.discrete import DiscreteSolid
 from porocore.cell.equilibrium.slopes import ExplicitDependence, SolidSlopes
-from porocore.cell.family.surfaces import Plane, Round, Values, WallSurface
+from porocore.cell.geometry.pore_geometry import Plane, Round, Values, WallSurface
 from porocore.cell.materials.material import SWELLING
 from porocore.cell.meshing.mesh import CellMesh, Domain
 from porocore.cell.meshing.tetrahedra import with_middles

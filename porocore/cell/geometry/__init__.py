@@ -1,1 +1,1 @@
-"""Pore geometries that are drawn: channels, spheres, obstacles; and the choice among all kinds."""
+"""Pore geometries that are drawn: channels, spheres, obstacles; and their interface."""

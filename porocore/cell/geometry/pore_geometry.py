@@ -1,18 +1,141 @@
-"""Interface of a pore geometry (PoreGeometry); refusal of a mesh that would be too large."""
+"""Interface of a pore geometry (PoreGeometry), sides of its cell, surfaces of its wall; refusal of a large mesh."""
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
 
-from porocore.cell.family.surfaces import WallSurface
-from porocore.cell.geometry.sides import CUBE, Sides
+import numpy as np
+import numpy.typing as npt
+
 from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra
 from porocore.core.models.strict import StrictModel
 from porocore.core.tensors import CUBIC, MIRRORS, TRIVIAL, PointGroup
 from porocore.errors import ConfigurationError
-from porocore.states import IntArray
+from porocore.states import Array, IntArray
+
+Sides = tuple[float, float, float]
+CUBE: Sides = (1.0, 1.0, 1.0)
+#: Significant bits of a side. Multiples of it are exact, so that copies of a cell meet in the same numbers.
+BITS = 48
+
+
+def unit_sides(lengths: Iterable[float]) -> Sides:
+    """Return the sides of a box of volume 1 with the proportions of the given lengths; exactly 1 for a cube."""
+    x, y, z = lengths
+    if x == y == z:
+        return CUBE
+    edge = math.cbrt(x * y * z)
+    return _rounded(x / edge), _rounded(y / edge), _rounded(z / edge)
+
+
+def _rounded(side: float) -> float:
+    mantissa, exponent = math.frexp(side)
+    return math.ldexp(round(math.ldexp(mantissa, BITS)), exponent - BITS)
+
+
+#: Real values; complex ones where a number of the geometry is complex.
+Values = npt.NDArray[Any]
+
+
+class WallSurface(Protocol):
+    """Smooth function that vanishes on a surface.
+
+    A number of the geometry may be complex, with a tiny imaginary part: that of the value is then the derivative by
+    the number, to round-off.
+    """
+
+    def value(self, points: Array) -> Values:
+        """Return the values (n,) at points (n, 3)."""
+
+    def gradient(self, points: Array) -> Array:
+        """Return the gradients (n, 3) at points (n, 3), for real numbers."""
+
+
+@dataclass(frozen=True)
+class Round:
+    """Distance from a point, or from a straight line, less a radius: a sphere, or an endless cylinder.
+
+    Attributes
+    ----------
+    centre : (3,)
+        The point, or a point of the line.
+    radius
+        Radius.
+    along : (3,)
+        Direction of the line, of any length; 0 for a sphere.
+    is_tube
+        Whether the body is the part of the cylinder from ``centre`` to ``centre + along`` alone.
+    """
+
+    centre: Values
+    radius: complex
+    along: Values
+    is_tube: bool = False
+
+    def value(self, points: Array) -> Values:
+        away = self._away(points)
+        return np.asarray(np.sqrt((away * away).sum(axis=1)) - self.radius)
+
+    def gradient(self, points: Array) -> Array:
+        away = self._away(points)
+        return np.asarray(away / np.linalg.norm(away, axis=1, keepdims=True))
+
+    def covers(self, points: Array, depth: float) -> npt.NDArray[np.bool_]:
+        """Return which points (n, 3) lie deeper than ``depth`` in the body, for real numbers."""
+        deep: npt.NDArray[np.bool_] = self.value(points) < -depth
+        if self.is_tube:
+            share = self._share(points - self.centre)
+            deep &= (share >= 0) & (share <= 1)
+        return deep
+
+    def _away(self, points: Array) -> Values:
+        away: Values = points - self.centre
+        if np.any(self.along != 0):
+            away = away - self._share(away)[:, None] * self.along
+        return away
+
+    def _share(self, away: Values) -> Values:
+        return np.asarray((away @ self.along) / (self.along @ self.along))
+
+
+def sphere(centre: Values, radius: complex) -> Round:
+    """Return the surface of a sphere."""
+    return Round(np.asarray(centre), radius, np.zeros(3))
+
+
+def cylinder(axis: str, radius: complex) -> Round:
+    """Return the surface of a cylinder around the axis "x", "y" or "z" through the middle of the cell."""
+    return Round(np.zeros(3), radius, np.eye(3)["xyz".index(axis)])
+
+
+@dataclass(frozen=True)
+class Plane:
+    """Plane X · normal = height in which two surfaces touch.
+
+    Attributes
+    ----------
+    normal : (3,)
+        Normal, of any length.
+    height
+        X · normal in the plane.
+    between
+        The two surfaces.
+    """
+
+    normal: Values
+    height: complex
+    between: tuple[WallSurface, WallSurface]
+
+    def value(self, points: Array) -> Values:
+        return np.asarray(points @ self.normal - self.height)
+
+    def gradient(self, points: Array) -> Array:
+        return np.tile(self.normal, (len(points), 1))
+
 
 #: Tetrahedra of unit size in a unit cube; measured on drawn cells and level sets, 8 to 17.
 PER_CUBE = 12.0
@@ -45,7 +168,7 @@ class PoreGeometry(StrictModel, ABC):
     """Shape of the pores in a periodic cell of volume 1 around the origin: the unit cube [−½, ½]³, or a box.
 
     A new kind derives this class, has a field ``kind`` with one allowed text, and stands in
-    :data:`porocore.cell.geometry.kinds.Geometry`. Most derive :class:`porocore.cell.geometry.cad.DrawnGeometry` or
+    :data:`porocore.cell.cell.Geometry`. Most derive :class:`porocore.cell.geometry.drawn.DrawnGeometry` or
     :class:`porocore.cell.level_sets.cutting.LevelSetGeometry`, which make the mesh.
     """
 

@@ -9,8 +9,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from porocore.cell.family.surfaces import Values, WallSurface
-from porocore.cell.geometry.pore_geometry import Unfolding
+from porocore.cell.geometry.pore_geometry import Unfolding, Values, WallSurface
 from porocore.cell.level_sets.cutting import LevelSetGeometry
 from porocore.core.tensors import CUBIC, PointGroup
 from porocore.states import Array

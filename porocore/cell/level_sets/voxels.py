@@ -12,8 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from porocore.cell.geometry.pore_geometry import Unfolding
-from porocore.cell.geometry.sides import CUBE, Sides, unit_sides
+from porocore.cell.geometry.pore_geometry import CUBE, Sides, Unfolding, unit_sides
 from porocore.cell.level_sets.cutting import SPECKS, LevelSetGeometry, mesh_level_set
 from porocore.cell.level_sets.image import (
     SMALLEST,

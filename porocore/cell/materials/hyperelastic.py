@@ -10,9 +10,17 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import numpy as np
 from pydantic import Field, Tag, field_validator
 
-from porocore.cell.invariants.expression import BASIC, VOLUMETRIC, ExpressionMaterial, InvariantMaterial
-from porocore.cell.invariants.invariants import Invariant, PowerSum
-from porocore.cell.materials.fibres import Direction, fibre_invariants, same_families, turned
+from porocore.cell.materials.expression import (
+    BASIC,
+    VOLUMETRIC,
+    Direction,
+    ExpressionMaterial,
+    InvariantMaterial,
+    fibre_invariants,
+    same_families,
+    turned,
+)
+from porocore.cell.materials.invariants import Invariant, PowerSum
 from porocore.cell.materials.material import Material, StrainEnergy
 from porocore.core.echo import suggestion
 from porocore.core.files.yaml_document import Location

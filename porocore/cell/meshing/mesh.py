@@ -17,8 +17,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from porocore.cell.geometry.pore_geometry import PoreGeometry
-from porocore.cell.geometry.sides import CUBE, Sides
+from porocore.cell.geometry.pore_geometry import CUBE, PoreGeometry, Sides
 from porocore.cell.meshing.tetrahedra import (
     Element,
     Phase,

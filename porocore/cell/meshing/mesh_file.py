@@ -11,15 +11,15 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from porocore.cell.geometry.pore_geometry import PoreGeometry, Unfolding
-from porocore.cell.geometry.sides import CUBE, Sides, unit_sides
+from porocore.cell.geometry.pore_geometry import CUBE, PoreGeometry, Sides, Unfolding, unit_sides
 from porocore.cell.meshing.tetrahedra import (
     EDGES,
     Element,
     Phase,
     Tetrahedra,
+    boundary_facets,
+    facet_classes,
     least_stretch,
-    matched,
     used,
     volume,
     volumes,
@@ -363,3 +363,64 @@ def _positive(points: Array, cells: IntArray, path: Path) -> IntArray:
             f"{path}: {bad} of {len(cells):,} tetrahedra have no volume or fold over themselves; improve the mesh"
         )
     return cells
+
+
+#: Tolerances of a node on a face and of partners on opposite faces, in lengths of the cell.
+ON_FACE, PARTNER = 1e-6, 1e-4
+
+
+def matched(points: Array, cells: IntArray, sides: Sides, what: str) -> Array:
+    """Return the nodes (N, 3) of a mesh of a cell, with nodes of opposite faces at exactly the same places.
+
+    The tetrahedra are those of both phases; messages begin with ``what``, the name of the mesh.
+
+    Raises
+    ------
+    ConfigurationError
+        A face has nodes or facets without partners on the opposite face.
+    """
+    from scipy.spatial import cKDTree  # slow to import
+
+    half = np.array(sides) / 2
+    for face in (-half, half):
+        points = np.where(np.abs(points - face) < ON_FACE, face, points)
+    for axis, name in enumerate("xyz"):
+        others = np.array([i for i in range(3) if i != axis])
+        low, high = (np.flatnonzero(points[:, axis] == side) for side in (-half[axis], half[axis]))
+        distance, partner = cKDTree(points[low][:, others]).query(points[high][:, others])
+        back, _ = cKDTree(points[high][:, others]).query(points[low][:, others])
+        missing = int((distance > PARTNER).sum() + (back > PARTNER).sum())
+        faces = f"{name} = ±{half[axis]:.4g} ({len(low)} and {len(high)} nodes)"
+        if missing:
+            raise ConfigurationError(
+                f"{what}: not periodic along {name}: {missing} nodes of the faces {faces} have no partner on the "
+                f"opposite face; the largest distance to the nearest node there is "
+                f"{max(distance.max(), back.max()):.3g} of the cell's length; mesh one face and copy it to the other "
+                "(gmsh: setPeriodic)"
+            )
+        if len(low) != len(high) or len(np.unique(partner)) < len(high):
+            raise ConfigurationError(
+                f"{what}: not periodic along {name}: several nodes of the faces {faces} lie within {PARTNER:g} of the "
+                "cell's length of one node of the opposite face; mesh one face, no finer than that, and copy it to "
+                "the other (gmsh: setPeriodic)"
+            )
+        points[np.ix_(high, others)] = points[np.ix_(low[partner], others)]
+    _check_facets(points, cells, half, what)
+    return points
+
+
+def _check_facets(points: Array, cells: IntArray, half: Array, what: str) -> None:
+    """Refuse a mesh with boundary facets inside the cell, or with different facets on opposite faces."""
+    boundary = boundary_facets(cells[:, :4])
+    on_face = (np.abs(points[boundary]) == half).all(axis=1).any(axis=1)
+    if not on_face.all():
+        raise ConfigurationError(
+            f"{what}: {int((~on_face).sum())} facets inside of the cell belong to one tetrahedron only; solid and "
+            "fluid must fill the cell and share their nodes on the wall"
+        )
+    alone = int((np.bincount(facet_classes(points, boundary, -half, half)) == 1).sum())
+    if alone:
+        raise ConfigurationError(
+            f"{what}: not periodic: the nodes of opposite faces match, but {alone} facets between them do not; mesh "
+            "one face and copy it to the other (gmsh: setPeriodic)"
+        )

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from porocore.cell.cell import Cell
-from porocore.cell.geometry.sides import CUBE, Sides
+from porocore.cell.geometry.pore_geometry import CUBE, Sides
 from porocore.cell.level_sets.agreement import grains
 from porocore.cell.meshing.connectivity import Piece, blocked, pieces, why_disconnected
 from porocore.cell.meshing.mesh import CellMesh, make_mesh

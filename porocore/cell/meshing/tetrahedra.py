@@ -1,4 +1,4 @@
-"""Tetrahedra of one phase: volumes, shape functions, quadrature, nodes matched by periodicity."""
+"""Tetrahedra of one phase: volumes, shape functions, quadrature, facets matched by periodicity."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ from typing import Literal
 import numpy as np
 from scipy.special import roots_jacobi
 
-from porocore.cell.geometry.sides import Sides
-from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 
 LARGEST_DEGREE = 12
@@ -240,50 +238,6 @@ def least_stretch(points: Array, cells: IntArray) -> Array:
     return np.asarray(determinants(points, cells, at).min(axis=1) / (6 * volumes(points, cells)))
 
 
-#: Tolerances of a node on a face and of partners on opposite faces, in lengths of the cell.
-ON_FACE, PARTNER = 1e-6, 1e-4
-
-
-def matched(points: Array, cells: IntArray, sides: Sides, what: str) -> Array:
-    """Return the nodes (N, 3) of a mesh of a cell, with nodes of opposite faces at exactly the same places.
-
-    The tetrahedra are those of both phases; messages begin with ``what``, the name of the mesh.
-
-    Raises
-    ------
-    ConfigurationError
-        A face has nodes or facets without partners on the opposite face.
-    """
-    from scipy.spatial import cKDTree  # slow to import
-
-    half = np.array(sides) / 2
-    for face in (-half, half):
-        points = np.where(np.abs(points - face) < ON_FACE, face, points)
-    for axis, name in enumerate("xyz"):
-        others = np.array([i for i in range(3) if i != axis])
-        low, high = (np.flatnonzero(points[:, axis] == side) for side in (-half[axis], half[axis]))
-        distance, partner = cKDTree(points[low][:, others]).query(points[high][:, others])
-        back, _ = cKDTree(points[high][:, others]).query(points[low][:, others])
-        missing = int((distance > PARTNER).sum() + (back > PARTNER).sum())
-        faces = f"{name} = ±{half[axis]:.4g} ({len(low)} and {len(high)} nodes)"
-        if missing:
-            raise ConfigurationError(
-                f"{what}: not periodic along {name}: {missing} nodes of the faces {faces} have no partner on the "
-                f"opposite face; the largest distance to the nearest node there is "
-                f"{max(distance.max(), back.max()):.3g} of the cell's length; mesh one face and copy it to the other "
-                "(gmsh: setPeriodic)"
-            )
-        if len(low) != len(high) or len(np.unique(partner)) < len(high):
-            raise ConfigurationError(
-                f"{what}: not periodic along {name}: several nodes of the faces {faces} lie within {PARTNER:g} of the "
-                "cell's length of one node of the opposite face; mesh one face, no finer than that, and copy it to "
-                "the other (gmsh: setPeriodic)"
-            )
-        points[np.ix_(high, others)] = points[np.ix_(low[partner], others)]
-    _check_facets(points, cells, half, what)
-    return points
-
-
 def facet_classes(points: Array, facets: IntArray, first: Array, last: Array) -> IntArray:
     """Return the number (K,) of each facet (K, 3) of the box from ``first`` to ``last``; partners have the same one.
 
@@ -304,20 +258,3 @@ def facet_classes(points: Array, facets: IntArray, first: Array, last: Array) ->
         there = (images >= 0).all(axis=1)
         corners[there] = np.sort(images[there], axis=1)
     return np.unique(corners, axis=0, return_inverse=True)[1].reshape(-1)
-
-
-def _check_facets(points: Array, cells: IntArray, half: Array, what: str) -> None:
-    """Refuse a mesh with boundary facets inside the cell, or with different facets on opposite faces."""
-    boundary = boundary_facets(cells[:, :4])
-    on_face = (np.abs(points[boundary]) == half).all(axis=1).any(axis=1)
-    if not on_face.all():
-        raise ConfigurationError(
-            f"{what}: {int((~on_face).sum())} facets inside of the cell belong to one tetrahedron only; solid and "
-            "fluid must fill the cell and share their nodes on the wall"
-        )
-    alone = int((np.bincount(facet_classes(points, boundary, -half, half)) == 1).sum())
-    if alone:
-        raise ConfigurationError(
-            f"{what}: not periodic: the nodes of opposite faces match, but {alone} facets between them do not; mesh "
-            "one face and copy it to the other (gmsh: setPeriodic)"
-        )

@@ -24,7 +24,7 @@ from scipy.sparse.linalg import LinearOperator, eigsh
 from scipy.spatial import cKDTree
 
 from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorError, Iterate, lumped_mass
-from porocore.cell.geometry.sides import CUBE, Sides
+from porocore.cell.geometry.pore_geometry import CUBE, Sides
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.symmetry import bloch_classes, images, odd_axes, translation
 from porocore.errors import PorocoreError

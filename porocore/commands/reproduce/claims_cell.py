@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.geometry.channels import OrthogonalChannels
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.commands.reproduce.claims import Claim, Claims, Finding, compare_number, judge_statement
 from porocore.commands.reproduce.study import Results

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from porocore.cell.cell import Cell
-from porocore.cell.geometry.kinds import CylinderArray, Geometry, NoPores, OrthogonalChannels, SphereArray
+from porocore.cell.cell import Cell, Geometry
+from porocore.cell.geometry.channels import OrthogonalChannels
+from porocore.cell.geometry.drawn import CylinderArray, NoPores, SphereArray
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.commands.crosscheck.bodies import AVERAGES

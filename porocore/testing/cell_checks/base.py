@@ -25,9 +25,11 @@ import numpy.typing as npt
 import pytest
 from scipy.spatial.transform import Rotation
 
-from porocore.cell.cell import Cell
-from porocore.cell.contact.settings import ContactSettings
-from porocore.cell.geometry.kinds import Geometry, OrthogonalChannels, TriplyPeriodic, Voxels
+from porocore.cell.cell import Cell, Geometry
+from porocore.cell.contact.wall_contact import ContactSettings
+from porocore.cell.geometry.channels import OrthogonalChannels
+from porocore.cell.level_sets.tpms import TriplyPeriodic
+from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.core.field_check import response_fault
 from porocore.errors import ConfigurationError

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
-from porocore.cell.contact.settings import ContactSettings
-from porocore.cell.geometry.kinds import OrthogonalChannels
+from porocore.cell.contact.wall_contact import ContactSettings
+from porocore.cell.geometry.channels import OrthogonalChannels
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.cell.materials.material import Material
 from porocore.cell.meshing.mesh import MeshSettings

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from porocore.cell.contact.settings import ContactSettings
+from porocore.cell.contact.wall_contact import ContactSettings
 from porocore.states import MacroState, Status
 
 sys.path.insert(0, str(Path(__file__).parent))

@@ -1,1 +1,0 @@
-"""Strain energies as formulas of the invariants of C, and their derivatives."""
