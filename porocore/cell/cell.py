@@ -32,7 +32,6 @@ from porocore.cell.meshing.mesh import CellMesh, Domain, MeshSettings, block, ma
 from porocore.cell.meshing.mesh_file import MeshFile
 from porocore.cell.meshing.tetrahedra import Phase, volume
 from porocore.core.files.plain_data import json_hash
-from porocore.core.files.yaml_document import dotted
 from porocore.core.models.name import Name
 from porocore.core.models.strict import CalledByUsers, by_kind
 from porocore.core.tensors import PointGroup
@@ -276,7 +275,7 @@ class Cell(Family, metaclass=CalledByUsers):
         for k, parameter in enumerate(self.parameters):
             if parameter.shape:
                 family = family_mesh(self.base_section("geometry"), self.mesh)
-                speed = family.velocity(phase, domain, self.geometry, dotted(parameter.path[1:]))
+                speed = family.velocity(phase, domain, self.geometry, parameter.path[1:])
                 found[k] = tiled(mesh, speed, self.supercell) if several else speed
         return found
 

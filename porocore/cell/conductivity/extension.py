@@ -24,7 +24,7 @@ from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
 from porocore.cell.meshing.mesh import CellMesh
-from porocore.cell.meshing.tetrahedra import EDGES, FACETS, shape_functions
+from porocore.cell.meshing.tetrahedra import EDGES, FACETS, rows_of, shape_functions
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 
@@ -172,11 +172,7 @@ def _wall_elements(solid: CellMesh) -> IntArray:
     """Return the element of each facet of the wall."""
     facets = np.sort(solid.cells[:, FACETS[:, :3]].reshape(-1, 3), axis=1)
     wall = np.sort(solid.wall[:, :3], axis=1)
-    _, inverse = np.unique(np.concatenate([facets, wall]), axis=0, return_inverse=True)
-    inverse = inverse.reshape(-1)
-    owner = np.zeros(int(inverse.max(initial=-1)) + 1, dtype=np.int64)
-    owner[inverse[: len(facets)]] = np.arange(len(facets)) // 4
-    return np.asarray(owner[inverse[len(facets) :]])
+    return rows_of(facets, wall) // 4
 
 
 def _inverted(corners: Array, places: Array, start: Array | None = None) -> tuple[Array, Array]:

@@ -169,12 +169,7 @@ def values_in_order(
     if not isinstance(values, Mapping) and np.size(values) == 0:
         values = {}
     if isinstance(values, Mapping):
-        require_known(values, names)
-        if lacking := [name for name in names if name not in values]:
-            raise ConfigurationError(
-                f"{lacking[0]}: no value is given for this parameter of the cell; the parameters are {joined(names)}"
-            )
-        given = [values[name] for name in names]
+        given = _all_of(names, values)
     else:
         given = list(np.atleast_1d(np.asarray(values, dtype=object)))
         if len(given) != len(names) or np.ndim(np.asarray(values, dtype=object)) > 1:
@@ -214,13 +209,18 @@ def values_of_states(
                 f"({n}, {len(names)}), got shape {found.shape}"
             )
         values = dict(zip(names, np.atleast_2d(found).T, strict=True))
+    columns = [_of_states(name, given, n) for name, given in zip(names, _all_of(names, values), strict=True)]
+    return np.stack(columns, axis=1) if columns else np.zeros((n, 0))
+
+
+def _all_of(names: Sequence[str], values: Mapping[str, Any]) -> list[Any]:
+    """Return the values of all parameters in their order; refuse other names, and missing ones."""
     require_known(values, names)
     if lacking := [name for name in names if name not in values]:
         raise ConfigurationError(
             f"{lacking[0]}: no value is given for this parameter of the cell; the parameters are {joined(names)}"
         )
-    columns = [_of_states(name, values[name], n) for name in names]
-    return np.stack(columns, axis=1) if columns else np.zeros((n, 0))
+    return [values[name] for name in names]
 
 
 def _of_states(name: str, values: npt.ArrayLike, n: int) -> Array:
@@ -441,41 +441,8 @@ def rebuilt(cell: C, numbers: Mapping[Location, float]) -> C:
     ValidationError
         The cell is faulty; the locations begin below ``cell``.
     """
-    sections: dict[str, Any] = {name: getattr(cell, name) for name in type(cell).model_fields}
-    for key in {path[0] for path in numbers}:
-        own = {path[1:]: number for path, number in numbers.items() if path[0] == key}
-        kept = sections[key]
-        if isinstance(kept, dict):
-            regions = {path[0] for path in own}
-            sections[key] = {
-                name: _section(
-                    part, {path[1:]: n for path, n in own.items() if path[0] == name}, (key, name, "")
-                )
-                if name in regions
-                else part
-                for name, part in kept.items()
-            }
-        else:
-            sections[key] = (
-                _section(kept, own, (key, getattr(kept, "kind", "")))
-                if isinstance(kept, BaseModel)
-                else own[()]
-            )
-    return type(cell).model_validate(sections)
-
-
-def _section(section: BaseModel, numbers: Mapping[Location, float], at: tuple[str, ...]) -> BaseModel:
-    """Return a section with other numbers; the location of a fault begins with ``at``, which ends with the kind."""
-    try:
-        return type(section).model_validate(replaced(section.model_dump(), numbers))
-    except ValidationError as error:
-        raise ValidationError.from_exception_data(
-            type(section).__name__,
-            [
-                InitErrorDetails(type=e["type"], loc=(*at, *e["loc"]), input=e["input"], ctx=e.get("ctx", {}))
-                for e in error.errors()
-            ],
-        ) from None
+    sections = {name: getattr(cell, name) for name in type(cell).model_fields}
+    return type(cell).model_validate(replaced(sections, numbers))
 
 
 def fault(path: Location, text: str, value: Any) -> InitErrorDetails:
@@ -486,12 +453,17 @@ def fault(path: Location, text: str, value: Any) -> InitErrorDetails:
 
 
 def replaced(data: Any, values: Mapping[Location, Any], at: Location = ()) -> Any:
-    """Return a copy of nested settings with other values at some paths; keys that are not there are added."""
+    """Return a copy of nested settings with other values at some paths; keys that are not there are added.
+
+    A section on the way becomes a mapping, to be validated again; others stay as they are.
+    """
     if at in values:
         return values[at]
     below = {path[len(at)] for path in values if path[: len(at)] == at}
     if not below:
         return data
+    if isinstance(data, BaseModel):
+        data = data.model_dump()
     if isinstance(data, Mapping):
         found = {key: replaced(value, values, (*at, str(key))) for key, value in data.items()}
         added = {key: values[(*at, key)] for key in sorted(below - {*map(str, data)}) if (*at, key) in values}
@@ -623,7 +595,7 @@ class Family(StrictModel):
         """Return a section with the base values in place of those of a member."""
         numbers = {p.path[1:]: p.base for p in self._parameters if p.path[0] == key}
         section = getattr(self, key)
-        return type(section).model_validate(replaced(section.model_dump(), numbers)) if numbers else section
+        return type(section).model_validate(replaced(section, numbers)) if numbers else section
 
     @property
     def _generic(self) -> Self:
@@ -652,68 +624,6 @@ class Family(StrictModel):
             )
 
 
-def with_number(geometry: PoreGeometry, key: str, number: complex) -> PoreGeometry:
-    """Return a geometry with another number, which is not checked and may be complex.
-
-    Parameters
-    ----------
-    geometry
-        The geometry.
-    key
-        Dotted path of the number in it, such as ``radius``, ``radii.x`` or ``centres.2.0``.
-    number
-        The new number.
-
-    Raises
-    ------
-    ConfigurationError
-        There is no number under this key.
-    """
-    changed: PoreGeometry = _replaced(geometry, key.split("."), number, f"cell.geometry.{key}")
-    return changed
-
-
-def _replaced(value: Any, path: list[str], number: complex, key: str) -> Any:
-    if not path:
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ConfigurationError(
-                f"{key}: expected the key of a number of the geometry, got {value!r} there"
-            )
-        return number
-    first, *rest = path
-    if isinstance(value, BaseModel) and first in type(value).model_fields:
-        fields = dict(value)
-        # No copy: that would keep cached properties of the old number.
-        return type(value).model_construct(**{**fields, first: _replaced(fields[first], rest, number, key)})
-    if isinstance(value, tuple):
-        place = (
-            "xyz".find(first) if len(first) == 1 and first in "xyz" else int(first) if first.isdigit() else -1
-        )
-        if 0 <= place < len(value):
-            return (*value[:place], _replaced(value[place], rest, number, key), *value[place + 1 :])
-    raise ConfigurationError(
-        f"{key}: the geometry has no number under this key; give the path of one of its numbers"
-    )
-
-
-def number_at(geometry: PoreGeometry, key: str) -> float:
-    """Return the number of a geometry under a key, see :func:`with_number`.
-
-    Raises
-    ------
-    ConfigurationError
-        There is no number under this key.
-    """
-    with_number(geometry, key, 0.0)
-    value: Any = geometry
-    for part in key.split("."):
-        if isinstance(value, BaseModel):
-            value = getattr(value, part)
-        else:
-            value = value["xyz".index(part) if part in "xyz" else int(part)]
-    return float(value)
-
-
 def changed_numbers(base: PoreGeometry, geometry: PoreGeometry) -> dict[str, tuple[float, float]]:
     """Return the numbers in which two geometries differ by their keys, that of the base first.
 
@@ -722,13 +632,14 @@ def changed_numbers(base: PoreGeometry, geometry: PoreGeometry) -> dict[str, tup
     ConfigurationError
         They differ in more than numbers.
     """
-    one, other = dict(_leaves(base, "")), dict(_leaves(geometry, ""))
+    one, other = _leaves(base), _leaves(geometry)
     found = {}
     for key in ["kind", *sorted({*one, *other} - {"kind"})]:
-        a, b = one.get(key), other.get(key)
+        a: Any = one.get(key)
+        b: Any = other.get(key)
         if a == b:
             continue
-        if a is None or b is None or not (_is_number(a) and _is_number(b)):
+        if not all(isinstance(x, float | int) and not isinstance(x, bool) for x in (a, b)):
             raise ConfigurationError(
                 f"cell.geometry.{key}: the members of a family differ in numbers only, but this is {a!r} in one and "
                 f"{b!r} in another; keep it the same, or make a family of each"
@@ -737,19 +648,9 @@ def changed_numbers(base: PoreGeometry, geometry: PoreGeometry) -> dict[str, tup
     return found
 
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, float | int) and not isinstance(value, bool)
-
-
-def _leaves(value: Any, key: str) -> Iterator[tuple[str, Any]]:
-    """Yield all values below a model with their keys."""
-    if isinstance(value, BaseModel):
-        # The fields alone: a model iterates over its cached properties too.
-        parts = [(name, getattr(value, name)) for name in type(value).model_fields]
-    elif isinstance(value, tuple):
-        parts = [(str(i), part) for i, part in enumerate(value)]
-    else:
-        yield key, value
-        return
-    for name, part in parts:
-        yield from _leaves(part, f"{key}.{name}" if key else name)
+def _leaves(geometry: PoreGeometry) -> dict[str, Any]:
+    """Return all values of a geometry by their keys."""
+    places = walk(type(geometry), geometry)
+    return {
+        dotted(place.path): place.value for place in places if not isinstance(place.value, BaseModel | tuple)
+    }

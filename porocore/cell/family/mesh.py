@@ -15,14 +15,15 @@ from annotated_types import Ge, Gt
 from pydantic.fields import FieldInfo
 
 from porocore.cell.conductivity.extension import BoundaryExtension, ends_of_edges
-from porocore.cell.family.family import changed_numbers, number_at, with_number
+from porocore.cell.family.family import changed_numbers
 from porocore.cell.family.wall import ON, TINY, WallMotion, lies_on
 from porocore.cell.geometry.pore_geometry import PoreGeometry, WallSurface
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.cell.materials.material import SWELLING
 from porocore.cell.meshing.mesh import CellMesh, Domain, MeshSettings, make_mesh
-from porocore.cell.meshing.tetrahedra import EDGES, Phase, least_stretch, volumes
-from porocore.core.models.strict import Place, walk
+from porocore.cell.meshing.tetrahedra import EDGES, Phase, least_stretch, rows_of, volumes
+from porocore.core.files.yaml_document import Location
+from porocore.core.models.strict import Place, walk, with_number
 from porocore.core.units import Unit
 from porocore.errors import ConfigurationError, MemberError
 from porocore.interfaces.records import ParameterKind, RestData, rest_count
@@ -89,25 +90,24 @@ class FamilyMesh:
             self._meshes.popitem(last=False)
         return found
 
-    def velocity(self, phase: Phase, domain: Domain, geometry: PoreGeometry, key: str) -> Array:
+    def velocity(self, phase: Phase, domain: Domain, geometry: PoreGeometry, path: Location) -> Array:
         """Return the derivative (nodes, 3) of the places of a member's nodes by one number of its geometry.
 
         Parameters
         ----------
         phase, domain, geometry
             As of :meth:`mesh`.
-        key
-            Dotted path of the number in the geometry, such as ``radius``, ``radii.x`` or ``centres.2.0``.
+        path
+            Keys and indices of the number in the geometry, such as ``("radii", "0")``.
 
         Raises
         ------
         ConfigurationError
-            There is no number under the key, or the mesh cannot be moved.
+            The mesh cannot be moved.
         """
         if not len(self._base_mesh(phase, domain).cells):
-            number_at(geometry, key)
             return np.zeros((0, 3))
-        speed = self._of(phase).velocity(geometry, key)
+        speed = self._of(phase).velocity(geometry, path)
         if domain == "whole" and self.base.unfolding != "whole":
             node, signs = self._images(phase)
             speed = speed[node] * signs
@@ -145,7 +145,7 @@ class FamilyMesh:
         """Return the node (N,) of the eighth of which each node of the whole is an image, and the signs (N, 3)."""
         if phase not in self._whole:
             eighth, whole = (self._base_mesh(phase, "eighth").points, self._base_mesh(phase, "whole").points)
-            self._whole[phase] = (_places(eighth, np.abs(whole)), np.sign(whole))
+            self._whole[phase] = (rows_of(eighth + 0.0, np.abs(whole)), np.sign(whole))
         return self._whole[phase]
 
 
@@ -206,10 +206,9 @@ class MovingMesh:
             raise self._too_far(geometry, f"{folded} of its {len(self._mesh.cells):,} tetrahedra fold")
         return points
 
-    def velocity(self, geometry: PoreGeometry, key: str) -> Array:
-        """Return the derivative (nodes, 3) of the places of a member's nodes by the number under a key."""
-        number = number_at(geometry, key)
-        varied = _surfaces(with_number(geometry, key, number + 1j * TINY))
+    def velocity(self, geometry: PoreGeometry, path: Location) -> Array:
+        """Return the derivative (nodes, 3) of the places of a member's nodes by the number at a path."""
+        varied = _surfaces(with_number(geometry, path, lambda number: complex(number, TINY)))
         speed = self._wall.velocity(self._on_wall(geometry), _surfaces(geometry), varied)
         return self._extend(speed[self._ends].mean(axis=0))
 
@@ -243,7 +242,7 @@ class _Ordered:
     def __init__(self, points: Array) -> None:
         self._order = np.argsort(points, axis=1, kind="stable")
         ordered = np.take_along_axis(points, self._order, axis=1)
-        self._node = _places(points, ordered)
+        self._node = rows_of(points + 0.0, ordered + 0.0)
         self._equal = ordered[:, 1:] == ordered[:, :-1]
 
     def symmetric(self, points: Array) -> Array:
@@ -289,15 +288,6 @@ def _neighbours(mesh: CellMesh, classes: IntArray) -> IntArray:
         ends = np.concatenate([ends[~kept], *halves])
     ends = np.unique(np.sort(ends, axis=1), axis=0)
     return np.asarray(np.searchsorted(classes, ends[ends[:, 0] != ends[:, 1]]))
-
-
-def _places(points: Array, wanted: Array) -> IntArray:
-    """Return the rows of points (n, 3) that equal wanted ones (m, 3)."""
-    both = np.concatenate([points, wanted]) + 0.0
-    inverse = np.unique(both, axis=0, return_inverse=True)[1].reshape(-1)
-    row = np.full(int(inverse.max(initial=-1)) + 1, -1)
-    row[inverse[: len(points)]] = np.arange(len(points))
-    return np.asarray(row[inverse[len(points) :]])
 
 
 @lru_cache(maxsize=4)

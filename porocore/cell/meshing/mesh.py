@@ -24,6 +24,7 @@ from porocore.cell.meshing.tetrahedra import (
     Tetrahedra,
     boundary_facets,
     facet_classes,
+    rows_of,
     volume,
     with_middles,
 )
@@ -99,12 +100,7 @@ def unfold_displacement(points: Array, u: Array, whole: Array, sides: Sides = CU
     ValueError
         A node of the whole cell is no image of one of the eighth.
     """
-    known = snap(points, sides) + 0.0
-    _, inverse = np.unique(np.concatenate([known, np.abs(whole) + 0.0]), axis=0, return_inverse=True)
-    inverse = inverse.reshape(-1)
-    node = np.full(int(inverse.max()) + 1, -1)
-    node[inverse[: len(known)]] = np.arange(len(known))
-    image = node[inverse[len(known) :]]
+    image = rows_of(snap(points, sides) + 0.0, np.abs(whole) + 0.0)
     if (image < 0).any():
         raise ValueError("the nodes of the whole cell are no mirror images of those of the eighth")
     return np.asarray(np.sign(whole) * u[image])

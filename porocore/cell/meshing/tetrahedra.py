@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import permutations
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+import numpy.typing as npt
 from scipy.special import roots_jacobi
 
 from porocore.states import Array, IntArray
@@ -238,6 +239,15 @@ def least_stretch(points: Array, cells: IntArray) -> Array:
     return np.asarray(determinants(points, cells, at).min(axis=1) / (6 * volumes(points, cells)))
 
 
+def rows_of(table: npt.NDArray[Any], wanted: npt.NDArray[Any]) -> IntArray:
+    """Return the row of a table (n, k) that each of the wanted ones (m, k) equals; −1 where there is none."""
+    _, number = np.unique(np.concatenate([table, wanted]), axis=0, return_inverse=True)
+    number = number.reshape(-1)
+    row = np.full(int(number.max(initial=-1)) + 1, -1)
+    row[number[: len(table)]] = np.arange(len(table))
+    return np.asarray(row[number[len(table) :]])
+
+
 def facet_classes(points: Array, facets: IntArray, first: Array, last: Array) -> IntArray:
     """Return the number (K,) of each facet (K, 3) of the box from ``first`` to ``last``; partners have the same one.
 
@@ -248,12 +258,9 @@ def facet_classes(points: Array, facets: IntArray, first: Array, last: Array) ->
     for axis in range(3):
         low, high = (np.flatnonzero(points[:, axis] == side) for side in (first[axis], last[axis]))
         others = np.delete(points, axis, axis=1)
-        _, place = np.unique(others[np.concatenate([low, high])], axis=0, return_inverse=True)
-        place = place.reshape(-1)
-        partner = np.full(int(place.max(initial=-1)) + 1, -1)
-        partner[place[: len(low)]] = low
+        partner = rows_of(others[low], others[high])
         below = np.full(len(points), -1)
-        below[high] = partner[place[len(low) :]]
+        below[high[partner >= 0]] = low[partner[partner >= 0]]
         images = below[corners]
         there = (images >= 0).all(axis=1)
         corners[there] = np.sort(images[there], axis=1)

@@ -220,12 +220,18 @@ def _parts(annotation: Any, value: Any) -> Iterator[tuple[str, Any, tuple[Any, .
 
 
 def with_number(value: Any, path: Location, change: Callable[[float], Any]) -> Any:
-    """Return a copy of a section, mapping or list with a changed number at a path; nothing is validated."""
+    """Return a copy of a section, mapping or list with a changed number at a path; nothing is validated.
+
+    What a section has computed of its numbers is not kept.
+    """
     if not path:
         return change(value)
     key, below = path[0], path[1:]
     if isinstance(value, BaseModel):
-        return value.model_copy(update={key: with_number(getattr(value, key), below, change)})
+        copied = value.model_copy(update={key: with_number(getattr(value, key), below, change)})
+        for name in copied.__dict__.keys() - type(value).model_fields.keys():
+            del copied.__dict__[name]
+        return copied
     if isinstance(value, Mapping):
         return {name: with_number(v, below, change) if str(name) == key else v for name, v in value.items()}
     return type(value)(with_number(v, below, change) if str(i) == key else v for i, v in enumerate(value))
