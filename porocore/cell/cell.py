@@ -30,7 +30,7 @@ from porocore.cell.materials.material import SWELLING
 from porocore.cell.meshing.connectivity import pieces, why_disconnected
 from porocore.cell.meshing.mesh import CellMesh, Domain, MeshSettings, block, make_mesh, tiled
 from porocore.cell.meshing.mesh_file import MeshFile
-from porocore.cell.meshing.tetrahedra import Phase, volume
+from porocore.cell.meshing.tetrahedra import Phase, porosity
 from porocore.core.files.plain_data import json_hash
 from porocore.core.models.name import Name
 from porocore.core.models.strict import CalledByUsers, by_kind
@@ -202,7 +202,7 @@ class Cell(Family, metaclass=CalledByUsers):
             The geometry cannot be meshed.
         """
         solid = self._mesh_of_one("solid", "whole")
-        return 1 - volume(solid.points, solid.cells)
+        return porosity(solid.points, solid.cells, "solid")
 
     def require_pores(self) -> None:
         """Refuse a cell that is solid throughout.

@@ -14,8 +14,8 @@ from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.meshing.connectivity import pieces, why_disconnected
 from porocore.cell.meshing.mesh import MeshSettings, block, tiled
 from porocore.cell.meshing.mesh_file import MeshFile
-from porocore.cell.meshing.mesh_quality import measure_mesh_quality, quality_lines, unmatched
 from porocore.cell.meshing.tetrahedra import volume
+from porocore.cell.quality import measure_mesh_quality, quality_lines, unmatched
 from porocore.commands.fields.points import PointFields
 from porocore.errors import ConfigurationError
 from porocore.states import MacroState

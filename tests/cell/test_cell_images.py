@@ -9,7 +9,7 @@ from porocore.cell.level_sets.cutting import CRUMB
 from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.meshing.connectivity import crumbs, pieces
 from porocore.cell.meshing.mesh import MeshSettings, make_mesh
-from porocore.cell.meshing.mesh_quality import measure_mesh_quality, quality_lines, unmatched
+from porocore.cell.quality import measure_mesh_quality, quality_lines, unmatched
 from porocore.errors import ConfigurationError
 from porocore.testing.cell_checks.base import image_cell
 

@@ -11,8 +11,8 @@ from porocore.cell.geometry.spheres import SpherePores, Throat
 from porocore.cell.level_sets.cutting import body_centred
 from porocore.cell.level_sets.tpms import TriplyPeriodic, below
 from porocore.cell.meshing.mesh import MeshSettings, make_mesh
-from porocore.cell.meshing.mesh_quality import dihedral_angles, unmatched
 from porocore.cell.meshing.tetrahedra import least_stretch, volume, volumes
+from porocore.cell.quality import dihedral_angles, unmatched
 
 
 def tpms(surface, **keys):

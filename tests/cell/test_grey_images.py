@@ -11,7 +11,7 @@ from porocore.cell.cell import Cell
 from porocore.cell.level_sets.image import GreyValues, read_image, stated_voxel
 from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.meshing.mesh import MISSED
-from porocore.cell.meshing.mesh_quality import measure_mesh_quality, quality_lines
+from porocore.cell.quality import measure_mesh_quality, quality_lines
 from porocore.errors import ConfigurationError
 
 x, y, z = np.meshgrid(*[(np.arange(16) + 0.5) / 16 * 2 * np.pi] * 3, indexing="ij")

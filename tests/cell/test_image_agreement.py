@@ -7,12 +7,11 @@ import pytest
 
 from porocore.cell.cell import Cell
 from porocore.cell.geometry.channels import OrthogonalChannels
-from porocore.cell.level_sets.agreement import disagreements, grains
 from porocore.cell.level_sets.cutting import lattice_edges
 from porocore.cell.level_sets.voxels import Voxels, necks, runs
 from porocore.cell.meshing.mesh import MeshSettings
-from porocore.cell.meshing.mesh_quality import CLOSED_PORES, measure_mesh_quality, quality_lines
 from porocore.cell.meshing.tetrahedra import volume
+from porocore.cell.quality import CLOSED_PORES, disagreements, grains, measure_mesh_quality, quality_lines
 
 
 def image(folder, pores, **settings):

@@ -8,7 +8,7 @@ import pytest
 from porocore.cell.cell import Cell
 from porocore.cell.level_sets.voxels import Voxels, blended, mismatch_note
 from porocore.cell.meshing.mesh import MeshSettings
-from porocore.cell.meshing.mesh_quality import measure_mesh_quality, quality_lines
+from porocore.cell.quality import measure_mesh_quality, quality_lines
 from porocore.errors import ConfigurationError
 from porocore.testing.cell_checks.base import noise
 

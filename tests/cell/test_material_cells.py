@@ -13,7 +13,7 @@ from porocore.cell.geometry.channels import OrthogonalChannels
 from porocore.cell.geometry.drawn import NoPores
 from porocore.cell.materials.hyperelastic import AnyMaterial, Composite, MooneyRivlin, NeoHookean
 from porocore.cell.meshing.mesh import MeshSettings
-from porocore.cell.stability.line import _check_symmetric
+from porocore.cell.stability.map import _check_symmetric
 from porocore.commands.fields.points import PointFields
 from porocore.core.inputs import InputSpace
 from porocore.errors import ConfigurationError

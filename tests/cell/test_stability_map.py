@@ -3,8 +3,16 @@
 import numpy as np
 import pytest
 
-from porocore.cell.stability.line import EVENTS, LineSettings, StabilityLine, walk
-from porocore.cell.stability.map import MapPlan, load, save, write_tables
+from porocore.cell.stability.map import (
+    EVENTS,
+    LineSettings,
+    MapPlan,
+    StabilityLine,
+    load,
+    save,
+    walk,
+    write_tables,
+)
 from porocore.cell.stability.modes import WAVES
 from porocore.errors import ConfigurationError, DataError
 from porocore.report.figures.stability import stability_figure

@@ -10,7 +10,7 @@ import yaml
 
 from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import MeshSettings
-from porocore.cell.meshing.mesh_quality import measure_mesh_quality, quality_lines
+from porocore.cell.quality import measure_mesh_quality, quality_lines
 from porocore.cli import main
 
 COARSE = MeshSettings(size=0.25, fluid_size=0.25, element="linear")

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.cell.stability.line import EVENTS, LineSettings, StabilityLine
-from porocore.cell.stability.map import MapPlan, write_tables
+from porocore.cell.stability.map import EVENTS, LineSettings, MapPlan, StabilityLine, write_tables
 from porocore.cell.stability.modes import WAVES
 from porocore.commands.stability.command import parse_plan, print_onsets, print_states
 from porocore.core.inputs import NAMES

@@ -19,8 +19,7 @@ import porocore.study.api.solved
 import porocore.study.config.config
 import porocore.study.config.loading
 import porocore.study.sweep.plan
-from porocore.cell.stability.line import LineSettings
-from porocore.cell.stability.map import MapPlan
+from porocore.cell.stability.map import LineSettings, MapPlan
 from porocore.commands.fields import pictures
 from porocore.commands.fields import pictures as geometry
 from porocore.commands.representative.plan import SubvolumePlan

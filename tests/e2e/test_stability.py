@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from study import porocore, succeeded, write_study
 
-from porocore.cell.stability.line import EVENTS
-from porocore.cell.stability.map import load
+from porocore.cell.stability.map import EVENTS, load
 
 PLAN = ("--along", "H22=-0.3", "--across", "p=0,0.1", "--steps", "5", "--tolerance", "0.02")
 

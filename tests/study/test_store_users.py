@@ -13,8 +13,7 @@ import pytest
 
 import porocore
 from porocore.cell.equilibrium.solver import EquilibriumCellSolver
-from porocore.cell.stability.line import LineSettings
-from porocore.cell.stability.map import MapPlan
+from porocore.cell.stability.map import LineSettings, MapPlan
 from porocore.commands.sensitivity.plan import StudyPlan, Sweep
 from porocore.core.files.store import ResultStore
 from porocore.sampling.execution.solved_store import STATES, SolvedStore

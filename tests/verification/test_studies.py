@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import porocore
-from porocore.cell.stability.line import LineSettings
-from porocore.cell.stability.map import MapPlan
+from porocore.cell.stability.map import LineSettings, MapPlan
 from porocore.commands.sensitivity.plan import StudyPlan, Sweep
 from porocore.errors import ConfigurationError, RunFolderError
 from porocore.states import Status

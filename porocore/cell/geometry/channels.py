@@ -86,16 +86,6 @@ SPLINE_POINTS = 25
 GUIDES = np.linspace(0.0, 1.0, 6)[1:-1]
 
 
-@dataclass(frozen=True)
-class RoundedWedge:
-    """Tags of the volumes of a drawn wedge, and of the faces of its wall."""
-
-    solid: int
-    fluid: int
-    channel: int
-    fillets: list[int]
-
-
 class _Drawing:
     """Points, curves and faces of a gmsh model by the names of their corners."""
 
@@ -129,7 +119,7 @@ class _Drawing:
         return int(self.occ.addVolume([self.occ.addSurfaceLoop(faces)]))
 
 
-def draw_wedge(occ: Any, radius: float, fillet: float) -> RoundedWedge:
+def draw_wedge(occ: Any, radius: float, fillet: float) -> DrawnPart:
     """Add solid and fluid of the wedge, with a common wall, to the current model."""
     R = radius + fillet
     middle = middle_of_fillet(R, fillet, np.linspace(0.0, np.pi / 4, SPLINE_POINTS))
@@ -154,7 +144,7 @@ def draw_wedge(occ: Any, radius: float, fillet: float) -> RoundedWedge:
         drawing.plane("origin", "middle", "middle end", "tip"),
     ]
     wall = [channel, *fillets]
-    return RoundedWedge(drawing.volume([*solid, *wall]), drawing.volume([*fluid, *wall]), channel, fillets)
+    return DrawnPart([drawing.volume([*solid, *wall])], [drawing.volume([*fluid, *wall])], fillets, [channel])
 
 
 def _corners(r: float, f: float, middle: Array) -> dict[str, Array]:
@@ -276,18 +266,22 @@ def onto_fillet(points: Array, radius: float, fillet: float, axes: str) -> Array
     """
     R = radius + fillet
     end = CORNER if len(axes) == 3 else np.pi / 2
-    centres = []
-    for i, j in combinations(("xyz".index(axis) for axis in axes), 2):
-        centre = np.zeros_like(points)
-        t = _nearest(np.sqrt(0.5) * (points[:, i] + points[:, j]), points[:, 3 - i - j], R, end)
-        centre[:, i] = centre[:, j] = R * np.cos(t)
-        centre[:, 3 - i - j] = R * np.sin(t)
-        centres.append(centre)
-    all_centres = np.stack(centres)
+    pairs = combinations(("xyz".index(axis) for axis in axes), 2)
+    all_centres = np.stack([_nearest_centres(points, pair, R, end) for pair in pairs])
     nearest = np.linalg.norm(points - all_centres, axis=2).argmin(axis=0)
     centre = all_centres[nearest, np.arange(len(points))]
     away = points - centre
     return np.asarray(centre + fillet * away / np.linalg.norm(away, axis=1, keepdims=True))
+
+
+def _nearest_centres(points: Array, pair: tuple[int, int], R: complex, end: float) -> Values:
+    """Return the centres (n, 3) of the balls between the channels along a pair of axes that are nearest to points."""
+    i, j = pair
+    t = _nearest(np.sqrt(0.5) * (points[:, i] + points[:, j]), points[:, 3 - i - j], np.real(R), end)
+    centre = np.zeros(points.shape, dtype=np.result_type(float, R))
+    centre[:, i] = centre[:, j] = R * np.cos(t)
+    centre[:, 3 - i - j] = R * np.sin(t)
+    return centre
 
 
 def _nearest(a: Array, b: Array, R: float, end: float) -> Array:
@@ -307,14 +301,13 @@ class _Canal:
 
     Attributes
     ----------
-    pair, third
-        Axes of the two channels, and the third axis.
+    pair
+        Axes of the two channels.
     R, fillet
         Distance of the ball's centre from both axes, and its radius.
     """
 
     pair: tuple[int, int]
-    third: int
     R: complex
     fillet: complex
 
@@ -328,14 +321,7 @@ class _Canal:
 
     def _away(self, points: Array) -> Values:
         """Return the vectors from the nearest centres; to first order these do not depend on which is the nearest."""
-        i, j = self.pair
-        t = _nearest(
-            np.sqrt(0.5) * (points[:, i] + points[:, j]), points[:, self.third], np.real(self.R), np.pi / 2
-        )
-        centre = np.zeros(points.shape, dtype=np.result_type(float, self.R))
-        centre[:, i] = centre[:, j] = self.R * np.cos(t)
-        centre[:, self.third] = self.R * np.sin(t)
-        return np.asarray(points - centre)
+        return np.asarray(points - _nearest_centres(points, self.pair, self.R, np.pi / 2))
 
 
 def rounded_surfaces(radius: complex, fillet: complex, axes: str) -> list[WallSurface]:
@@ -351,7 +337,7 @@ def rounded_surfaces(radius: complex, fillet: complex, axes: str) -> list[WallSu
     if len(axes) == 3:
         corner = [sphere(np.full(3, R * np.sqrt(0.5)), fillet)]
     for i, j in combinations(places, 2):
-        canal = _Canal((i, j), 3 - i - j, R, fillet)
+        canal = _Canal((i, j), R, fillet)
         canals.append(canal)
         for a, b in ((i, j), (j, i)):
             normal = np.zeros(3, dtype=np.result_type(float, R))
@@ -498,7 +484,7 @@ class OrthogonalChannels(DrawnGeometry):
         if self.fillet and self.unfolding == "wedge":
             drawn = draw_wedge(occ, self.radius, self.fillet)
             occ.synchronize()
-            return DrawnPart([drawn.solid], [drawn.fluid], drawn.fillets, [drawn.channel])
+            return drawn
         part = (3, wedge(occ) if self.unfolding == "wedge" else eighth(occ))
         if self.fillet:
             solid, rest = split(occ, part, [(3, self._rounded_solid(gmsh))])

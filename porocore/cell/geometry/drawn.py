@@ -248,6 +248,14 @@ def wedge(occ: Any) -> int:
 SMALLEST_GAP = 0.002
 
 
+def _require_gap(radius: float, advice: str) -> None:
+    if 1 - 2 * radius < SMALLEST_GAP:
+        raise ValueError(
+            f"radius = {radius:g} leaves a gap below {SMALLEST_GAP:g} between neighbours, which no mesh resolves; "
+            f"{advice}"
+        )
+
+
 class SphereArray(DrawnGeometry):
     """Equal spheres on a simple cubic lattice, one in the middle of each cell (Zick & Homsy 1982)."""
 
@@ -263,10 +271,9 @@ class SphereArray(DrawnGeometry):
     def _can_be_meshed(self) -> SphereArray:
         if self.neck >= self.radius:
             raise ValueError(f"neck = {self.neck:g} is not below the radius {self.radius:g} of the spheres")
-        if self.neck == 0 and 1 - 2 * self.radius < SMALLEST_GAP:
-            raise ValueError(
-                f"radius = {self.radius:g} leaves a gap below {SMALLEST_GAP:g} between neighbours, which no mesh "
-                "resolves; give a neck > 0, which fills it where it is narrowest, or a smaller radius"
+        if self.neck == 0:
+            _require_gap(
+                self.radius, "give a neck > 0, which fills it where it is narrowest, or a smaller radius"
             )
         return self
 
@@ -326,11 +333,7 @@ class CylinderArray(DrawnGeometry):
 
     @model_validator(mode="after")
     def _can_be_meshed(self) -> CylinderArray:
-        if 1 - 2 * self.radius < SMALLEST_GAP:
-            raise ValueError(
-                f"radius = {self.radius:g} leaves a gap below {SMALLEST_GAP:g} between neighbours, which no mesh "
-                "resolves; give a smaller radius"
-            )
+        _require_gap(self.radius, "give a smaller radius")
         return self
 
     @property

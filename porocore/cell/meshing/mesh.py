@@ -24,8 +24,8 @@ from porocore.cell.meshing.tetrahedra import (
     Tetrahedra,
     boundary_facets,
     facet_classes,
+    porosity,
     rows_of,
-    volume,
     with_middles,
 )
 from porocore.core.files.plain_data import stable_hash
@@ -286,8 +286,7 @@ def make_mesh(geometry: PoreGeometry, settings: MeshSettings, phase: Phase, doma
 def _require_porosity(geometry: PoreGeometry, settings: MeshSettings, phase: Phase, part: Tetrahedra) -> None:
     """Refuse the mesh of a phase whose share is another one than that of a geometry of two phases."""
     copies = {"wedge": 48, "eighth": 8, "whole": 1}[geometry.unfolding]
-    share = copies * volume(part.points, part.cells) if len(part.cells) else 0.0
-    found, exact = 1 - share if phase == "solid" else share, geometry.porosity
+    found, exact = porosity(part.points, part.cells, phase, copies), geometry.porosity
     less = min(exact, 1 - exact)
     if less == 0 or abs(found - exact) <= MISSED * less:
         return

@@ -216,6 +216,12 @@ def volume(points: Array, cells: IntArray) -> float:
     return float(curved_volumes(points, cells).sum()) if len(cells) else 0.0
 
 
+def porosity(points: Array, cells: IntArray, phase: Phase, copies: int = 1) -> float:
+    """Return the porosity of a cell of volume 1 by the mesh of one phase, of which copies fill the cell."""
+    share = copies * volume(points, cells)
+    return 1 - share if phase == "solid" else share
+
+
 def curved_volumes(points: Array, cells: IntArray) -> Array:
     """Return the volume of each tetrahedron with its curved edges, (M,)."""
     at, weights = tetrahedron_rule(DEGREE)

@@ -95,7 +95,7 @@ def show(
     """
     path, settings = read_config(config, None, cell_only=True)
     with interruptible(), located(path):
-        from porocore.cell.meshing.mesh_quality import measure_mesh_quality, quality_lines
+        from porocore.cell.quality import measure_mesh_quality, quality_lines
         from porocore.commands.fields.pictures import render_phases, write_phases
         from porocore.core.files.atomic import new_folder
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from porocore.cell.cell import Cell
-from porocore.cell.stability.line import walk
+from porocore.cell.stability.map import walk
 from porocore.commands.sensitivity.plan import LOADS, HalfLine, StudyPlan, states_of, step_count
 from porocore.commands.sensitivity.results import Sensitivity, line_name, load, save, write_table
 from porocore.core.console import Console

@@ -33,8 +33,7 @@ from porocore.errors import ConfigurationError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from porocore.cell.stability.line import StabilityLine
-    from porocore.cell.stability.map import MapPlan
+    from porocore.cell.stability.map import MapPlan, StabilityLine
     from porocore.core.units import Scales
 
 
@@ -108,8 +107,7 @@ def parse_plan(
     ConfigurationError
         An option is wrong; the message names it.
     """
-    from porocore.cell.stability.line import LineSettings
-    from porocore.cell.stability.map import MapPlan
+    from porocore.cell.stability.map import LineSettings, MapPlan
     from porocore.core.units import has_unit
 
     try:

@@ -9,8 +9,15 @@ from typing import Any
 
 from porocore.cell.cell import Cell
 from porocore.cell.equilibrium.solver import PreparedCell
-from porocore.cell.stability.line import LineSettings, StabilityLine, follow_line
-from porocore.cell.stability.map import MapPlan, load, save, write_tables
+from porocore.cell.stability.map import (
+    LineSettings,
+    MapPlan,
+    StabilityLine,
+    follow_line,
+    load,
+    save,
+    write_tables,
+)
 from porocore.core.console import Console
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.store import ResultStore

@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from porocore.cell.stability.line import EVENTS, StabilityLine
-from porocore.cell.stability.map import MapPlan, eigenvalue_titled, input_factor
+from porocore.cell.stability.map import EVENTS, MapPlan, StabilityLine, eigenvalue_titled, input_factor
 from porocore.cell.stability.modes import FAMILIES, WAVES
 from porocore.core.inputs import NAMES
 from porocore.core.units import spoken

@@ -11,7 +11,9 @@ import numpy as np
 
 from porocore.cell.cell import Cell
 from porocore.cell.family.mesh import undeformed_count
-from porocore.cell.level_sets.agreement import (
+from porocore.cell.level_sets.cutting import lattice_edges
+from porocore.cell.level_sets.voxels import Voxels, least_thickness
+from porocore.cell.quality import (
     FEWEST,
     Advice,
     at_most,
@@ -21,8 +23,6 @@ from porocore.cell.level_sets.agreement import (
     too_fine,
     voxel_edges,
 )
-from porocore.cell.level_sets.cutting import lattice_edges
-from porocore.cell.level_sets.voxels import Voxels, least_thickness
 from porocore.core.echo import echo, joined
 from porocore.core.files.yaml_document import dotted
 from porocore.core.formulas import Expression, TimeFunction, first_fault

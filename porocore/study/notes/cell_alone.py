@@ -9,9 +9,8 @@ import numpy as np
 
 from porocore.cell.cell import Cell
 from porocore.cell.family.family import member_with
-from porocore.cell.level_sets.agreement import grains
 from porocore.cell.meshing.connectivity import blocked, pieces
-from porocore.cell.meshing.mesh_quality import CLOSED_PORES, closed_pores, measure_mesh_quality
+from porocore.cell.quality import CLOSED_PORES, closed_pores, grains, measure_mesh_quality
 from porocore.core.files.store import ResultStore
 from porocore.core.units import MULTIPLES, ResultUnits, Scales, speaking
 from porocore.errors import PluginError

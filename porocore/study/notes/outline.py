@@ -9,7 +9,7 @@ import numpy as np
 
 from porocore.cell.cell import Cell
 from porocore.cell.conductivity.pore import require_one_cell, require_one_wall
-from porocore.cell.meshing.mesh_quality import MeshQuality, measure_mesh_quality, quality_lines
+from porocore.cell.quality import MeshQuality, measure_mesh_quality, quality_lines
 from porocore.core.formulas import TimeFunction, Value
 from porocore.core.units import ResultUnits, speaking
 from porocore.errors import PluginError

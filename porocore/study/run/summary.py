@@ -13,11 +13,10 @@ import numpy as np
 from porocore.cell.cell import Cell
 from porocore.cell.family.family import parameter_quantities
 from porocore.cell.geometry.channels import OrthogonalChannels
-from porocore.cell.level_sets.agreement import disagreements, grains
 from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.cell.meshing.connectivity import pieces
-from porocore.cell.meshing.mesh_quality import CLOSED_PORES, closed_pores
+from porocore.cell.quality import CLOSED_PORES, closed_pores, disagreements, grains
 from porocore.interfaces.law import CellLaw
 from porocore.interfaces.solution import MacroSolution
 from porocore.interfaces.surrogate import Surrogate
