@@ -23,7 +23,7 @@ from solved_states import Given, Library, farthest_points, random_points, worst_
 from porocore.core.inputs import InputSpace
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
 from porocore.plugins.registry import registry
-from porocore.sampling.samplers.active import DensitySweep
+from porocore.sampling.samplers.density import DensitySweep
 from porocore.states import CellResponse, MacroState
 
 #: In the order in which the paper sweeps them.

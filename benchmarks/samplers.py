@@ -28,7 +28,8 @@ from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.core.inputs import InputSpace
 from porocore.interfaces.sampler import Sampler, StudyFacts
-from porocore.sampling.samplers.active import Active, DensitySweep
+from porocore.sampling.samplers.active import Active
+from porocore.sampling.samplers.density import DensitySweep
 from porocore.sampling.samplers.designs import LatinHypercube, SobolDesign
 from porocore.states import Array, CellResponse, MacroState
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate, judge

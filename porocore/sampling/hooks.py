@@ -11,7 +11,7 @@ from porocore.plugins.hookspecs import Offer, hookimpl
 SAMPLERS = (
     (
         "density-sweep",
-        "active:DensitySweep",
+        "density:DensitySweep",
         "one input at a time; the step is halved where <∇u¹> bends (Dehghani & Zilian)",
     ),
     ("sobol", "designs:SobolDesign", "a scrambled Sobol sequence, with or without the corners"),

@@ -13,7 +13,7 @@ from porocore.interfaces.sampler import Sampler
 from porocore.sampling.campaign import CampaignProgress, CampaignSummary, run_campaign
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
-from porocore.sampling.samplers.active import DensitySweep
+from porocore.sampling.samplers.density import DensitySweep
 
 SCRIPT = str(Path(__file__).with_name("fake_cell.py"))
 

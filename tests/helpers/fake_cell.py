@@ -22,7 +22,7 @@ from porocore.interfaces.sampler import Request, Sampler
 from porocore.sampling.campaign import run_campaign
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
-from porocore.sampling.samplers.active import DensitySweep
+from porocore.sampling.samplers.density import DensitySweep
 from porocore.sampling.samplers.designs import random_requests
 from porocore.states import CellExtrema, CellResponse, CellTangent, MacroState, Status
 

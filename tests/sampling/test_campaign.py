@@ -16,7 +16,7 @@ from porocore.interfaces.sampler import Request, Sampler
 from porocore.sampling.campaign import CampaignProgress, run_campaign
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
-from porocore.sampling.samplers.active import DensitySweep
+from porocore.sampling.samplers.density import DensitySweep
 from porocore.states import CellResponse, Status
 
 

@@ -12,7 +12,7 @@ from porocore.core.inputs import InputSpace
 from porocore.errors import ConfigurationError
 from porocore.interfaces.sampler import Request
 from porocore.sampling.hooks import porocore_samplers
-from porocore.sampling.samplers.active import DensitySweep
+from porocore.sampling.samplers.density import DensitySweep
 from porocore.states import CellResponse, Status
 
 Function = Callable[..., float | np.ndarray | None]

@@ -10,9 +10,9 @@ import pytest
 from porocore.interfaces.sampler import Exploration, Sampler, StudyFacts
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.sampling.samplers.active import Active
-from porocore.sampling.samplers.designs import sobol_points
+from porocore.sampling.samplers.candidates import sobol_points
+from porocore.sampling.samplers.designs import from_unit
 from porocore.sampling.samplers.macro_driven import MacroDriven
-from porocore.sampling.samplers.rounds import from_unit
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate, committee, judge
 from porocore.testing.synthetic.porous_family import INPUTS, porous_training_set, respond, rest_data
 

@@ -14,8 +14,13 @@ from porocore.sampling.campaign import run_campaign
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.execution.members import UndeformedMemberSolver
-from porocore.sampling.samplers.candidates import UndeformedMembers
-from porocore.sampling.samplers.designs import Design, LatinHypercube, RandomStates, SobolDesign
+from porocore.sampling.samplers.designs import (
+    Design,
+    LatinHypercube,
+    RandomStates,
+    SobolDesign,
+    UndeformedMembers,
+)
 from porocore.states import MacroState, Status
 from porocore.testing.synthetic.family import INPUTS, PARAMETERS, SyntheticFamily, SyntheticFamilySolver
 

@@ -25,7 +25,8 @@ from porocore.sampling.execution.losses import PendingState, next_for
 from porocore.sampling.execution.members import MemberSolver
 from porocore.sampling.execution.solved_store import SolvedStore, StoringSolver
 from porocore.sampling.execution.tasks import SerialBackend
-from porocore.sampling.samplers.active import Active, DensitySweep
+from porocore.sampling.samplers.active import Active
+from porocore.sampling.samplers.density import DensitySweep
 from porocore.sampling.samplers.designs import RandomStates, SobolDesign
 from porocore.states import MacroState, Status
 from porocore.testing.synthetic.family import INPUTS, SyntheticFamily, SyntheticFamilySolver, respond

@@ -13,10 +13,9 @@ from porocore.core.inputs import InputSpace
 from porocore.interfaces.sampler import Exploration, Sampler, StudyFacts
 from porocore.interfaces.surrogate import TrainingSet, least_states
 from porocore.sampling.samplers.active import Active
-from porocore.sampling.samplers.candidates import most_worth, spread_out
-from porocore.sampling.samplers.designs import LatinHypercube, SobolDesign, sobol_points
+from porocore.sampling.samplers.candidates import most_worth, sobol_points, spread_out
+from porocore.sampling.samplers.designs import LatinHypercube, SobolDesign, from_unit
 from porocore.sampling.samplers.macro_driven import MacroDriven
-from porocore.sampling.samplers.rounds import from_unit
 from porocore.states import MacroState, Status
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate, committee, judge
 from porocore.testing.synthetic import cell as synthetic_cell

@@ -13,7 +13,7 @@ from fake_cell import INPUTS, Fake, make
 from porocore.core.files.store import ResultStore
 from porocore.sampling.execution import CellPool
 from porocore.sampling.execution.solved_store import SolvedStore
-from porocore.sampling.samplers.active import DensitySweep
+from porocore.sampling.samplers.density import DensitySweep
 from porocore.states import MacroState, Status
 
 COARSE = {"step": {"p": 0.1, "H22": 0.2}, "tolerance": 0.05}

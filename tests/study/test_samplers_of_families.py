@@ -4,7 +4,7 @@ import pytest
 
 from porocore.cell.cell import Cell
 from porocore.errors import ConfigurationError
-from porocore.sampling.samplers.active import DensitySweep
+from porocore.sampling.samplers.density import DensitySweep
 from porocore.sampling.samplers.designs import SobolDesign
 from porocore.sampling.samplers.macro_driven import MacroDriven
 from porocore.study.notes.abilities import require_parameters_sampled

@@ -24,7 +24,7 @@ from porocore.interfaces.surrogate import TrainingSet
 from porocore.macro.reference import CellReference
 from porocore.plugins import registry
 from porocore.sampling.datasets.dataset import Dataset
-from porocore.sampling.samplers.active import DensitySweep
+from porocore.sampling.samplers.density import DensitySweep
 from porocore.sampling.samplers.designs import RandomStates
 from porocore.states import MacroState
 from porocore.study import tuning as tune

@@ -1,4 +1,4 @@
-"""Candidate states of a round, and the members of a family that a sampling keeps to."""
+"""Points of the unit box: sequences, corners, far ones; the members of a family that a sampling keeps to."""
 
 from __future__ import annotations
 
@@ -10,15 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from porocore.core.inputs import InputSpace, farthest
-from porocore.interfaces.sampler import Judgement, Request, Sampler
-from porocore.sampling.samplers.designs import box_corners, halton_points, sobol_points
-from porocore.sampling.samplers.rounds import check_waiting, from_unit
-from porocore.states import Array, CellResponse, IntArray
+from porocore.interfaces.sampler import Judgement
+from porocore.states import Array, IntArray
 
 BoolArray = npt.NDArray[np.bool_]
 #: Updates of the candidates' value within one round.
 MOST_UPDATES = 8
-
+#: Up to so many numbers a Latin hypercube is improved by exchanges: about two seconds.
+MOST_OPTIMISED = 4000
 #: Up to so many inputs a sampling begins with the corners of the box. With four they would be the first 16 states, of
 #: which those of the largest compression are often unstable.
 MOST_CORNER_INPUTS = 3
@@ -28,6 +27,37 @@ BLOCK = 10
 def corner_count(d: int) -> int:
     """Return the number of corners of the box of d inputs with which a sampling begins."""
     return 2**d if d <= MOST_CORNER_INPUTS else 0
+
+
+def hypercube_points(count: int, d: int, seed: int) -> Array:
+    """Return the points (count, d) of a Latin hypercube, improved where it is small."""
+    optimisation = "random-cd" if d > 1 and 1 < count * d <= MOST_OPTIMISED else None
+    from scipy.stats import qmc  # slow to import
+
+    points: Array = qmc.LatinHypercube(d, seed=seed, optimization=optimisation).random(count)
+    return points
+
+
+def sobol_points(d: int, count: int, seed: int) -> Array:
+    """Return the first points (count, d) of a scrambled Sobol sequence."""
+    power = max(0, int(np.ceil(np.log2(count))))
+    from scipy.stats import qmc  # slow to import
+
+    points: Array = qmc.Sobol(d, seed=seed).random_base2(power)[:count]
+    return points
+
+
+def halton_points(d: int, count: int, seed: int) -> Array:
+    """Return the first points (count, d) of a scrambled Halton sequence (Halton 1960)."""
+    from scipy.stats import qmc  # slow to import
+
+    points: Array = qmc.Halton(d, seed=seed).random(count)
+    return points
+
+
+def box_corners(d: int) -> Array:
+    """Return the corners (2^d, d) of the unit box."""
+    return np.array(np.meshgrid(*[(0.0, 1.0)] * d, indexing="ij")).reshape(d, -1).T
 
 
 class SobolStream:
@@ -216,51 +246,3 @@ class MemberChoice:
             return np.zeros(len(points), dtype=np.int64)
         nearest: IntArray = distances(points[:, points.shape[1] - self.m :], self.values)[1].astype(np.int64)
         return nearest
-
-
-class UndeformedMembers(Sampler):
-    """Members of a family spread over the ranges of its parameters, denser towards their ends.
-
-    They are points of a Halton sequence u in the unit box, moved to (1 − cos πu)/2, where the Chebyshev points of a
-    polynomial lie densest. There is no choice in it: a family has one set of them. Keys are ``member-000`` and so on.
-
-    Parameters
-    ----------
-    inputs
-        The parameters and their ranges, and nothing else.
-    count
-        Number of members.
-    """
-
-    choosing = "choosing members"
-
-    def __init__(self, inputs: InputSpace, count: int) -> None:
-        self.inputs = inputs
-        m = len(inputs.parameters)
-        unit = (1 - np.cos(np.pi * halton_points(m, count, seed=0))) / 2
-        self._requests = [
-            Request(f"member-{i:03d}", tuple(map(float, x))) for i, x in enumerate(from_unit(inputs, unit))
-        ]
-        self._waiting = {request.key for request in self._requests}
-        self._asked = False
-
-    def ask(self) -> list[Request]:
-        """Return all members, once."""
-        requests = [] if self._asked else self._requests
-        self._asked = True
-        return requests
-
-    def tell(self, key: str, response: CellResponse) -> None:
-        """Record that a member was solved, or cannot be."""
-        check_waiting(key, self._waiting)
-        self._waiting.remove(key)
-
-    @property
-    def done(self) -> bool:
-        """True when every member was told."""
-        return not self._waiting
-
-    @property
-    def expected(self) -> int:
-        """Number of members."""
-        return len(self._requests)

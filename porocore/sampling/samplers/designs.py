@@ -1,26 +1,161 @@
-"""Samplers ``sobol`` and ``latin-hypercube``; sweeps of one input; random states to test on."""
+"""Base of samplers that ask in rounds (RoundSampler), checks of options; samplers ``sobol`` and ``latin-hypercube``.
+
+What a round asks for depends on all states before it and on nothing else: not on the order in which they were solved,
+nor on the number of workers, nor on interruptions. Random states to test on, and undeformed members, are here too.
+"""
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Container, Iterator, Mapping
 from itertools import islice
 from typing import Any, ClassVar
 
 import numpy as np
 
+from porocore.core.echo import choices, echo
 from porocore.core.inputs import InputSpace, SampledRange, farthest
-from porocore.core.models.bounds import LARGEST_SEED
+from porocore.core.models.bounds import LARGEST_SEED, MOST_STATES
 from porocore.errors import ConfigurationError
 from porocore.interfaces.sampler import Request, Sampler
-from porocore.sampling.samplers.rounds import RoundSampler, check_waiting, refuse_unknown, whole, yes_or_no
+from porocore.sampling.samplers.candidates import (
+    MemberChoice,
+    box_corners,
+    halton_points,
+    hypercube_points,
+    sobol_points,
+)
 from porocore.states import Array, CellResponse, Status
+
+
+def positive(key: str, value: Any) -> float:
+    """Return a finite number above zero."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value < math.inf:
+        raise ConfigurationError(f"{key}: must be a positive number, got {echo(value)}")
+    return float(value)
+
+
+def whole(key: str, value: Any, least: int, most: int = MOST_STATES) -> int:
+    """Return a whole number from ``least`` to ``most``."""
+    if isinstance(value, bool) or not isinstance(value, int) or value < least:
+        raise ConfigurationError(f"{key}: must be a whole number of at least {least}, got {echo(value)}")
+    if value > most:
+        raise ConfigurationError(f"{key}: must be a whole number of at most {most}, got {echo(value)}")
+    return value
+
+
+def yes_or_no(key: str, value: Any) -> bool:
+    """Return true or false."""
+    if not isinstance(value, bool):
+        raise ConfigurationError(f"{key}: must be true or false, got {echo(value)}")
+    return value
+
+
+def refuse_unknown(sampler: str, known: tuple[str, ...], unknown: Mapping[str, Any]) -> None:
+    """Refuse options that the sampler has not; ``step`` and ``tolerance`` stand elsewhere in a configuration.
+
+    Raises
+    ------
+    ConfigurationError
+        There are some.
+    """
+    if not unknown:
+        return
+    if "step" in unknown:
+        raise ConfigurationError(
+            f"sampling.inputs.{next(iter(unknown['step']), 'NAME')}.step: {sampler} takes no steps; remove it"
+        )
+    if "tolerance" in unknown:
+        raise ConfigurationError(f"sampling.tolerance: {sampler} takes no tolerance; remove it")
+    raise ConfigurationError(
+        f"sampling.options: unknown option {', '.join(map(echo, sorted(unknown)[:5]))} of {sampler}; "
+        + choices(known, "the options are", "it has none")
+    )
+
+
+def check_waiting(key: str, waiting: Container[str]) -> None:
+    """Refuse with a ValueError a key whose response the sampler does not wait for."""
+    if key not in waiting:
+        raise ValueError(f"state '{key}' was not asked for or has been told before")
+
+
+class RoundSampler(Sampler):
+    """Rounds of states until :meth:`next_round` is empty or ``count`` states have been asked for.
+
+    Every state is solved from the undeformed cell: measured on designs of two and of seven inputs, the field of the
+    nearest known state saves nothing worth waiting for. Keys are ``state-00000``, ``state-00001``, …
+
+    Attributes
+    ----------
+    inputs
+        The box.
+    count
+        The budget: states that are asked for at most, those without values included.
+    points : (n, d)
+        States asked for, in the unit box, in the order of asking.
+    """
+
+    #: Key of a state by its number.
+    key = "state-{:05d}"
+
+    def __init__(self, inputs: InputSpace, count: int) -> None:
+        self.inputs, self.count = inputs, count
+        self.points: Array = np.empty((0, len(inputs)))
+        self._observed: dict[int, CellResponse] = {}
+        self._waiting: dict[str, int] = {}
+        self._over = False
+
+    @abstractmethod
+    def next_round(self, room: int) -> Array:
+        """Return at most ``room`` points (m, d) of the unit box; none ends the sampling."""
+
+    @property
+    def observed(self) -> list[CellResponse]:
+        """Responses at all ``points`` of complete rounds."""
+        return [self._observed[i] for i in range(len(self.points))]
+
+    def ask(self) -> list[Request]:
+        """Return a whole round, once the one before it is complete."""
+        if self._waiting or self._over:
+            return []
+        first, room = len(self.points), self.count - len(self.points)
+        new = self.next_round(room) if room > 0 else np.empty((0, len(self.inputs)))
+        if not len(new):
+            self._over = True
+            return []
+        self.points = np.concatenate([self.points, new])
+        requests = [
+            Request(self.key.format(first + i), tuple(map(float, x)))
+            for i, x in enumerate(from_unit(self.inputs, new))
+        ]
+        self._waiting = {request.key: first + i for i, request in enumerate(requests)}
+        return requests
+
+    def tell(self, key: str, response: CellResponse) -> None:
+        """Record the response of one state that was asked for."""
+        check_waiting(key, self._waiting)
+        self._observed[self._waiting.pop(key)] = response
+
+    @property
+    def done(self) -> bool:
+        """True when there are no more rounds."""
+        return not self._waiting and (self._over or len(self.points) >= self.count)
+
+    @property
+    def expected(self) -> int:
+        """The budget, or the number of states if the rounds have ended before."""
+        return len(self.points) if self._over else self.count
+
+
+def from_unit(inputs: InputSpace, unit: Array) -> Array:
+    """Return points (n, d) of the unit box in the box of ``inputs``, no digit beyond its bounds."""
+    low, high = np.array(inputs.lower), np.array(inputs.upper)
+    return np.asarray(np.clip(low + (high - low) * unit, low, high))
+
 
 #: Boxes of more inputs have too many corners to solve them all.
 MOST_CORNER_INPUTS = 8
-#: Up to so many numbers a Latin hypercube is improved by exchanges: about two seconds.
-MOST_OPTIMISED = 4000
 
 
 class Design(RoundSampler):
@@ -78,9 +213,7 @@ class Design(RoundSampler):
                 )
 
     def next_round(self, room: int) -> Array:
-        """Return the whole design, once."""
-        if len(self.points):
-            return np.empty((0, len(self.inputs)))
+        """Return the whole design."""
         first = self._box_corners() if self.corners else np.empty((0, len(self.inputs)))
         filling = self._members(room - len(first)) if room > len(first) else first[:0]
         return np.concatenate([first, filling])
@@ -97,8 +230,7 @@ class Design(RoundSampler):
         values = (
             self.parameter_filling(members, m) if used is None else used.unit[farthest(used.unit, members)]
         )
-        which = np.arange(count) // self.states_per_member % len(values)
-        return np.concatenate([states, values[which]], axis=1)
+        return MemberChoice(values, self.states_per_member).in_rows(states)
 
     def _box_corners(self) -> Array:
         """Return the corners of the box; those of one member follow each other."""
@@ -157,164 +289,11 @@ class LatinHypercube(Design):
 
     def filling(self, count: int, d: int) -> Array:
         """Return points of the hypercube."""
-        return _hypercube(count, d, self.seed)
+        return hypercube_points(count, d, self.seed)
 
     def parameter_filling(self, count: int, m: int) -> Array:
         """Return points of a hypercube of their own."""
-        return _hypercube(count, m, self.seed + 1)
-
-
-def _hypercube(count: int, d: int, seed: int) -> Array:
-    optimisation = "random-cd" if d > 1 and 1 < count * d <= MOST_OPTIMISED else None
-    from scipy.stats import qmc  # slow to import
-
-    points: Array = qmc.LatinHypercube(d, seed=seed, optimization=optimisation).random(count)
-    return points
-
-
-def sobol_points(d: int, count: int, seed: int) -> Array:
-    """Return the first points (count, d) of a scrambled Sobol sequence."""
-    power = max(0, int(np.ceil(np.log2(count))))
-    from scipy.stats import qmc  # slow to import
-
-    points: Array = qmc.Sobol(d, seed=seed).random_base2(power)[:count]
-    return points
-
-
-def halton_points(d: int, count: int, seed: int) -> Array:
-    """Return the first points (count, d) of a scrambled Halton sequence (Halton 1960)."""
-    from scipy.stats import qmc  # slow to import
-
-    points: Array = qmc.Halton(d, seed=seed).random(count)
-    return points
-
-
-def box_corners(d: int) -> Array:
-    """Return the corners (2^d, d) of the unit box."""
-    return np.array(np.meshgrid(*[(0.0, 1.0)] * d, indexing="ij")).reshape(d, -1).T
-
-
-#: A norm of <∇u¹>_s below this is round-off of the cell solver and counts as this.
-SMALLEST_NORM = 1e-8
-
-
-@dataclass(frozen=True, eq=False)
-class LinePoint:
-    """Solved point of a line."""
-
-    value: float
-    #: <∇u¹>_s (3, 3); None where the state has no values.
-    mean_grad: Array | None
-
-
-def density_residual(before: LinePoint, last: LinePoint, point: LinePoint, step: float) -> float:
-    """Return the distance of ``point`` from the straight line through the two accepted points before it [-].
-
-    max_ij |g − g_L| / ‖g‖_F with g = <∇u¹>_s and its linear extrapolation
-    g_L = g_last + (g_last − g_before)/(I_last − I_before) · (I − I_last)
-    (Dehghani & Zilian, eq. Res). The norm of g goes through zero where the effects of two inputs cancel, and
-    the residual would then ask for small steps where nothing bends. So the norm counts as no smaller than
-    the change of g over one default ``step`` along that line, nor as smaller than :data:`SMALLEST_NORM`.
-    """
-    assert before.mean_grad is not None
-    assert last.mean_grad is not None
-    assert point.mean_grad is not None
-    slope = (last.mean_grad - before.mean_grad) / (last.value - before.value)
-    extrapolated = last.mean_grad + slope * (point.value - last.value)
-    norm = max(
-        float(np.linalg.norm(point.mean_grad)), float(np.linalg.norm(slope)) * abs(step), SMALLEST_NORM
-    )
-    return float(np.abs(point.mean_grad - extrapolated).max()) / norm
-
-
-@dataclass
-class LineSweep:
-    """Sweep of one input from zero to ``end``; those before it rest at ``prefix``, those after it at zero.
-
-    A point ahead that is too far off the secant, or that has no values, moves the next point to the middle
-    of the interval; the point ahead is kept and looked at again from there. An interval whose half would be
-    below ``smallest`` default steps is accepted as it is. A point without values that is still ahead then is
-    the edge of the computable region: from there on the line runs to ``end`` at the default step without
-    checks, and every point with values counts as accepted.
-
-    Attributes
-    ----------
-    prefix
-        Values of the inputs before the moving one.
-    origin
-        The solved point at zero.
-    end
-        End of the line; its sign is the direction.
-    step
-        Default step, positive.
-    tolerance
-        Largest density residual that is accepted.
-    smallest
-        Smallest interval as a fraction of ``step``.
-    """
-
-    prefix: tuple[float, ...]
-    origin: LinePoint
-    end: float
-    step: float
-    tolerance: float
-    smallest: float
-    #: The last accepted point.
-    last: LinePoint = field(init=False)
-    #: Points of the default grid not yet asked for, next one last.
-    grid: list[float] = field(init=False)
-    #: Solved points that are not accepted yet, nearest last.
-    ahead: list[LinePoint] = field(init=False, default_factory=list)
-    _before: LinePoint | None = field(init=False, default=None)
-    _beyond: bool = field(init=False, default=False)
-
-    def __post_init__(self) -> None:
-        self.last = self.origin
-        self.grid = grid_values(self.end, self.step)[::-1]
-
-    @property
-    def position(self) -> int:
-        """Index of the moving input among the inputs."""
-        return len(self.prefix)
-
-    def tell(self, point: LinePoint) -> list[LinePoint]:
-        """Record the response at the point of :meth:`next_value`; return the points that it makes accepted."""
-        self.ahead.append(point)
-        accepted = []
-        while self.ahead and (self._beyond or not self._wants_middle(self.ahead[-1])):
-            nearest = self.ahead.pop()
-            if nearest.mean_grad is None:
-                self._beyond = True
-            else:
-                self._before, self.last = self.last, nearest
-                accepted.append(nearest)
-        return accepted
-
-    def next_value(self) -> float | None:
-        """Return the next value to solve; None at the end of the line."""
-        if self.ahead:
-            return (self.last.value + self.ahead[-1].value) / 2
-        return self.grid.pop() if self.grid else None
-
-    def _wants_middle(self, point: LinePoint) -> bool:
-        half = abs(point.value - self.last.value) / 2
-        if half < self.smallest * self.step * (1 - 1e-9):
-            return False
-        if point.mean_grad is None:
-            return True
-        if self._before is None:
-            return False
-        return density_residual(self._before, self.last, point, self.step) > self.tolerance
-
-
-def grid_values(end: float, step: float) -> list[float]:
-    """Return step, 2 step, … with the sign of ``end``, up to ``end`` itself, which is hit exactly."""
-    return [float(np.copysign(i * step, end)) for i in range(1, grid_size(end, step))] + [end]
-
-
-def grid_size(end: float, step: float) -> int:
-    """Return the number of values of :func:`grid_values`."""
-    return max(1, int(np.ceil(abs(end) / step - 1e-9)))
+        return hypercube_points(count, m, self.seed + 1)
 
 
 #: After so many states in a row beyond a sampled range, it is too thin to draw in, and the box stands in.
@@ -439,3 +418,25 @@ def _draw(
         misses = 0
         yield Request(f"test-{index:03d}", tuple(map(float, x)))
         index += 1
+
+
+class UndeformedMembers(RoundSampler):
+    """Members of a family spread over the ranges of its parameters, denser towards their ends.
+
+    They are points of a Halton sequence u in the unit box, moved to (1 − cos πu)/2, where the Chebyshev points of a
+    polynomial lie densest. There is no choice in it: a family has one set of them. Keys are ``member-000`` and so on.
+
+    Parameters
+    ----------
+    inputs
+        The parameters and their ranges, and nothing else.
+    count
+        Number of members.
+    """
+
+    choosing = "choosing members"
+    key = "member-{:03d}"
+
+    def next_round(self, room: int) -> Array:
+        """Return all members."""
+        return np.asarray((1 - np.cos(np.pi * halton_points(len(self.inputs), room, seed=0))) / 2)

@@ -14,11 +14,11 @@ from porocore.sampling.samplers.candidates import (
     distances,
     most_worth,
     opening,
+    sobol_points,
     spacing,
     spread_out,
 )
-from porocore.sampling.samplers.designs import sobol_points
-from porocore.sampling.samplers.rounds import positive, refuse_unknown, whole
+from porocore.sampling.samplers.designs import positive, refuse_unknown, whole
 from porocore.states import Array
 
 #: Visited states are put on a lattice of so many steps for each input: near ones are one, and round-off moves none.
