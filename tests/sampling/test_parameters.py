@@ -21,8 +21,8 @@ from porocore.sampling.campaign import run_campaign
 from porocore.sampling.datasets.check import check_file, merge, table
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
-from porocore.sampling.execution.losses import PendingState, next_for
 from porocore.sampling.execution.members import MemberSolver
+from porocore.sampling.execution.pool import PendingState, next_for
 from porocore.sampling.execution.solved_store import SolvedStore, StoringSolver
 from porocore.sampling.execution.tasks import SerialBackend
 from porocore.sampling.samplers.active import Active

@@ -1,4 +1,4 @@
-"""Workers of a dask scheduler or a local cluster (DaskBackend), or of a caller's executor.
+"""Workers of a dask scheduler or a local cluster (DaskBackend).
 
 States are not left to dask's scheduler to place: each worker is handed one at a time, so that a worker that dies or
 hangs is blamed for that state only, and none waits behind another.
@@ -12,19 +12,18 @@ import signal
 import socket
 import threading
 import time
-from collections.abc import Callable, Sequence
-from concurrent.futures import Future
+from collections.abc import Sequence
 from contextlib import ExitStack, suppress
 from importlib import import_module
 from importlib.metadata import version
-from typing import Any, Protocol
+from typing import Any
 from urllib.parse import urlsplit
 
 from porocore.core.echo import cut, echo
 from porocore.core.parallel.children import interrupts_blocked, script_left_out
 from porocore.core.parallel.memory import THREAD_VARIABLES, one_thread_in_children
 from porocore.errors import ConfigurationError, PluginError, PorocoreError
-from porocore.sampling.execution.tasks import Ready, Worker, WorkerBackend, release
+from porocore.sampling.execution.tasks import ExecutorWorker, Ready, Worker, WorkerBackend
 
 #: Protocols of addresses whose host and port are tried here; an address without one is tcp.
 SCHEMES = ("tcp", "tls", "ws", "wss")
@@ -81,52 +80,6 @@ def _host_and_port(address: str) -> tuple[str, int]:
     if not host or not port or any(c.isspace() for c in host):
         raise ConfigurationError(f"{refused}; host and port are needed")
     return host, port
-
-
-class SubmitsFutures(Protocol):
-    """Executor that returns futures, such as :class:`concurrent.futures.Executor`."""
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Start a call."""
-
-
-class FuturesBackend(WorkerBackend):
-    """Given executor with a number of calls at a time; it is neither replaced nor shut down here.
-
-    Its workers cannot be told apart, so the recipe of the cell goes with every state, and each of its threads
-    prepares the cell once.
-    """
-
-    separate = False
-
-    def __init__(self, executor: SubmitsFutures, count: int, token: str) -> None:
-        super().__init__([ExecutorWorker(executor) for _ in range(count)])
-        self._token = token
-
-    def lost(self, worker: Worker) -> None:
-        """Raise, since the executor of the caller cannot be replaced."""
-        raise PorocoreError(
-            "the executor that was handed in is broken: one of its workers died (out of memory, or killed); "
-            "finished states are kept: make a new one and resume"
-        )
-
-    def close(self) -> None:
-        """Release the cells that its threads have prepared in this process."""
-        release(self._token)
-
-    abort = close
-
-
-class ExecutorWorker(Worker):
-    """One call at a time of an executor."""
-
-    def __init__(self, executor: SubmitsFutures, host: str = "") -> None:
-        super().__init__()
-        self._executor, self.host = executor, host
-
-    def submit(self, call: Callable[..., Any], *args: Any) -> Future[Any]:
-        """Start a call."""
-        return self._executor.submit(call, *args)
 
 
 #: Seconds between two queries of the workers.

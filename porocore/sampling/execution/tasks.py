@@ -1,4 +1,4 @@
-"""Calls that run in a worker, and the interface of workers; the backend in this process.
+"""Calls that run in a worker, and the interface of workers; those in this process, and those of an executor.
 
 An executor calls these functions. Every exception travels back as text.
 """
@@ -18,11 +18,12 @@ from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
-from typing import Any
+from typing import Any, Protocol
 
 from porocore.core.inputs import InputSpace
 from porocore.core.parallel.calls import Failure
 from porocore.core.parallel.memory import THREAD_VARIABLES
+from porocore.errors import PorocoreError
 from porocore.interfaces.cell import CellField, CellSolver
 from porocore.interfaces.records import SolvedState
 from porocore.plugins.border import solution_of
@@ -292,3 +293,49 @@ class _ThisProcess(Worker):
         future: Future[Any] = Future()
         future.set_result(call(*args))
         return future
+
+
+class SubmitsFutures(Protocol):
+    """Executor that returns futures, such as :class:`concurrent.futures.Executor`."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Start a call."""
+
+
+class FuturesBackend(WorkerBackend):
+    """Given executor with a number of calls at a time; it is neither replaced nor shut down here.
+
+    Its workers cannot be told apart, so the recipe of the cell goes with every state, and each of its threads
+    prepares the cell once.
+    """
+
+    separate = False
+
+    def __init__(self, executor: SubmitsFutures, count: int, token: str) -> None:
+        super().__init__([ExecutorWorker(executor) for _ in range(count)])
+        self._token = token
+
+    def lost(self, worker: Worker) -> None:
+        """Raise, since the executor of the caller cannot be replaced."""
+        raise PorocoreError(
+            "the executor that was handed in is broken: one of its workers died (out of memory, or killed); "
+            "finished states are kept: make a new one and resume"
+        )
+
+    def close(self) -> None:
+        """Release the cells that its threads have prepared in this process."""
+        release(self._token)
+
+    abort = close
+
+
+class ExecutorWorker(Worker):
+    """One call at a time of an executor."""
+
+    def __init__(self, executor: SubmitsFutures, host: str = "") -> None:
+        super().__init__()
+        self._executor, self.host = executor, host
+
+    def submit(self, call: Callable[..., Any], *args: Any) -> Future[Any]:
+        """Start a call."""
+        return self._executor.submit(call, *args)
