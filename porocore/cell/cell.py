@@ -18,7 +18,7 @@ from pydantic import (
 
 from porocore.cell.contact.wall_contact import ContactSettings
 from porocore.cell.family.family import Family
-from porocore.cell.family.mesh import family_mesh
+from porocore.cell.family.mesh import member_mesh, member_velocity
 from porocore.cell.geometry.channels import OrthogonalChannels
 from porocore.cell.geometry.drawn import CylinderArray, NoPores, SphereArray
 from porocore.cell.geometry.pore_geometry import PoreGeometry, require_few
@@ -274,8 +274,8 @@ class Cell(Family, metaclass=CalledByUsers):
         found = np.zeros((len(self.parameters), nodes, 3))
         for k, parameter in enumerate(self.parameters):
             if parameter.shape:
-                family = family_mesh(self.base_section("geometry"), self.mesh)
-                speed = family.velocity(phase, domain, self.geometry, parameter.path[1:])
+                base = self.base_section("geometry")
+                speed = member_velocity(base, self.mesh, phase, domain, self.geometry, parameter.path[1:])
                 found[k] = tiled(mesh, speed, self.supercell) if several else speed
         return found
 
@@ -286,4 +286,4 @@ class Cell(Family, metaclass=CalledByUsers):
     def _mesh_of_one(self, phase: Phase, domain: Domain) -> CellMesh:
         if not self.moved_from:
             return make_mesh(self.geometry, self.mesh, phase, domain)
-        return family_mesh(self.base_section("geometry"), self.mesh).mesh(phase, domain, self.geometry)
+        return member_mesh(self.base_section("geometry"), self.mesh, phase, domain, self.geometry)

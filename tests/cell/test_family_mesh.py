@@ -1,13 +1,15 @@
 """One mesh moved to the numbers of each member of a family, and its velocity."""
 
 from functools import reduce
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 from porocore.cell.cell import Cell
 from porocore.cell.family.family import changed_numbers, replaced
-from porocore.cell.family.mesh import FamilyMesh
+from porocore.cell.family.mesh import member_mesh, member_velocity
+from porocore.cell.geometry.pore_geometry import PoreGeometry
 from porocore.cell.meshing.mesh import MeshSettings, make_mesh
 from porocore.cell.meshing.tetrahedra import least_stretch, volume
 from porocore.errors import ConfigurationError, MemberError
@@ -19,10 +21,21 @@ def geometry(kind, **numbers):
     return Cell(geometry={"kind": kind, **numbers}).geometry
 
 
+class Family(NamedTuple):
+    base: PoreGeometry
+    settings: MeshSettings
+
+    def mesh(self, *member):
+        return member_mesh(*self, *member)
+
+    def velocity(self, *member):
+        return member_velocity(*self, *member)
+
+
 def family_of(base, **settings):
     # A coarser mesh of thin sheets is refused.
     fine = {"size": 0.12, "fluid_size": 0.12} if getattr(base, "solid", "") == "sheet" else {}
-    return FamilyMesh(base, MeshSettings(**{**COARSE, **fine, **settings}))
+    return Family(base, MeshSettings(**{**COARSE, **fine, **settings}))
 
 
 def path(key):

@@ -1,4 +1,4 @@
-"""Contact pairs of the pore wall: distances of points from triangles with derivatives, search of facing triangles.
+"""Contact pairs of the pore wall: distances of points from triangles, their derivatives, facing triangles.
 
 The distance of a point from a triangle is that from its nearest point, in the face, on an edge or at a vertex. So the
 distance from a surface of triangles is continuous; on its inner side it is continuously differentiable except where

@@ -1,4 +1,4 @@
-"""Mesh of a family (FamilyMesh), moved to the numbers of each member; undeformed members (rest_data)."""
+"""Mesh of a family, moved to the numbers of each member (member_mesh); undeformed members (rest_data)."""
 
 from __future__ import annotations
 
@@ -34,12 +34,17 @@ if TYPE_CHECKING:
     from porocore.cell.family.family import CellParameter
 
 
-#: Members whose meshes are kept.
-KEPT = 16
+#: Families whose meshes are kept, and members of each.
+FAMILIES, KEPT = 4, 16
+#: Meshes of the bases, from which those of all members are moved.
+_base_mesh = lru_cache(maxsize=4 * FAMILIES)(make_mesh)
 
 
-class FamilyMesh:
-    """Meshes of the members of a family: that of the base with its nodes moved.
+@lru_cache(maxsize=FAMILIES * KEPT)
+def member_mesh(
+    base: PoreGeometry, settings: MeshSettings, phase: Phase, domain: Domain, geometry: PoreGeometry
+) -> CellMesh:
+    """Return the mesh of one phase of a member of a family: that of the base with its nodes moved.
 
     The wall moves by :class:`~porocore.cell.family.wall.WallMotion`, all other nodes by its harmonic extension, so the
     place of every node is a smooth function of the numbers. Elements, numbers of nodes, mirror planes and cell faces
@@ -49,104 +54,78 @@ class FamilyMesh:
     ----------
     base
         Geometry that is meshed, at best in the middle of the ranges of its numbers.
-    settings
-        Settings of its mesh.
+    settings, phase, domain
+        As of :func:`~porocore.cell.meshing.mesh.make_mesh`.
+    geometry
+        Geometry of the member, which differs from the base in numbers only. Where a mesh of its kind cannot be
+        moved, that of the base is returned for equal numbers.
+
+    Raises
+    ------
+    MemberError
+        The mesh cannot be moved so far.
+    ConfigurationError
+        A mesh of this kind of geometry cannot be moved at all.
+    ValueError
+        The domain is the eighth of a cell without mirrors.
     """
+    mesh = _base_mesh(base, settings, phase, domain)
+    changed = changed_numbers(base, geometry)
+    if not len(mesh.cells) or (not changed and base.wall_surfaces() is None):
+        return mesh
+    points = _moving_mesh(base, settings, phase).points(geometry)
+    if domain == "whole" and base.unfolding != "whole":
+        node, signs = _images(base, settings, phase)
+        points = points[node] * signs + 0.0  # + 0.0 turns −0.0 into 0.0
+    moved = replace(mesh, points=points)
+    # The nodes on planes and faces are the same ones, so what depends on them alone is not computed again.
+    for name in ("boundary", "wall", "on_mirrors", "periodic_class"):
+        moved.__dict__[name] = getattr(mesh, name)
+    return moved
 
-    def __init__(self, base: PoreGeometry, settings: MeshSettings) -> None:
-        self.base, self.settings = base, settings
-        self._bases: dict[tuple[Phase, Domain], CellMesh] = {}
-        self._moving: dict[Phase, MovingMesh] = {}
-        self._whole: dict[Phase, tuple[IntArray, Array]] = {}
-        self._meshes: OrderedDict[tuple[Phase, Domain, PoreGeometry], CellMesh] = OrderedDict()
 
-    def mesh(self, phase: Phase, domain: Domain, geometry: PoreGeometry) -> CellMesh:
-        """Return the mesh of one phase of a member.
+def member_velocity(
+    base: PoreGeometry,
+    settings: MeshSettings,
+    phase: Phase,
+    domain: Domain,
+    geometry: PoreGeometry,
+    path: Location,
+) -> Array:
+    """Return the derivative (nodes, 3) of the places of a member's nodes by one number of its geometry.
 
-        Parameters
-        ----------
-        phase, domain
-            Phase and domain, as of :func:`~porocore.cell.meshing.mesh.make_mesh`.
-        geometry
-            Geometry of the member, which differs from the base in numbers only. Where a mesh of its kind cannot be
-            moved, that of the base is returned for equal numbers.
+    Parameters
+    ----------
+    base, settings, phase, domain, geometry
+        As of :func:`member_mesh`.
+    path
+        Keys and indices of the number in the geometry, such as ``("radii", "0")``.
 
-        Raises
-        ------
-        MemberError
-            The mesh cannot be moved so far.
-        ConfigurationError
-            A mesh of this kind of geometry cannot be moved at all.
-        ValueError
-            The domain is the eighth of a cell without mirrors.
-        """
-        key = (phase, domain, geometry)
-        if key in self._meshes:
-            self._meshes.move_to_end(key)
-            return self._meshes[key]
-        found = self._made(phase, domain, geometry)
-        self._meshes[key] = found
-        if len(self._meshes) > KEPT:
-            self._meshes.popitem(last=False)
-        return found
+    Raises
+    ------
+    ConfigurationError
+        The mesh cannot be moved.
+    """
+    if not len(_base_mesh(base, settings, phase, domain).cells):
+        return np.zeros((0, 3))
+    speed = _moving_mesh(base, settings, phase).velocity(geometry, path)
+    if domain == "whole" and base.unfolding != "whole":
+        node, signs = _images(base, settings, phase)
+        speed = speed[node] * signs
+    return speed
 
-    def velocity(self, phase: Phase, domain: Domain, geometry: PoreGeometry, path: Location) -> Array:
-        """Return the derivative (nodes, 3) of the places of a member's nodes by one number of its geometry.
 
-        Parameters
-        ----------
-        phase, domain, geometry
-            As of :meth:`mesh`.
-        path
-            Keys and indices of the number in the geometry, such as ``("radii", "0")``.
+@lru_cache(maxsize=2 * FAMILIES)
+def _moving_mesh(base: PoreGeometry, settings: MeshSettings, phase: Phase) -> MovingMesh:
+    mesh = _base_mesh(base, settings, phase, "whole" if base.unfolding == "whole" else "eighth")
+    return MovingMesh(base, mesh, straight=settings.element == "quadratic-straight")
 
-        Raises
-        ------
-        ConfigurationError
-            The mesh cannot be moved.
-        """
-        if not len(self._base_mesh(phase, domain).cells):
-            return np.zeros((0, 3))
-        speed = self._of(phase).velocity(geometry, path)
-        if domain == "whole" and self.base.unfolding != "whole":
-            node, signs = self._images(phase)
-            speed = speed[node] * signs
-        return speed
 
-    def _made(self, phase: Phase, domain: Domain, geometry: PoreGeometry) -> CellMesh:
-        base = self._base_mesh(phase, domain)
-        changed = changed_numbers(self.base, geometry)
-        if not len(base.cells) or (not changed and self.base.wall_surfaces() is None):
-            return base
-        points = self._of(phase).points(geometry)
-        if domain == "whole" and self.base.unfolding != "whole":
-            node, signs = self._images(phase)
-            points = points[node] * signs + 0.0  # + 0.0 turns −0.0 into 0.0
-        moved = replace(base, points=points)
-        # The nodes on planes and faces are the same ones, so what depends on them alone is not computed again.
-        for name in ("boundary", "wall", "on_mirrors", "periodic_class"):
-            moved.__dict__[name] = getattr(base, name)
-        return moved
-
-    def _base_mesh(self, phase: Phase, domain: Domain) -> CellMesh:
-        if (phase, domain) not in self._bases:
-            self._bases[phase, domain] = make_mesh(self.base, self.settings, phase, domain)
-        return self._bases[phase, domain]
-
-    def _of(self, phase: Phase) -> MovingMesh:
-        if phase not in self._moving:
-            domain: Domain = "whole" if self.base.unfolding == "whole" else "eighth"
-            mesh = self._base_mesh(phase, domain)
-            straight = self.settings.element == "quadratic-straight"
-            self._moving[phase] = MovingMesh(self.base, mesh, straight=straight)
-        return self._moving[phase]
-
-    def _images(self, phase: Phase) -> tuple[IntArray, Array]:
-        """Return the node (N,) of the eighth of which each node of the whole is an image, and the signs (N, 3)."""
-        if phase not in self._whole:
-            eighth, whole = (self._base_mesh(phase, "eighth").points, self._base_mesh(phase, "whole").points)
-            self._whole[phase] = (rows_of(eighth + 0.0, np.abs(whole)), np.sign(whole))
-        return self._whole[phase]
+@lru_cache(maxsize=2 * FAMILIES)
+def _images(base: PoreGeometry, settings: MeshSettings, phase: Phase) -> tuple[IntArray, Array]:
+    """Return the node (N,) of the eighth of which each node of the whole is an image, and the signs (N, 3)."""
+    eighth, whole = (_base_mesh(base, settings, phase, domain).points for domain in ("eighth", "whole"))
+    return rows_of(eighth + 0.0, np.abs(whole)), np.sign(whole)
 
 
 class MovingMesh:
@@ -288,12 +267,6 @@ def _neighbours(mesh: CellMesh, classes: IntArray) -> IntArray:
         ends = np.concatenate([ends[~kept], *halves])
     ends = np.unique(np.sort(ends, axis=1), axis=0)
     return np.asarray(np.searchsorted(classes, ends[ends[:, 0] != ends[:, 1]]))
-
-
-@lru_cache(maxsize=4)
-def family_mesh(base: PoreGeometry, settings: MeshSettings) -> FamilyMesh:
-    """Return the mesh of the family of a base; the same object for the same arguments."""
-    return FamilyMesh(base, settings)
 
 
 #: Name of Poisson's ratio in a material.

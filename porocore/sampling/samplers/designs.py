@@ -1,4 +1,4 @@
-"""Base of samplers that ask in rounds (RoundSampler), checks of options; samplers ``sobol`` and ``latin-hypercube``.
+"""Base of samplers that ask in rounds (RoundSampler), checks of options; ``sobol`` and ``latin-hypercube``.
 
 What a round asks for depends on all states before it and on nothing else: not on the order in which they were solved,
 nor on the number of workers, nor on interruptions. Random states to test on, and undeformed members, are here too.
