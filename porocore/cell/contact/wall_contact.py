@@ -517,25 +517,6 @@ def facet_edge(mesh: CellMesh) -> float:
     return float(np.sqrt(4 / np.sqrt(3) * surface.area / len(surface.facets)))
 
 
-@dataclass(frozen=True, eq=False)
-class ContactSlopes:
-    """Slopes of the contact energy E and of its derivatives by one parameter, at fixed u and H.
-
-    Attributes
-    ----------
-    energy : float
-        Slope of E.
-    by_load : (3, 3)
-        Slope of ∂E/∂H.
-    by_displacement : (nodes, 3)
-        Slope of ∂E/∂u.
-    """
-
-    energy: float
-    by_load: Array
-    by_displacement: Array
-
-
 def contact_slopes(
     contact: ContactModel,
     touching: ContactState,
@@ -543,8 +524,8 @@ def contact_slopes(
     points: Array,
     velocity: Array,
     log_penalty: float,
-) -> ContactSlopes:
-    """Return the slopes of the contact energy of one state.
+) -> tuple[float, Array, Array]:
+    """Return the slopes of the contact energy E of one state by one parameter, at fixed u and H.
 
     Parameters
     ----------
@@ -560,6 +541,15 @@ def contact_slopes(
         Slope of their positions, which keeps periodicity and mirrors.
     log_penalty : float
         Slope of the logarithm of ε at fixed h.
+
+    Returns
+    -------
+    energy : float
+        Slope of E.
+    by_load : (3, 3)
+        Slope of ∂E/∂H.
+    by_displacement : (nodes, 3)
+        Slope of ∂E/∂u.
     """
     surface, forces, blocks = contact.surface, touching.forces, touching.blocks("")
     areas = area_slopes(surface, points, velocity)
@@ -576,10 +566,10 @@ def contact_slopes(
     by_load = np.einsum("mki,mkj->ij", change, blocks.places)
     by_load += np.einsum("mki,mkj->ij", forces.gradient, moved(forces.nodes))
     n = len(points)
-    return ContactSlopes(
-        energy=float((forces.gradient * (moved(forces.nodes) @ F0.T)).sum()) + reweighted.energy,
-        by_load=by_load + reweighted.by_load,
-        by_displacement=scatter(n, blocks.nodes, change) + reweighted.by_displacement(n),
+    return (
+        float((forces.gradient * (moved(forces.nodes) @ F0.T)).sum()) + reweighted.energy,
+        by_load + reweighted.by_load,
+        scatter(n, blocks.nodes, change) + reweighted.by_displacement(n),
     )
 
 

@@ -205,25 +205,22 @@ def _explicit(problem: DiscreteSolid, at: PointValues, dependence: ExplicitDepen
         by_pressure=float(gradients.integral(by_pressure)),
         residual=gradients.forces(change + forces),
     )
-    return _with_contact(found, problem, iterate, dependence)
-
-
-def _with_contact(
-    found: _Explicit, problem: DiscreteSolid, iterate: Iterate, dependence: ExplicitDependence
-) -> _Explicit:
     if problem.contact is None or iterate.touching is None:
         return found
-    points = problem.mesh.points
-    velocity = np.zeros_like(points) if dependence.velocity is None else dependence.velocity
-    F0 = np.eye(3) + iterate.H
-    of_contact = contact_slopes(
-        problem.contact, iterate.touching, F0, points, velocity, dependence.log_penalty
+    points, V, F0 = problem.mesh.points, dependence.velocity, np.eye(3) + iterate.H
+    energy_slope, by_load, by_displacement = contact_slopes(
+        problem.contact,
+        iterate.touching,
+        F0,
+        points,
+        np.zeros_like(points) if V is None else V,
+        dependence.log_penalty,
     )
     return replace(
         found,
-        energy=found.energy + of_contact.energy,
-        by_load=found.by_load + of_contact.by_load.ravel(),
-        residual=found.residual + of_contact.by_displacement,
+        energy=found.energy + energy_slope,
+        by_load=found.by_load + by_load.ravel(),
+        residual=found.residual + by_displacement,
     )
 
 

@@ -448,11 +448,6 @@ def _check_kind(path: Path, shape: tuple[int, ...], dtype: Any, grey: bool) -> N
         raise ConfigurationError(
             f"{path}: expected {what}, got {TYPES.get(kind, 'values of an unknown type')}; {REMEDIES.get(kind, SAVE)}"
         )
-    _check_size(path, shape)
-
-
-def _check_size(path: Path, shape: tuple[int, ...]) -> None:
-    """Refuse what is no image in three dimensions, or too large a one."""
     got = " x ".join(map(str, shape))[:80]
     if len(shape) != 3:
         name = {0: "a single number", 1: f"a line of {got} values", 2: f"one slice of {got} pixels"}.get(
@@ -621,13 +616,10 @@ class GreyValues:
     ----------
     values, counts : (m,)
         Distinct values; of other than whole numbers, the middles of equal intervals that are not empty.
-    undefined
-        Number of voxels that are infinite or no number.
     """
 
     values: Array
     counts: IntArray
-    undefined: int = 0
 
     @classmethod
     def of(cls, image: npt.NDArray[Any]) -> GreyValues:
@@ -644,16 +636,15 @@ class GreyValues:
             values, counts = np.unique(image, return_counts=True)
             return cls(values.astype(np.float64), counts)
         known = [layer[np.isfinite(layer)].astype(np.float64) for layer in image]
-        undefined = image.size - sum(map(len, known))
-        if undefined == image.size:
-            return cls(np.zeros(0), np.zeros(0, dtype=np.int64), undefined)
+        if not (count := sum(map(len, known))):
+            return cls(np.zeros(0), np.zeros(0, dtype=np.int64))
         low, high = min(x.min() for x in known if len(x)), max(x.max() for x in known if len(x))
         if low == high:
-            return cls(np.array([low]), np.array([image.size - undefined]), undefined)
+            return cls(np.array([low]), np.array([count]))
         edges = np.linspace(low, high, INTERVALS + 1)
         counts = np.asarray(sum(np.histogram(x, edges)[0] for x in known))
         found = np.flatnonzero(counts)
-        return cls(((edges[1:] + edges[:-1]) / 2)[found], counts[found], undefined)
+        return cls(((edges[1:] + edges[:-1]) / 2)[found], counts[found])
 
     @cached_property
     def otsu(self) -> float:

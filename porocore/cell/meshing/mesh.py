@@ -8,6 +8,7 @@ The first cell of a block is the whole cell; that of cubic cells is [−½, n₁
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from itertools import permutations, product
@@ -333,8 +334,8 @@ def block(mesh: CellMesh, periods: Periods) -> CellMesh:
     return CellMesh(mesh.phase, "whole", points, cells, periods, regions, mesh.region_names, mesh.sides)
 
 
-def tiled(mesh: CellMesh, u: Array, periods: Periods, signs: tuple[int, int, int] = (1, 1, 1)) -> Array:
-    """Return a field of the whole cell on a block of its copies, (nodes of the block, 3).
+def tiled(mesh: CellMesh, u: Array, periods: Periods) -> Array:
+    """Return a periodic field of the whole cell on a block of its copies, (nodes of the block, 3).
 
     Parameters
     ----------
@@ -344,31 +345,21 @@ def tiled(mesh: CellMesh, u: Array, periods: Periods, signs: tuple[int, int, int
         Field at its nodes.
     periods
         Cells of the block along each axis.
-    signs
-        Factor of the field from one cell to the next along each axis: 1 for period one, −1 for a field that alternates,
-        with opposite values on opposite faces of the cell.
 
     Raises
     ------
     ValueError
-        The field is not continuous from cell to cell, or alternates over an odd number of cells.
+        The field is not continuous from cell to cell.
     """
     if mesh.domain != "whole" or mesh.periods != (1, 1, 1) or u.shape != mesh.points.shape:
         raise ValueError(
             f"expected a field ({len(mesh.points)}, 3) on the mesh of one whole cell, got {u.shape}"
         )
-    for axis, n, sign in zip("xyz", periods, signs, strict=True):
-        if sign not in (1, -1):
-            raise ValueError(f"signs: expected 1 or -1 along {axis}, got {sign}")
-        if sign < 0 and n % 2:
-            raise ValueError(f"a field that alternates along {axis} needs an even number of cells, got {n}")
     first, inverse = _joined(mesh, periods)
-    cells = np.rint(_shifts(periods)).astype(np.int64)
-    factors = np.prod(np.array(signs) ** cells, axis=1)
-    copies = (factors[:, None, None] * u[None]).reshape(-1, 3)
+    copies = np.tile(u, (math.prod(periods), 1))
     values: Array = copies[first]
     if np.abs(values[inverse] - copies).max(initial=0.0) > SAME * np.abs(u).max(initial=0.0):
-        raise ValueError("the copies of the field do not meet: it is not periodic with these signs")
+        raise ValueError("the copies of the field do not meet: it is not periodic")
     return values
 
 
