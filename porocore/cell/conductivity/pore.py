@@ -154,25 +154,6 @@ def flow_slopes(mesh: CellMesh, points: Array, flow: FlowFields, velocities: Arr
 DEGREE = 4
 
 
-@dataclass(frozen=True, eq=False)
-class PoreMotion:
-    """Slopes of the places of the nodes, and of u¹, by m parameters.
-
-    Attributes
-    ----------
-    solid : (m, nodes of the solid, 3)
-        Velocities of the undeformed solid.
-    fluid : (m, nodes of the fluid, 3)
-        Velocities of the undeformed fluid's quadratic mesh.
-    displacement : (m, nodes of the solid, 3)
-        Slopes of u¹ at the moving nodes.
-    """
-
-    solid: Array
-    fluid: Array
-    displacement: Array
-
-
 class Pore:
     """Stokes flow through one cell, at rest and deformed, for unit viscosity, on the eighth or the whole cell.
 
@@ -234,14 +215,24 @@ class Pore:
         return self._of_cell(flow.integrals), self._of_cell(slopes)
 
     def deformed_slopes(
-        self, H: Array, u: Array, solid: CellMesh, motion: PoreMotion
+        self, H: Array, u: Array, solid: CellMesh, V_solid: Array, V_fluid: Array, u_slopes: Array
     ) -> tuple[Array, float, Array]:
         """Return K_ref μ_f, the smallest J and the slopes (3, 3, m) of K_ref μ_f by m parameters; see :meth:`deformed`.
 
         The slopes are NaN where K_ref is.
+
+        Parameters
+        ----------
+        H, u, solid
+            As of :meth:`deformed`.
+        V_solid, V_fluid : (m, nodes of the solid, 3), (m, nodes of the fluid, 3)
+            Velocities of the undeformed solid, and of the undeformed fluid's quadratic mesh.
+        u_slopes : (m, nodes of the solid, 3)
+            Slopes of u¹ at the moving nodes.
         """
         moved, smallest = self._moved(H, u, solid)
-        missing = np.full((3, 3), np.nan), smallest, np.full((3, 3, len(motion.solid)), np.nan)
+        mesh, m = self.fluid.mesh, len(u_slopes)
+        missing = np.full((3, 3), np.nan), smallest, np.full((3, 3, m), np.nan)
         if not smallest > 0:
             return missing
         try:
@@ -250,10 +241,9 @@ class Pore:
             return missing
         F0, extension = np.eye(3) + H, self._extension(solid)
         velocities = [
-            V_fluid @ F0.T + extension.slope(u, u_slope, V_solid, V_fluid)
-            for V_solid, V_fluid, u_slope in zip(motion.solid, motion.fluid, motion.displacement, strict=True)
+            W @ F0.T + extension.slope(u, u_slope, V, W)
+            for V, W, u_slope in zip(V_solid, V_fluid, u_slopes, strict=True)
         ]
-        mesh, m = self.fluid.mesh, len(motion.solid)
         slopes = flow_slopes(mesh, moved, flow, np.reshape(velocities, (m, -1, 3)), DEGREE)
         return self._pulled_back(H, flow.integrals), smallest, self._pulled_back(H, slopes)
 

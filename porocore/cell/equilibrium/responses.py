@@ -24,12 +24,12 @@ from porocore.cell.equilibrium.discrete import (
     LoadStepFailed,
     Sensitivities,
 )
-from porocore.cell.equilibrium.slopes import ExplicitDependence, SolidSlopes, solid_slopes
+from porocore.cell.equilibrium.slopes import ExplicitDependence, solid_slopes
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.tetrahedra import shape_functions
 from porocore.cell.symmetry import UNIT_LOADS, axis_order, classes, images, visible
 from porocore.core.tensors import cofactor, cofactor_tangent, determinant
-from porocore.states import Array, CellExtrema, CellResponse, CellTangent, IntArray, Status
+from porocore.states import Array, CellExtrema, CellResponse, CellSlopes, CellTangent, IntArray, Status
 
 ITERATIONS = 50
 #: After so many iterations the contact pairs are kept: at an edge a point may alternate between two triangles for ever.
@@ -200,8 +200,10 @@ def respond(problem: DiscreteSolid, iterate: Iterate, *, tangent: bool) -> CellR
 
 def respond_with_slopes(
     problem: DiscreteSolid, iterate: Iterate, dependences: Sequence[ExplicitDependence], *, tangent: bool
-) -> tuple[CellResponse, SolidSlopes | None]:
-    """Return one row of responses, and its slopes by parameters; None without derivatives or parameters.
+) -> tuple[CellResponse, Array | None]:
+    """Return one row of responses with its slopes by m parameters, and those of u¹ at the moving nodes, (m, nodes, 3).
+
+    There are no slopes without derivatives or parameters, and none of the conductivity.
 
     Parameters
     ----------
@@ -219,7 +221,7 @@ def respond_with_slopes(
     FactorError
         A tangent cannot be factorised.
     """
-    slopes = None
+    slopes = moved = None
     mean_grad, second = np.zeros((3, 3, 10)), np.zeros((10, 10))
     counts = []
     swaps = problem.exchanged_axes(iterate)
@@ -242,13 +244,13 @@ def respond_with_slopes(
                 answer.second + _direct(iterate, parity, columns)
             )
             if not parity and dependences:
-                slopes = solid_slopes(problem, factor, answer, dependences)
+                slopes, moved = solid_slopes(problem, factor, answer, dependences)
         of_images[first] = _unstable_modes(problem, factor, answer)
         counts.append(of_images[first])
     # Where one class is unknown, the number is so too unless another one has unstable modes.
     negative = sum(max(count, 0) for count in counts) or min(counts)
-    row = _row(problem, iterate, negative, _tangent(iterate, mean_grad, second) if tangent else None)
-    return row, slopes
+    derivatives = _tangent(iterate, mean_grad, second) if tangent else None
+    return _row(problem, iterate, negative, derivatives, slopes), moved
 
 
 def _exchange_axes(mean_grad: Array, second: Array, order: Sequence[int], columns: Sequence[int]) -> None:
@@ -274,7 +276,11 @@ def _direct(iterate: Iterate, parity: str, columns: Sequence[int]) -> Array:
 
 
 def _row(
-    problem: DiscreteSolid, iterate: Iterate, negative: int, tangent: CellTangent | None
+    problem: DiscreteSolid,
+    iterate: Iterate,
+    negative: int,
+    tangent: CellTangent | None,
+    slopes: CellSlopes | None,
 ) -> CellResponse:
     integrals, copies = problem.integrals(iterate), problem.copies
     seen = visible(problem.mesh)
@@ -291,6 +297,7 @@ def _row(
         stress=(copies * seen * stress - iterate.p * cofactor(F0))[None],
         fluid_volume=np.array([J0 - copies * integrals.volume]),
         tangent=tangent,
+        slopes=slopes,
         extrema=CellExtrema(
             grad=integrals.largest_grad[None],
             energy=np.array([integrals.largest_energy]),

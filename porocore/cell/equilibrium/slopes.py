@@ -34,7 +34,7 @@ from porocore.cell.equilibrium.discrete import (
 )
 from porocore.cell.symmetry import UNIT_LOADS, classes, visible
 from porocore.core.tensors import cofactor, cofactor_tangent, determinant
-from porocore.states import Array
+from porocore.states import Array, CellSlopes
 
 #: Ψ_θ (M, q) and P_θ (M, q, 3, 3) at F (M, q, 3, 3).
 MaterialSlopes = Callable[[Array], tuple[Array, Array]]
@@ -62,32 +62,12 @@ class ExplicitDependence:
     log_penalty: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class SolidSlopes:
-    """Slopes of the averages of one state by m parameters; as in a response, the parameter is the last index.
-
-    Attributes
-    ----------
-    potential : (m,), stress : (3, 3, m), fluid_volume : (m,), porosity : (m,), mean_grad : (3, 3, m)
-        Slopes of W, P_E, φ, of the porosity φ_f and of <∇u¹>_s.
-    displacement : (nodes, 3, m)
-        u_θ, the slope of u¹ at the nodes, which move.
-    """
-
-    potential: Array
-    stress: Array
-    fluid_volume: Array
-    porosity: Array
-    mean_grad: Array
-    displacement: Array
-
-
 def solid_slopes(
     problem: DiscreteSolid,
     factor: FactorisedTangent,
     answer: Sensitivities,
     dependences: Sequence[ExplicitDependence],
-) -> SolidSlopes:
+) -> tuple[CellSlopes, Array]:
     """Return the slopes at the equilibrium of ``factor``, the unshifted one of the class "" of even perturbations.
 
     The velocities keep the mirrors of the eighth, so that all slopes by other loads than those of this class vanish.
@@ -102,6 +82,13 @@ def solid_slopes(
         Sensitivities to all loads of the class, in their order.
     dependences
         Explicit dependence on each of the m parameters.
+
+    Returns
+    -------
+    slopes
+        One row, without the conductivity.
+    displacement : (m, nodes, 3)
+        u_θ, the slope of u¹ at the nodes, which move.
 
     Raises
     ------
@@ -123,14 +110,15 @@ def solid_slopes(
         point_values.gradients.integral(point_values.gradients.gradient(u)) + one.grad
         for u, one in zip(moved, explicit, strict=True)
     ]
-    return SolidSlopes(
-        potential=copies * np.array([one.energy for one in explicit]),
-        stress=copies * seen * second[:9].reshape(3, 3, m),
-        fluid_volume=-copies * second[9],
-        porosity=-copies * np.array([one.volume for one in explicit]),
-        mean_grad=copies * seen * np.moveaxis(np.reshape(grad, (m, 3, 3)), 0, -1),
-        displacement=np.moveaxis(moved, 0, -1),
+    mean_grad = copies * seen * np.moveaxis(np.reshape(grad, (m, 3, 3)), 0, -1)
+    slopes = CellSlopes(
+        potential=copies * np.array([[one.energy for one in explicit]]),
+        stress=(copies * seen * second[:9].reshape(3, 3, m))[None],
+        fluid_volume=-copies * second[9:],
+        porosity=-copies * np.array([[one.volume for one in explicit]]),
+        mean_grad=mean_grad[None],
     )
+    return slopes, moved
 
 
 class PointValues:

@@ -10,16 +10,15 @@ from functools import cached_property
 import numpy as np
 
 from porocore.cell.cell import Cell
-from porocore.cell.conductivity.pore import DiscreteFluid, Pore, PoreMotion, require_one_cell
+from porocore.cell.conductivity.pore import DiscreteFluid, Pore, require_one_cell
 from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorError, Iterate
 from porocore.cell.equilibrium.responses import follow, respond_with_slopes
-from porocore.cell.equilibrium.slopes import ExplicitDependence, SolidSlopes, hessian_slopes_at_rest
+from porocore.cell.equilibrium.slopes import ExplicitDependence, hessian_slopes_at_rest
 from porocore.cell.family.wall import (
     base_meshes,
     conductivity_with_slopes,
     explicit_dependences,
     fluid_velocities,
-    response_slopes,
     with_viscosity,
 )
 from porocore.cell.materials.material import SWELLING
@@ -32,7 +31,7 @@ from porocore.core.parallel.memory import freed_memory_kept
 from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.records import failed_response
-from porocore.states import Array, CellResponse, CellTangent, MacroState, Status
+from porocore.states import Array, CellResponse, CellSlopes, CellTangent, MacroState, Status
 
 #: Residual relative to the nodal forces without cancellation.
 TOLERANCE = 1e-11
@@ -195,12 +194,12 @@ class EquilibriumCellSolver(CellSolver[PreparedCell]):
 
 @dataclass(frozen=True, eq=False)
 class _Solved:
-    """Response of one state and, where it has values, the solid, its equilibrium and the slopes of its averages."""
+    """Response of one state and, where it has values, the solid, its equilibrium and the slopes (m, nodes, 3) of u¹."""
 
     response: CellResponse
     solid: DiscreteSolid | None = None
     iterate: Iterate | None = None
-    slopes: SolidSlopes | None = None
+    slopes: Array | None = None
 
 
 def _solve_one(
@@ -211,7 +210,7 @@ def _solve_one(
     if prepared.deformed:
         response = _with_conductivity(prepared, solved)
     elif solved.slopes is not None:
-        response = replace(response, slopes=response_slopes(solved.slopes, prepared.conductivity_slopes))
+        response = _with_slopes(response, prepared.conductivity_slopes)
     if solid is None or iterate is None or not fields:
         return response, None
     return response, CellField(H.copy(), p, solid.mesh.domain, iterate.displacement.copy())
@@ -238,7 +237,7 @@ def _equilibrium(
             response, slopes = respond_with_slopes(solid, outcome.equilibrium, dependences, tangent=tangent)
     except FactorError:
         return failed(Status.not_converged)
-    if response.tangent is not None and not (_finite(response.tangent) and _finite_slopes(slopes)):
+    if not (_finite(response.tangent) and _finite(response.slopes)):
         # The sensitivities did not reach their tolerance. Only an unstable state may be without derivatives.
         missing = failed(Status.not_converged)
         if response.status[0] != Status.unstable:
@@ -251,42 +250,38 @@ def _equilibrium(
     return _Solved(response, solid, outcome.equilibrium, slopes)
 
 
-def _finite(tangent: CellTangent) -> bool:
-    return all(np.isfinite(derivative).all() for derivative in provided_fields(tangent).values())
+def _finite(derivatives: CellTangent | CellSlopes | None) -> bool:
+    return derivatives is None or all(
+        np.isfinite(derivative).all() for derivative in provided_fields(derivatives).values()
+    )
 
 
-def _finite_slopes(slopes: SolidSlopes | None) -> bool:
-    return slopes is None or bool(np.isfinite(slopes.stress).all() and np.isfinite(slopes.mean_grad).all())
+def _with_slopes(response: CellResponse, conductivity: Array) -> CellResponse:
+    """Return a response with the slopes (3, 3, m) of the conductivity among its slopes."""
+    assert response.slopes is not None
+    return replace(response, slopes=replace(response.slopes, conductivity=conductivity[None]))
 
 
 def _with_conductivity(prepared: PreparedCell, solved: _Solved) -> CellResponse:
     """Add K_ref of the deformed pore and the smallest J of the fluid's mesh; NaN where the solid has no values."""
-    K, smallest, response, slopes = np.full((3, 3), np.nan), np.nan, solved.response, solved.slopes
+    K, smallest, response = np.full((3, 3), np.nan), np.nan, solved.response
     solid, iterate, cell = solved.solid, solved.iterate, prepared.cell
     if solid is not None and iterate is not None:
         pore, place = prepared.pore(solid.mesh.domain), (iterate.H, iterate.displacement, solid.mesh)
-        if slopes is None:
+        if solved.slopes is None:
             with freed_memory_kept(pore.fluid.mesh.points.size):
                 K, smallest = pore.deformed(*place)
         else:
-            motion = _pore_motion(prepared, solid, slopes)
+            still = np.zeros_like(solid.mesh.points)
+            velocities = [
+                still if one.velocity is None else one.velocity for one in prepared.dependences(solid)
+            ]
+            motion = np.stack(velocities), fluid_velocities(cell, solid.mesh.domain), solved.slopes
             with freed_memory_kept(pore.fluid.mesh.points.size):
-                K, smallest, K_slopes = pore.deformed_slopes(*place, motion)
-            of_conductivity = prepared.open_only(with_viscosity(cell, K, K_slopes))
-            response = replace(response, slopes=response_slopes(slopes, of_conductivity))
+                K, smallest, K_slopes = pore.deformed_slopes(*place, *motion)
+            response = _with_slopes(response, prepared.open_only(with_viscosity(cell, K, K_slopes)))
         K = prepared.open_only(K)
     return replace(response, conductivity=K[None] / cell.viscosity, min_fluid_jacobian=np.array([smallest]))
-
-
-def _pore_motion(prepared: PreparedCell, solid: DiscreteSolid, slopes: SolidSlopes) -> PoreMotion:
-    """Return the motion of the pore of a state by the parameters of its cell."""
-    domain, still = solid.mesh.domain, np.zeros_like(solid.mesh.points)
-    velocities = [one.velocity for one in prepared.dependences(solid)]
-    return PoreMotion(
-        np.stack([still if V is None else V for V in velocities]),
-        fluid_velocities(prepared.cell, domain),
-        np.moveaxis(slopes.displacement, -1, 0),
-    )
 
 
 def _start(solid: DiscreteSolid, field: CellField | None) -> Iterate:

@@ -21,14 +21,14 @@ from scipy.sparse.linalg import splu
 
 from porocore.cell.contact.wall_contact import elements_at_wall
 from porocore.cell.equilibrium.discrete import DiscreteSolid
-from porocore.cell.equilibrium.slopes import ExplicitDependence, SolidSlopes
+from porocore.cell.equilibrium.slopes import ExplicitDependence
 from porocore.cell.geometry.pore_geometry import Plane, Round, Values, WallSurface
 from porocore.cell.materials.material import SWELLING
 from porocore.cell.meshing.mesh import CellMesh, Domain
 from porocore.cell.meshing.tetrahedra import with_middles
 from porocore.core.files.yaml_document import Location
 from porocore.errors import MemberError
-from porocore.states import Array, CellSlopes, IntArray
+from porocore.states import Array, IntArray
 
 if TYPE_CHECKING:
     from porocore.cell.cell import Cell
@@ -393,15 +393,3 @@ def with_viscosity(cell: Cell, K: Array, slopes: Array) -> Array:
         if parameter.path == ("viscosity",):
             slopes[:, :, k] -= K / cell.viscosity**2
     return slopes
-
-
-def response_slopes(slopes: SolidSlopes, conductivity: Array) -> CellSlopes:
-    """Return the slopes of one row; those of the conductivity are (3, 3, m)."""
-    return CellSlopes(
-        potential=slopes.potential[None],
-        stress=slopes.stress[None],
-        fluid_volume=slopes.fluid_volume[None],
-        porosity=slopes.porosity[None],
-        mean_grad=slopes.mean_grad[None],
-        conductivity=conductivity[None],
-    )
