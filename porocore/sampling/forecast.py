@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from operator import itemgetter
 
 import numpy as np
@@ -53,20 +53,6 @@ class Guess:
     first: float = FIRST
 
 
-@dataclass
-class _Solves:
-    """Solved states: works, and the seconds that their workers took, apart for the first of each worker."""
-
-    work: list[float] = field(default_factory=list)
-    seconds: list[float] = field(default_factory=list)
-
-    def pace(self, guess: Guess) -> float | None:
-        """Return the seconds of one unit of work in a worker; None before the first."""
-        if len(self.work) <= guess.workers:
-            return sum(self.seconds) / sum(self.work) / guess.first if self.work else None
-        return sum(self.seconds[guess.workers :]) / sum(self.work[guess.workers :])
-
-
 class StateForecast:
     """Forecast of the work that is left, in units of the cost of a state near rest, and of its seconds.
 
@@ -91,7 +77,9 @@ class StateForecast:
         self._foreseen: list[int] = []
         self._outlook = Outlook(1, 1)
         self._done = 0.0
-        self._solves = _Solves()
+        #: Works of the solved states, and the seconds that their workers took.
+        self._works: list[float] = []
+        self._seconds: list[float] = []
         self._decision: float | None = None
         #: Seconds without decisions, and work done, at the end of each solve.
         self._known: list[tuple[float, float]] = []
@@ -127,9 +115,9 @@ class StateForecast:
         work = float(self._cost(np.array([x]))[0])
         self._done += work
         if seconds is not None:
-            self._solves.work.append(work)
-            self._solves.seconds.append(seconds)
-            self._known.append((now - self._deciding, sum(self._solves.work)))
+            self._works.append(work)
+            self._seconds.append(seconds)
+            self._known.append((now - self._deciding, sum(self._works)))
 
     def look(self, outlook: Outlook) -> None:
         """Take what the sampler foresees now."""
@@ -189,7 +177,7 @@ class StateForecast:
         """Return the seconds of the campaign for one unit of work; None before the first."""
         guess = self._guess
         if len(self._known) < PACED:
-            pace = self._solves.pace(guess)
+            pace = self._pace_of_workers()
             if pace is not None and guess.state:
                 share = 1 / (1 + max(len(self._known) - guess.workers, 1))
                 pace = pace ** (1 - share) * (guess.state / self._mean) ** share
@@ -198,6 +186,13 @@ class StateForecast:
         k = bisect_left(self._known, first + (reached - first) / 2, key=itemgetter(1))
         start, before = self._known[min(k, len(self._known) - 2)]
         return (end - start) / (reached - before)
+
+    def _pace_of_workers(self) -> float | None:
+        """Return the seconds of one unit of work in a worker; None before the first."""
+        guess, works, seconds = self._guess, self._works, self._seconds
+        if len(works) <= guess.workers:
+            return sum(seconds) / sum(works) / guess.first if works else None
+        return sum(seconds[guess.workers :]) / sum(works[guess.workers :])
 
     def _cost(self, x: Array) -> Array:
         """Return the cost of states, (n,)."""

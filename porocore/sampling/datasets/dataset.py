@@ -18,7 +18,7 @@ from collections.abc import Iterable, Iterator, Mapping, Set
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Self
 
 import h5py
 import numpy as np
@@ -104,49 +104,48 @@ def write_block(path: Path, header: Header, block: Block, fields: Iterable[CellF
         The disk is full or read-only.
     """
     with atomic_hdf5(path) as file:
-        _write(file, header, block, fields)
-
-
-def _write(file: Any, header: Header, block: Block, fields: Iterable[CellField | None]) -> None:
-    file.attrs.update(format=FORMAT, version=VERSION, identity=header.identity)
-    file.create_dataset("inputs/names", data=list(header.inputs.names), dtype=TEXT)
-    file["inputs/lower"], file["inputs/upper"] = header.inputs.lower, header.inputs.upper
-    if header.inputs.parameters:
-        file.create_dataset("inputs/parameters", data=list(header.inputs.parameters), dtype=TEXT)
-    if header.inputs.used:
-        file["inputs/used"] = np.array(header.inputs.used)
-    for name, text in header.provenance.items():
-        file.create_dataset(f"provenance/{name}", data=text, dtype=TEXT)
-    file.create_dataset("key", data=block.keys, shape=(len(block.keys),), dtype=TEXT)
-    file.create_dataset("start", data=block.starts, shape=(len(block.keys),), dtype=TEXT)
-    arrays = {
-        "x": block.x,
-        "grad_u": block.states.grad_u,
-        "p": block.states.p,
-        "seconds": block.seconds,
-        "status": block.response.status,
-    }
-    if block.states.parameters is not None:
-        arrays["parameters"] = block.states.parameters
-    arrays |= {f"response/{name}": array for name, array in flatten_response(block.response).items()}
-    nodes = file.create_dataset(
-        "field/u", (0, 3), "f8", maxshape=(None, 3), chunks=(CHUNK_NODES, 3), fletcher32=True
-    )
-    domains, grad_u, p, ends, end = [], [], [], [], 0
-    for kept in fields:
-        if kept is not None:
-            nodes.resize(end + len(kept.u), axis=0)
-            nodes[end:] = kept.u
-            end += len(kept.u)
-        domains.append("" if kept is None else kept.domain)
-        grad_u.append(np.zeros((3, 3)) if kept is None else kept.grad_u)
-        p.append(0.0 if kept is None else kept.p)
-        ends.append(end)
-    file.create_dataset("field/domain", data=domains, shape=(len(domains),), dtype=TEXT)
-    arrays["field/grad_u"], arrays["field/p"] = np.array(grad_u).reshape(-1, 3, 3), np.array(p, dtype=float)
-    arrays["field/end"] = np.array(ends, dtype=np.int64)
-    for name, array in arrays.items():
-        file.create_dataset(name, data=array, fletcher32=array.size > 0)
+        file.attrs.update(format=FORMAT, version=VERSION, identity=header.identity)
+        file.create_dataset("inputs/names", data=list(header.inputs.names), dtype=TEXT)
+        file["inputs/lower"], file["inputs/upper"] = header.inputs.lower, header.inputs.upper
+        if header.inputs.parameters:
+            file.create_dataset("inputs/parameters", data=list(header.inputs.parameters), dtype=TEXT)
+        if header.inputs.used:
+            file["inputs/used"] = np.array(header.inputs.used)
+        for name, text in header.provenance.items():
+            file.create_dataset(f"provenance/{name}", data=text, dtype=TEXT)
+        file.create_dataset("key", data=block.keys, shape=(len(block.keys),), dtype=TEXT)
+        file.create_dataset("start", data=block.starts, shape=(len(block.keys),), dtype=TEXT)
+        arrays = {
+            "x": block.x,
+            "grad_u": block.states.grad_u,
+            "p": block.states.p,
+            "seconds": block.seconds,
+            "status": block.response.status,
+        }
+        if block.states.parameters is not None:
+            arrays["parameters"] = block.states.parameters
+        arrays |= {f"response/{name}": array for name, array in flatten_response(block.response).items()}
+        nodes = file.create_dataset(
+            "field/u", (0, 3), "f8", maxshape=(None, 3), chunks=(CHUNK_NODES, 3), fletcher32=True
+        )
+        domains, grad_u, p, ends, end = [], [], [], [], 0
+        for kept in fields:
+            if kept is not None:
+                nodes.resize(end + len(kept.u), axis=0)
+                nodes[end:] = kept.u
+                end += len(kept.u)
+            domains.append("" if kept is None else kept.domain)
+            grad_u.append(np.zeros((3, 3)) if kept is None else kept.grad_u)
+            p.append(0.0 if kept is None else kept.p)
+            ends.append(end)
+        file.create_dataset("field/domain", data=domains, shape=(len(domains),), dtype=TEXT)
+        arrays["field/grad_u"], arrays["field/p"] = (
+            np.array(grad_u).reshape(-1, 3, 3),
+            np.array(p, dtype=float),
+        )
+        arrays["field/end"] = np.array(ends, dtype=np.int64)
+        for name, array in arrays.items():
+            file.create_dataset(name, data=array, fletcher32=array.size > 0)
 
 
 def read_block(path: Path, then: str | None, *, sound: bool = True) -> tuple[Header, Block]:
@@ -308,27 +307,10 @@ def sole_writer(path: Path) -> Iterator[None]:
 MOST_ATTEMPTS = 5
 
 
-def read_with_parts(
-    path: Path, inputs: InputSpace | None, identity: str | None, *, sound: bool, named: bool
-) -> tuple[Header, list[Block]]:
-    """Return the header and the rows of the file and of the parts beside it; see :meth:`Dataset.open`."""
-    for _ in range(MOST_ATTEMPTS):
-        seen = stamp(path)
-        try:
-            found = _read(path, inputs, identity, sound, named)
-        except DataError:
-            if stamp(path) == seen:
-                raise
-        else:
-            # Parts may have been merged between the reading of the file and that of its parts.
-            if stamp(path)[:1] == seen[:1]:
-                return found
-    raise DataError(f"{path}: is being written all the time; read it when its process is done")
-
-
 def _read(
     path: Path, inputs: InputSpace | None, identity: str | None, sound: bool, named: bool
 ) -> tuple[Header, list[Block]]:
+    """Return the header and the rows of the file and of the parts beside it; see :meth:`Dataset.open`."""
     header, block = read_block(path, None if named else "sample again", sound=sound)
     advice = "choose another --out, or move it elsewhere and sample again"
     if identity is not None and header.identity != identity:
@@ -455,7 +437,18 @@ class Dataset:
             A file is missing, truncated, foreign or of another version, or holds states of another
             ``identity`` or other ``inputs`` than expected.
         """
-        return cls(path, *read_with_parts(path, inputs, identity, sound=sound, named=named))
+        for _ in range(MOST_ATTEMPTS):
+            seen = stamp(path)
+            try:
+                found = _read(path, inputs, identity, sound, named)
+            except DataError:
+                if stamp(path) == seen:
+                    raise
+            else:
+                # Parts may have been merged between the reading of the file and that of its parts.
+                if stamp(path)[:1] == seen[:1]:
+                    return cls(path, *found)
+        raise DataError(f"{path}: is being written all the time; read it when its process is done")
 
     @classmethod
     def create_or_open(
@@ -569,8 +562,7 @@ class Dataset:
 
     def x(self) -> Array:
         """Return the values of the sampled inputs, (n, d)."""
-        rows = [self._where[key] for key in self.keys]
-        return np.array([block.x[i] for block, i in rows]).reshape(len(rows), len(self.inputs))
+        return np.array([block.x[i] for block, i in self.rows()]).reshape(len(self), len(self.inputs))
 
     def states(self) -> MacroState:
         """Return all n states."""
@@ -617,7 +609,7 @@ class Dataset:
         return [key for key, found in zip(self.keys, self.responses().status, strict=True) if found == status]
 
     def rows(self) -> list[tuple[Block, int]]:
-        """Return block and row of each state in the order of :attr:`keys`, for :func:`~.layout.read_fields`."""
+        """Return block and row of each state in the order of :attr:`keys`, for :func:`read_fields`."""
         return [self._where[key] for key in self.keys]
 
     @property
@@ -632,7 +624,7 @@ class Dataset:
         arrays = [rows.x, *rows.states.arrays(), rows.response.status]
         for array in (*arrays, *flatten_response(rows.response).values()):
             hasher.update(np.ascontiguousarray(array).tobytes())
-        for kept in read_fields([self._where[key] for key in rows.keys]):
+        for kept in read_fields(self.rows()):
             if kept is not None:
                 hasher.update(repr((kept.domain, kept.p, kept.u.shape)).encode())
                 hasher.update(np.ascontiguousarray(kept.grad_u).tobytes())
@@ -640,7 +632,7 @@ class Dataset:
         return hasher.hexdigest()
 
     def _joined(self) -> Block:
-        return Block.join(self.path, [self._where[key] for key in self.keys], self.inputs)
+        return Block.join(self.path, self.rows(), self.inputs)
 
     def _register(self, block: Block) -> None:
         if len(block.keys):

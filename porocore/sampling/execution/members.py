@@ -175,15 +175,7 @@ class UndeformedMemberSolver(MemberSolver):
     Members may lack parameters of the family, which they do not depend on: slopes by those are zero.
     """
 
-    def solve(
-        self,
-        prepared: PreparedFamily,
-        states: MacroState,
-        *,
-        start: Sequence[CellField | None] | None = None,
-        tangent: bool = True,
-        fields: bool = False,
-    ) -> CellSolution:
+    def solve(self, prepared: PreparedFamily, states: MacroState, **how: Any) -> CellSolution:
         """Return the solutions of n undeformed states with their parameters.
 
         Raises
@@ -195,7 +187,7 @@ class UndeformedMemberSolver(MemberSolver):
         """
         if states.grad_u.any() or states.p.any():
             raise ValueError("expected undeformed states, H = 0 and p = 0")
-        found = super().solve(prepared, states, start=start, tangent=tangent, fields=fields)
+        found = super().solve(prepared, states, **how)
         response, theta = found.response, _parameters(states)
         K, volume = np.full((len(states), 3, 3), np.nan), np.full(len(states), np.nan)
         slopes = response.slopes
