@@ -6,8 +6,15 @@ from scipy.spatial.transform import Rotation
 from solids import LAM, MATERIALS, MU, deformations, make
 
 from porocore.cell.materials.hyperelastic import NeoHookean
-from porocore.cell.materials.invariants import PowerSum, power_difference
-from porocore.cell.materials.material import Kinematics, ramp, ramp_curvature, ramp_derivative, voigt_moduli
+from porocore.cell.materials.invariants import (
+    Kinematics,
+    PowerSum,
+    power_difference,
+    ramp,
+    ramp_curvature,
+    ramp_derivative,
+)
+from porocore.cell.materials.material import voigt_moduli
 
 #: By differences only: eigenvalues of complex tensors are another matter.
 SPECTRAL = ("ogden",)

@@ -95,16 +95,20 @@ def labelled(mask: Mask, *, periodic: bool) -> IntArray:
     labels, count = label(mask)
     if not periodic or count < 2:
         return np.asarray(labels)
-    pairs = np.concatenate(
-        [
-            np.stack([np.take(labels, 0, axis), np.take(labels, -1, axis)], axis=-1).reshape(-1, 2)
-            for axis in range(3)
-        ]
-    )
-    pairs = np.unique(pairs[(pairs > 0).all(axis=1)], axis=0) - 1
+    pairs = across(labels)
     graph = coo_matrix((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     _, piece = connected_components(graph, directed=False)
     return np.asarray(np.concatenate([[0], piece + 1])[labels])
+
+
+def across(labels: IntArray) -> IntArray:
+    """Return the pieces that meet across the sides of a periodic image, and the cell of the second, (L, 5)."""
+    found = []
+    for axis in range(3):
+        pairs = np.stack([np.take(labels, -1, axis), np.take(labels, 0, axis)], axis=-1).reshape(-1, 2)
+        pairs = np.unique(pairs[(pairs > 0).all(axis=1)], axis=0) - 1
+        found.append(np.column_stack([pairs, np.tile(np.eye(3, dtype=np.int64)[axis], (len(pairs), 1))]))
+    return np.concatenate(found)
 
 
 def _sizes(labels: IntArray) -> tuple[int, ...]:

@@ -21,6 +21,7 @@ from porocore.cell.level_sets.image import (
     GreyValues,
     Mask,
     SmoothImage,
+    across,
     assumed,
     clean,
     not_segmented,
@@ -523,22 +524,12 @@ def runs(phase: Mask, *, periodic: bool, corners: bool = False) -> tuple[IntArra
                 for i in range(count)
             ),
         ]
-    roots, windings = joined(count, _across(labels))
+    roots, windings = joined(count, across(labels))
     axes = {
         root: "".join(axis for axis, moves in zip("xyz", np.any(ways, axis=0), strict=True) if moves)
         for root, ways in windings.items()
     }
     return labels, ["", *(axes.get(root, "") for root in roots)]
-
-
-def _across(labels: IntArray) -> IntArray:
-    """Return the pieces that meet across the sides of a periodic image, and the cell of the second, (L, 5)."""
-    found = []
-    for axis in range(3):
-        pairs = np.stack([np.take(labels, -1, axis), np.take(labels, 0, axis)], axis=-1).reshape(-1, 2)
-        pairs = np.unique(pairs[(pairs > 0).all(axis=1)], axis=0) - 1
-        found.append(np.column_stack([pairs, np.tile(np.eye(3, dtype=np.int64)[axis], (len(pairs), 1))]))
-    return np.concatenate(found)
 
 
 def through_axes(axes: list[str]) -> str:

@@ -19,6 +19,7 @@ from porocore.cell.materials.invariants import (
     Fibre,
     Formula,
     Invariant,
+    Kinematics,
     Second,
     SecondFibre,
     Third,
@@ -28,7 +29,7 @@ from porocore.cell.materials.invariants import (
     derivatives,
     stress_at_rest,
 )
-from porocore.cell.materials.material import Kinematics, Material
+from porocore.cell.materials.material import Material
 from porocore.core.files.yaml_document import Location
 from porocore.core.formulas import CONSTANTS, Expression
 from porocore.core.models.strict import StrictModel

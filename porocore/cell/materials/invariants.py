@@ -14,23 +14,115 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
 
-from porocore.cell.materials.material import (
-    Kinematics,
-    product,
-    ramp,
-    ramp_curvature,
-    ramp_derivative,
-    symbolic_ramp,
-)
 from porocore.core.echo import echo
 from porocore.core.formulas import Expression
-from porocore.core.tensors import add_cofactor_tangent
+from porocore.core.tensors import add_cofactor_tangent, cofactor, determinant, symmetric_eigen
 from porocore.states import Array
+
+
+class Kinematics:
+    """Kinematic quantities of F (3, 3, n), points last; each is computed when it is first used."""
+
+    def __init__(self, F: Array) -> None:
+        self.F = F
+
+    @cached_property
+    def C(self) -> Array:
+        """Right Cauchy–Green tensor FᵀF, (3, 3, n)."""
+        return _symmetric_product(self.F.swapaxes(0, 1))
+
+    @cached_property
+    def B(self) -> Array:
+        """Left Cauchy–Green tensor FFᵀ, (3, 3, n)."""
+        return _symmetric_product(self.F)
+
+    @cached_property
+    def J(self) -> Array:
+        """Volume ratio det F, (n,)."""
+        return determinant(np.moveaxis(self.F, -1, 0))
+
+    @cached_property
+    def cofactor(self) -> Array:
+        """Cofactor of F, (3, 3, n)."""
+        return np.moveaxis(cofactor(np.moveaxis(self.F, -1, 0)), 0, -1)
+
+    @cached_property
+    def principal(self) -> tuple[Array, Array, Array]:
+        """Squared stretches c_a (3, n), their reference axes N_ia (3, 3, n), and the logarithm of c_a, (3, n)."""
+        squares, axes = symmetric_eigen(self.C)
+        return squares, axes, np.log(squares)
+
+    @cached_property
+    def dyads(self) -> Array:
+        """Dyads M_ab = (F N_a) ⊗ N_b, (3, 3, 3, 3, n), indices a, b, i, j."""
+        _, N, _ = self.principal
+        f = product(self.F, N)  # columns
+        return np.asarray(np.einsum("ian,jbn->abijn", f, N))
+
+
+def product(A: Array, B: Array) -> Array:
+    """Return A_ik B_kj of (3, 3, n), by contiguous slices, which is faster than n small products."""
+    rows = [[A[i, 0] * B[0, j] + A[i, 1] * B[1, j] + A[i, 2] * B[2, j] for j in range(3)] for i in range(3)]
+    return np.array(rows)
+
+
+def _symmetric_product(A: Array) -> Array:
+    """Return A_ik A_jk of (3, 3, n)."""
+    out = np.empty_like(A)
+    for i in range(3):
+        for j in range(i, 3):
+            out[i, j] = out[j, i] = A[i, 0] * A[j, 0] + A[i, 1] * A[j, 1] + A[i, 2] * A[j, 2]
+    return out
+
+
+def ramp(x: Array) -> Array:
+    """Return 0 for x ≤ 0, x³ − x⁴/2 up to 1, x − ½ beyond: a positive part with two continuous derivatives."""
+    t = _clipped(x)
+    return np.asarray(t**3 - t**4 / 2 + np.where(np.real(x) > 1, x - 1, 0.0))
+
+
+def ramp_derivative(x: Array) -> Array:
+    """Return the first derivative of the ramp, 3x² − 2x³ between 0 and 1."""
+    t = _clipped(x)
+    return np.asarray(t * t * (3 - 2 * t))
+
+
+def ramp_curvature(x: Array) -> Array:
+    """Return the second derivative of the ramp, 6x (1 − x) between 0 and 1."""
+    t = _clipped(x)
+    return np.asarray(6 * t * (1 - t))
+
+
+def _clipped(x: Array) -> Array:
+    """Return x between 0 and 1; a complex x is clipped by its real part, as a complex step needs it."""
+    if not np.iscomplexobj(x):
+        return np.clip(x, 0.0, 1.0)
+    return np.where(np.real(x) < 0, 0.0, np.where(np.real(x) > 1, 1.0, x))
+
+
+@lru_cache(maxsize=1)
+def symbolic_ramp() -> Any:
+    """Return :func:`ramp` as a sympy function with derivatives named like the functions above."""
+    import sympy
+
+    class ramp_curvature(sympy.Function):  # type: ignore[misc]
+        pass
+
+    class ramp_derivative(sympy.Function):  # type: ignore[misc]
+        def fdiff(self, argindex: int = 1) -> Any:
+            return ramp_curvature(self.args[0])
+
+    class ramp(sympy.Function):  # type: ignore[misc]
+        def fdiff(self, argindex: int = 1) -> Any:
+            return ramp_derivative(self.args[0])
+
+    return ramp
+
 
 #: Below this |t| two terms of the series of sinh(kt)/sinh(t) are exact to round-off for |k| up to 100.
 SMALL = 1e-5
