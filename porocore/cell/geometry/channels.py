@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import combinations, pairwise
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, field_validator
@@ -375,6 +375,9 @@ class OrthogonalChannels(DrawnGeometry):
     radii: Annotated[tuple[AxisRadius, AxisRadius, AxisRadius] | None, Unit("cell")] = None
     """Radii of the channels along x, y and z, 0 for none; in place of ``radius`` and ``axes``."""
 
+    #: Solid runs along every edge of the cell.
+    disconnected: ClassVar[str] = ""
+
     @field_validator("fillet")
     @classmethod
     def _fits(cls, fillet: float, info: ValidationInfo) -> float:
@@ -451,11 +454,6 @@ class OrthogonalChannels(DrawnGeometry):
     def narrowest(self) -> float:
         """Smallest radius of a channel."""
         return min(self._by_axis.values())
-
-    @property
-    def disconnected(self) -> str:
-        """Empty: solid runs along every edge of the cell."""
-        return ""
 
     @property
     def finest_fillet(self) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -267,6 +267,8 @@ class SphereArray(DrawnGeometry):
     """Radius of round bars along the axes that join the spheres, below ``radius``; 0: none, and the spheres are
     loose."""
 
+    unfolding: ClassVar[Unfolding] = "wedge"
+
     @model_validator(mode="after")
     def _can_be_meshed(self) -> SphereArray:
         if self.neck >= self.radius:
@@ -285,11 +287,6 @@ class SphereArray(DrawnGeometry):
         cap = np.pi * (r - height) ** 2 * (2 * r + height) / 3
         bar = 2 * (np.pi * n**2 * (0.5 - height) - cap)
         return float(1 - 4 / 3 * np.pi * r**3 - 3 * bar)
-
-    @property
-    def unfolding(self) -> Unfolding:
-        """The wedge of a cubic cell."""
-        return "wedge"
 
     def wall_surfaces(self) -> Sequence[WallSurface] | None:
         necks = [cylinder(axis, self.neck) for axis in "xyz"] if self.neck else []
@@ -331,6 +328,11 @@ class CylinderArray(DrawnGeometry):
     radius: Annotated[float, Field(gt=0, lt=0.5), Unit("cell")]
     """Radius of the cylinders; at 0.5 neighbours would touch."""
 
+    #: The eighth, one element high.
+    unfolding: ClassVar[Unfolding] = "eighth"
+
+    disconnected: ClassVar[str] = "its cylinders do not touch"
+
     @model_validator(mode="after")
     def _can_be_meshed(self) -> CylinderArray:
         _require_gap(self.radius, "give a smaller radius")
@@ -340,11 +342,6 @@ class CylinderArray(DrawnGeometry):
     def porosity(self) -> float:
         """Porosity 1 − π r²."""
         return 1 - np.pi * self.radius**2
-
-    @property
-    def unfolding(self) -> Unfolding:
-        """The eighth, one element high."""
-        return "eighth"
 
     def wall_surfaces(self) -> Sequence[WallSurface] | None:
         return [cylinder("z", self.radius)]
@@ -357,11 +354,6 @@ class CylinderArray(DrawnGeometry):
     @property
     def description(self) -> str:
         return f"cylinders of radius {self.radius:g} along z on a square lattice"
-
-    @property
-    def disconnected(self) -> str:
-        """Reason, across the axis of the cylinders."""
-        return "its cylinders do not touch"
 
     @property
     def narrowest(self) -> float:
@@ -399,23 +391,13 @@ class NoPores(DrawnGeometry):
     kind: Literal["no-pores"]
     """A cell that is all solid, for checks: its response is that of the material."""
 
-    @property
-    def porosity(self) -> float:
-        return 0.0
+    porosity: ClassVar[float] = 0.0
 
-    @property
-    def unfolding(self) -> Unfolding:
-        """The wedge of a cubic cell."""
-        return "wedge"
+    unfolding: ClassVar[Unfolding] = "wedge"
 
-    @property
-    def disconnected(self) -> str:
-        """Empty: the solid is connected."""
-        return ""
+    disconnected: ClassVar[str] = ""
 
-    @property
-    def description(self) -> str:
-        return "no pores"
+    description: ClassVar[str] = "no pores"
 
     def draw(self, gmsh: Any) -> DrawnPart:
         """Draw the wedge."""

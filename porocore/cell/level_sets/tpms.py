@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property, lru_cache
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -42,6 +42,9 @@ class TriplyPeriodic(LevelSetGeometry):
     """φ_f, for which the level is solved; this or ``level``."""
     solid: Literal["network", "sheet"] = "network"
     """What is solid: the side of the surface where f is larger, or the neighbourhood of the surface."""
+
+    #: The space groups are I4₁32 (gyroid), Pm-3m (Schwarz P), Fd-3m (diamond) or more.
+    point_group: ClassVar[PointGroup] = CUBIC
 
     @model_validator(mode="after")
     def _one_of_both(self) -> TriplyPeriodic:
@@ -90,11 +93,6 @@ class TriplyPeriodic(LevelSetGeometry):
     def unfolding(self) -> Unfolding:
         """The eighth for Schwarz P, which alone has mirrors across the axes, else the whole cell."""
         return "eighth" if self.surface == "schwarz-p" else "whole"
-
-    @property
-    def point_group(self) -> PointGroup:
-        """Point group of the cube; the space groups are I4₁32 (gyroid), Pm-3m (Schwarz P), Fd-3m (diamond) or more."""
-        return CUBIC
 
     @property
     def description(self) -> str:

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -62,6 +62,8 @@ class MeshFile(FromFile, PoreGeometry):
     tags: str | None = None
     """Name of the element data with the tags; null: the groups that the file names, or the first known data."""
 
+    unfolding: ClassVar[Unfolding] = "whole"
+
     @model_validator(mode="after")
     def _apart(self) -> MeshFile:
         both = sorted({str(tag) for tag in self.solid} & {str(tag) for tag in self.fluid})
@@ -93,11 +95,6 @@ class MeshFile(FromFile, PoreGeometry):
             f"the box of {Path(self.path).name} is {box[0]:.6g} x {box[1]:.6g} x {box[2]:.6g} in the unit of the file; "
             f"scales.pore, the cube root of its volume, is {edge:.6g} of this unit",
         )
-
-    @property
-    def unfolding(self) -> Unfolding:
-        """The whole cell."""
-        return "whole"
 
     @property
     def point_group(self) -> PointGroup:

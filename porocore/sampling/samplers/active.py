@@ -149,12 +149,13 @@ class LearningSampler(RoundSampler, StudySampler):
         return TrainingSet(states, rows, self.inputs, *rest, {}, study.symmetry, rests=study.rests)
 
     def judge(self, unit: Array) -> Judgement | None:
-        """Return the committee's judgement of points (m, d) of the unit box; None with fewer than two known states."""
+        """Return the committee's judgement of points (m, d) of the unit box; None where too little is known for one."""
         data = self.training_set()
         if data is None:
             return None
         candidates = self.inputs.scatter(from_unit(self.inputs, unit))
-        return self.study.judge(data, self.study.responses, candidates)
+        judgement = self.study.judge(data, self.study.responses, candidates)
+        return judgement if judgement.disagreement.any() else None
 
     @property
     def outlook(self) -> Outlook:
@@ -189,6 +190,11 @@ class LearningSampler(RoundSampler, StudySampler):
         _, nearest = distances(candidates, self.points)
         reachable: BoolArray = self.stable[nearest]
         return reachable
+
+    def spread_out(self, unit: Array, reachable: BoolArray, size: int) -> list[int]:
+        """Return at most ``size`` of the reachable candidates (m, d) as indices, far from the known ones and each other."""
+        few = reachable & self.choice.few(unit, reachable.astype(float), self.points, size)
+        return spread_out(unit, few.astype(float), self.points, size)
 
 
 class Active(LearningSampler):
@@ -270,20 +276,15 @@ class Active(LearningSampler):
         """Return at most ``size`` of the candidates (m, d) as indices; none where the sampling ends."""
         reachable = self.reachable(unit)
         judgement = self.judge(unit)
-        if judgement is None or not judgement.disagreement.any():
-            # Too little is known for a disagreement.
-            return self._spread_out(unit, reachable, size)
+        if judgement is None:
+            return self.spread_out(unit, reachable, size)
         if self.tolerance is not None and self.enough and judgement.disagreement.max() < self.tolerance:
             return []
         apart = APART * spacing(len(self.points) + size, len(self.inputs))
         worth = np.where(reachable, judgement.worth(), 0.0)
         allowed = reachable & self.choice.few(unit, worth, self.points, size)
         chosen = most_worth(unit, judgement, allowed, self.points, size, apart)
-        return chosen or self._spread_out(unit, reachable, size)
-
-    def _spread_out(self, unit: Array, reachable: BoolArray, size: int) -> list[int]:
-        few = reachable & self.choice.few(unit, reachable.astype(float), self.points, size)
-        return spread_out(unit, few.astype(float), self.points, size)
+        return chosen or self.spread_out(unit, reachable, size)
 
     def notes(self) -> int:
         """Return the number of candidates so far."""

@@ -131,7 +131,7 @@ class MacroDriven(LearningSampler):
         allowed &= self.choice.few(visited, allowed.astype(float), self.points, size)
         far = spread_out(visited, allowed.astype(float), self.points, size // 2)
         judgement = self.judge(visited)
-        if judgement is None or not judgement.disagreement.any():
+        if judgement is None:
             chosen = spread_out(visited, allowed.astype(float), self.points, size)
             return self.choice.together(visited[chosen])
         for candidate in far:
@@ -172,9 +172,7 @@ class MacroDriven(LearningSampler):
     def _filling(self, size: int) -> Array:
         """Return farthest points of the box, for rounds in which nothing new was visited."""
         cloud = self._cloud(256, self.seed + len(self.points))
-        reachable = self.reachable(cloud)
-        reachable &= self.choice.few(cloud, reachable.astype(float), self.points, size)
-        return self.choice.together(cloud[spread_out(cloud, reachable.astype(float), self.points, size)])
+        return self.choice.together(cloud[self.spread_out(cloud, self.reachable(cloud), size)])
 
     def _lattice(self, x: Array) -> Array:
         """Return the distinct visited states in the unit box, (m, d), at the nearest of the members."""
