@@ -192,7 +192,7 @@ class LearningSampler(RoundSampler, StudySampler):
         return reachable
 
     def spread_out(self, unit: Array, reachable: BoolArray, size: int) -> list[int]:
-        """Return at most ``size`` of the reachable candidates (m, d) as indices, far from the known ones and each other."""
+        """Return at most ``size`` of the reachable candidates (m, d), far from all others, as indices."""
         few = reachable & self.choice.few(unit, reachable.astype(float), self.points, size)
         return spread_out(unit, few.astype(float), self.points, size)
 
