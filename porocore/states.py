@@ -19,6 +19,7 @@ from porocore.core.fields import Batch, declared_fields, documented, row, rows_o
 
 Array: TypeAlias = npt.NDArray[np.float64]
 IntArray: TypeAlias = npt.NDArray[np.int64]
+BoolArray: TypeAlias = npt.NDArray[np.bool_]
 
 
 class Status(IntEnum):

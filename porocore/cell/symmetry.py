@@ -20,14 +20,13 @@ from functools import lru_cache
 from itertools import product
 
 import numpy as np
-import numpy.typing as npt
 
 from porocore.cell.geometry.pore_geometry import CUBE, Sides
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.tetrahedra import Tetrahedra, volumes
 from porocore.core.echo import joined
 from porocore.core.tensors import CUBE_OPERATIONS, TRIVIAL, PointGroup, Rotation, as_rotation
-from porocore.states import Array, IntArray
+from porocore.states import Array, BoolArray, IntArray
 
 #: Shifts that are tried for one operation; with more candidates the group may be too small, never too large.
 MOST_SHIFTS = 256
@@ -37,7 +36,6 @@ MOST_VOXEL_SHIFTS = 4e6
 #: Voxels at which shifts are tested, one after the other.
 PROBES = 256
 
-Mask = npt.NDArray[np.bool_]
 #: Condition on an operation Q and on the point onto which each point is mapped.
 Allows = Callable[[IntArray, IntArray], bool]
 
@@ -116,7 +114,7 @@ def kinds(values: Array, tolerance: float) -> IntArray:
     return labels
 
 
-def group_of_voxels(solid: Mask, *, mirror: bool, sides: Sides = CUBE) -> PointGroup:
+def group_of_voxels(solid: BoolArray, *, mirror: bool, sides: Sides = CUBE) -> PointGroup:
     """Return the point group of a cell of voxels (n₁, n₂, n₃) with these sides, exactly.
 
     With ``mirror`` they are the eighth of the cell, mirrored at its sides; else they are the whole cell.
@@ -155,17 +153,17 @@ def _axes(Q: IntArray) -> list[tuple[int, int]]:
     return [(int(np.abs(row).argmax()), int(row.sum())) for row in Q]
 
 
-def _turned(voxels: Mask, Q: IntArray) -> Mask:
+def _turned(voxels: BoolArray, Q: IntArray) -> BoolArray:
     """Return the voxels after x → Q x about the middle."""
     axes = _axes(Q)
     return _flipped(voxels.transpose([old for old, _ in axes]), tuple(sign for _, sign in axes))
 
 
-def _flipped(voxels: Mask, signs: tuple[int, ...]) -> Mask:
+def _flipped(voxels: BoolArray, signs: tuple[int, ...]) -> BoolArray:
     return voxels[tuple(slice(None, None, sign) for sign in signs)]
 
 
-def _shifts_onto(one: Mask, other: Mask, along: list[list[int]]) -> bool:
+def _shifts_onto(one: BoolArray, other: BoolArray, along: list[list[int]]) -> bool:
     """Return whether one of the shifts by whole voxels ``along`` each axis maps one onto the other."""
     if np.prod([float(len(shifts)) for shifts in along]) > MOST_VOXEL_SHIFTS:
         return False
@@ -359,7 +357,7 @@ def translation(parity: str) -> int | None:
     return "xyz".index(parity) if parity in ("x", "y", "z") else None
 
 
-def held_displacements(mesh: CellMesh, parity: str = "") -> npt.NDArray[np.bool_]:
+def held_displacements(mesh: CellMesh, parity: str = "") -> BoolArray:
     """Return the components of u¹ that vanish, (nodes, 3), for the fields of a class.
 
     A rigid translation does not change the energy. It is excluded by holding one node, with its periodic images, on the
@@ -383,7 +381,7 @@ def held_displacements(mesh: CellMesh, parity: str = "") -> npt.NDArray[np.bool_
     return held
 
 
-def held_velocities(mesh: CellMesh, j: int) -> npt.NDArray[np.bool_]:
+def held_velocities(mesh: CellMesh, j: int) -> BoolArray:
     """Return the components of w^j that vanish, (nodes, 3), on the wall and by symmetry on the mirror planes.
 
     The flow under e_j is odd under the mirror of j and even under the others.
@@ -400,7 +398,7 @@ def held_velocities(mesh: CellMesh, j: int) -> npt.NDArray[np.bool_]:
     return held
 
 
-def held_pressures(mesh: CellMesh, j: int) -> npt.NDArray[np.bool_]:
+def held_pressures(mesh: CellMesh, j: int) -> BoolArray:
     """Return the nodes where the pressure p̃^j vanishes because it is odd under the mirror of j, (nodes,)."""
     if mesh.domain == "whole":
         return np.zeros(len(mesh.points), dtype=bool)

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from porocore.errors import DataError, PluginError
 from porocore.interfaces.cell import CellField
@@ -21,9 +20,8 @@ from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool, FinishedSolve
 from porocore.sampling.execution.interrupts import GRACE, finishing
 from porocore.sampling.forecast import Guess, StateForecast
-from porocore.states import CellResponse, MacroState, Status
+from porocore.states import BoolArray, CellResponse, MacroState, Status
 
-Mask = npt.NDArray[np.bool_]
 #: First words of a start that lies in the data set of the samples, before its key.
 OF_SAMPLES = "samples: "
 #: A sample is a start where its distance is at most this share of that of the undeformed cell. With two inputs most
@@ -75,14 +73,14 @@ class WarmStarts:
         return None if field is None else (OF_SAMPLES + self._keys[nearest], field)
 
 
-def _begins_to_touch(responses: CellResponse) -> Mask:
-    touches: Mask = responses.status == Status.contact
+def _begins_to_touch(responses: CellResponse) -> BoolArray:
+    touches: BoolArray = responses.status == Status.contact
     if responses.extrema is not None:
         touches &= responses.extrema.contact_share < ONSET
     return touches
 
 
-def _sheared(states: MacroState) -> Mask:
+def _sheared(states: MacroState) -> BoolArray:
     return np.asarray((np.abs(states.grad_u) * (1 - np.eye(3))).max(axis=(1, 2)) > 0)
 
 

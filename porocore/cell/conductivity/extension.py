@@ -18,7 +18,6 @@ from functools import lru_cache
 from itertools import product
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import coo_matrix, csc_matrix, csr_matrix
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
@@ -26,7 +25,7 @@ from scipy.spatial import cKDTree
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.tetrahedra import EDGES, FACETS, rows_of, shape_functions
 from porocore.errors import ConfigurationError
-from porocore.states import Array, IntArray
+from porocore.states import Array, BoolArray, IntArray
 
 #: Number of nearest elements along the wall that are tried for each node.
 CANDIDATES = 12
@@ -217,9 +216,7 @@ class BoundaryExtension:
         True if mid-edge nodes follow the field.
     """
 
-    def __init__(
-        self, mesh: CellMesh, nodes: IntArray, held: npt.NDArray[np.bool_], *, curved: bool = False
-    ) -> None:
+    def __init__(self, mesh: CellMesh, nodes: IntArray, held: BoolArray, *, curved: bool = False) -> None:
         self._nodes = nodes
         images, points, cells = mesh.periodic_class, mesh.points, mesh.cells[:, :4]
         if curved:
@@ -301,7 +298,7 @@ def ends_of_edges(mesh: CellMesh) -> IntArray:
     return ends
 
 
-def _solver(matrix: csc_matrix, held: npt.NDArray[np.bool_]) -> Callable[[Array], Array]:
+def _solver(matrix: csc_matrix, held: BoolArray) -> Callable[[Array], Array]:
     """Return the map of one component at the corners held to that at all corners."""
     free, known = np.flatnonzero(~held), np.flatnonzero(held)
     if not len(free):

@@ -14,7 +14,6 @@ from itertools import product
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 from scipy.spatial import cKDTree
 
 from porocore.cell.equilibrium.discrete import (
@@ -366,7 +365,7 @@ def _wall_points(mesh: CellMesh) -> tuple[Array, Array]:
     return np.einsum("sa,kai->ksi", weights, mesh.points[mesh.wall]).reshape(-1, 3), weights
 
 
-def nodes_inside(mesh: CellMesh, grad_u: Array, u: Array) -> npt.NDArray[np.int64]:
+def nodes_inside(mesh: CellMesh, grad_u: Array, u: Array) -> IntArray:
     """Return the nodes of the deformed wall that, or a periodic image of which, lie inside the deformed solid.
 
     The domain is the whole cell under any load; arguments as of :func:`mirror_gap`.
@@ -401,7 +400,7 @@ def nodes_inside(mesh: CellMesh, grad_u: Array, u: Array) -> npt.NDArray[np.int6
     return np.asarray(np.unique(origin[point[inside]]))
 
 
-def _depth(corners: Array, points: Array) -> npt.NDArray[np.float64]:
+def _depth(corners: Array, points: Array) -> Array:
     """Return the smallest barycentric coordinate of each point (n, 3) in its tetrahedron (n, 4, 3).
 
     It is −1 for a tetrahedron that is flat or turned inside out.
@@ -411,6 +410,6 @@ def _depth(corners: Array, points: Array) -> npt.NDArray[np.float64]:
     flat = np.linalg.det(edges) < 1e-14
     edges[flat] = np.eye(3)
     inner = np.linalg.solve(edges, (points - corners[:, 0])[:, :, None])[:, :, 0]
-    depth: npt.NDArray[np.float64] = np.minimum(inner.min(axis=1), 1 - inner.sum(axis=1))
+    depth: Array = np.minimum(inner.min(axis=1), 1 - inner.sum(axis=1))
     depth[flat] = -1.0
     return depth

@@ -14,7 +14,6 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
@@ -28,7 +27,7 @@ from porocore.cell.meshing.mesh import CellMesh, Domain
 from porocore.cell.meshing.tetrahedra import with_middles
 from porocore.core.files.yaml_document import Location
 from porocore.errors import MemberError
-from porocore.states import Array, IntArray
+from porocore.states import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:
     from porocore.cell.cell import Cell
@@ -69,7 +68,7 @@ class _Pairs:
         self.nodes, self.row = np.unique(node, return_inverse=True)
         self._groups = [(int(i), np.flatnonzero(surface == i)) for i in np.unique(surface)]
 
-    def of(self, chosen: npt.NDArray[np.bool_]) -> _Pairs:
+    def of(self, chosen: BoolArray) -> _Pairs:
         """Return the chosen pairs (m,)."""
         return _Pairs(self.node[chosen], self.slot[chosen], self.surface[chosen], self.offset[chosen])
 
@@ -104,7 +103,7 @@ class WallMotion:
     """
 
     def __init__(
-        self, points: Array, held: npt.NDArray[np.bool_], edges: IntArray, surfaces: Sequence[WallSurface]
+        self, points: Array, held: BoolArray, edges: IntArray, surfaces: Sequence[WallSurface]
     ) -> None:
         self.points, self.held = points, held
         count = len(points)
@@ -235,7 +234,7 @@ class WallMotion:
         return speed
 
 
-def lies_on(points: Array, surfaces: Sequence[WallSurface]) -> tuple[npt.NDArray[np.bool_], Array]:
+def lies_on(points: Array, surfaces: Sequence[WallSurface]) -> tuple[BoolArray, Array]:
     """Return on which surfaces points (n, 3) lie, (n, s), at least the nearest one, and the value (n,) of that."""
     on = np.zeros((len(points), len(surfaces)), dtype=bool)
     nearest, which = np.full(len(points), np.inf), np.zeros(len(points), dtype=np.int64)
@@ -259,7 +258,7 @@ class _Level:
         points: Array,
         edges: IntArray,
         freedom: IntArray,
-        constraints: npt.NDArray[np.bool_],
+        constraints: BoolArray,
         level: int,
     ) -> None:
         self.nodes = np.flatnonzero(freedom == level)
@@ -281,7 +280,7 @@ class _Level:
             square = (coo_matrix((total, (range(len(free)),) * 2)) - matrix[:, free]).tocsc()
             self._factor = splu(square)
 
-    def _reached(self, a: IntArray, b: IntArray, own: npt.NDArray[np.bool_], count: int) -> IntArray:
+    def _reached(self, a: IntArray, b: IntArray, own: BoolArray, count: int) -> IntArray:
         """Return the nodes of this level from which a way along it leads to a node of less freedom."""
         within = own[a] & own[b]
         graph = coo_matrix((np.ones(within.sum()), (a[within], b[within])), (count, count))

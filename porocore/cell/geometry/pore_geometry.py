@@ -15,7 +15,7 @@ from porocore.cell.meshing.tetrahedra import Element, Phase, Tetrahedra
 from porocore.core.models.strict import StrictModel
 from porocore.core.tensors import CUBIC, MIRRORS, TRIVIAL, PointGroup
 from porocore.errors import ConfigurationError
-from porocore.states import Array, IntArray
+from porocore.states import Array, BoolArray, IntArray
 
 Sides = tuple[float, float, float]
 CUBE: Sides = (1.0, 1.0, 1.0)
@@ -84,9 +84,9 @@ class Round:
         away = self._away(points)
         return np.asarray(away / np.linalg.norm(away, axis=1, keepdims=True))
 
-    def covers(self, points: Array, depth: float) -> npt.NDArray[np.bool_]:
+    def covers(self, points: Array, depth: float) -> BoolArray:
         """Return which points (n, 3) lie deeper than ``depth`` in the body, for real numbers."""
-        deep: npt.NDArray[np.bool_] = self.value(points) < -depth
+        deep: BoolArray = self.value(points) < -depth
         if self.is_tube:
             share = self._share(points - self.centre)
             deep &= (share >= 0) & (share <= 1)

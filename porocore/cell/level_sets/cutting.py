@@ -36,7 +36,7 @@ from porocore.cell.meshing.tetrahedra import (
     with_middles,
 )
 from porocore.errors import PorocoreError
-from porocore.states import Array, IntArray
+from porocore.states import Array, BoolArray, IntArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,7 @@ class Lattice:
         return np.where(self.index == 2 * self.n, self.high, on_low)
 
     @cached_property
-    def on_side(self) -> npt.NDArray[np.bool_]:
+    def on_side(self) -> BoolArray:
         """True (N, 3) for a node on a side across each axis."""
         return np.asarray((self.index == 0) | (self.index == 2 * self.n))
 
@@ -91,7 +91,7 @@ class Lattice:
         return np.asarray(self._numbers[tuple(wrapped.T)])
 
     @cached_property
-    def edges(self) -> tuple[IntArray, IntArray, npt.NDArray[np.bool_]]:
+    def edges(self) -> tuple[IntArray, IntArray, BoolArray]:
         """Edges of the tetrahedra, each once.
 
         Returns
@@ -209,7 +209,7 @@ class TwoPhases:
 
     points: Array
     cells: IntArray
-    solid: npt.NDArray[np.bool_]
+    solid: BoolArray
     first: IntArray
 
 
@@ -263,10 +263,10 @@ class _Cuts:
         kinds = [np.isclose(length, 1.0), np.isclose(length, np.sqrt(0.75))]
         self.close = np.select(kinds, [CLOSE_LONG, CLOSE_SHORT], CLOSE_HALVED)
 
-    def warped(self, movable: npt.NDArray[np.bool_]) -> tuple[Array, npt.NDArray[np.bool_]]:
+    def warped(self, movable: BoolArray) -> tuple[Array, BoolArray]:
         """Return the lattice's nodes (N, 3), moved onto the level set at close cuts, and which ones (N,) lie on it."""
         lattice, n = self.lattice, len(self.lattice.points)
-        near: list[tuple[IntArray, Array, npt.NDArray[np.bool_]]] = []
+        near: list[tuple[IntArray, Array, BoolArray]] = []
         for end, share in ((0, self.share), (1, 1 - self.share)):
             node, beyond = self.ends[:, end], self.ends[:, 1 - end]
             chosen = (share < self.close) & movable[node]
@@ -306,7 +306,7 @@ class _Cuts:
         return np.asarray(n + np.searchsorted(codes, np.minimum(a, b) * n + np.maximum(a, b)))
 
 
-def onto(level_set: LevelSet, points: Array, held: npt.NDArray[np.bool_], steps: int = 20) -> Array:
+def onto(level_set: LevelSet, points: Array, held: BoolArray, steps: int = 20) -> Array:
     """Return points (n, 3) projected onto the level set along its gradient, without the components held (n, 3)."""
     points = points.copy()
     for _ in range(steps):

@@ -18,9 +18,8 @@ import numpy.typing as npt
 
 from porocore.core.files.slices import NPY, TIFF, Slices, foreign, renamed, told_by
 from porocore.errors import ConfigurationError
-from porocore.states import Array, IntArray
+from porocore.states import Array, BoolArray, IntArray
 
-Mask = npt.NDArray[np.bool_]
 #: Sizes that a note names; further ones are counted.
 NAMED = 4
 
@@ -39,7 +38,7 @@ class Cleaned:
         True where opposite sides of the image touch, as pieces of one cell do.
     """
 
-    solid: Mask
+    solid: BoolArray
     grains: tuple[int, ...]
     filled: tuple[int, ...]
     periodic: bool
@@ -65,7 +64,7 @@ class Cleaned:
         return tuple(notes)
 
 
-def clean(solid: Mask, *, periodic: bool, drop_grains: bool, fill_pores: int) -> Cleaned:
+def clean(solid: BoolArray, *, periodic: bool, drop_grains: bool, fill_pores: int) -> Cleaned:
     """Return an image without the grains that float, if wanted, and without pores of at most ``fill_pores`` voxels.
 
     Voxels with a common face belong to one piece, across the sides of a periodic image too.
@@ -86,7 +85,7 @@ def clean(solid: Mask, *, periodic: bool, drop_grains: bool, fill_pores: int) ->
     return Cleaned(solid, grains, filled, periodic)
 
 
-def labelled(mask: Mask, *, periodic: bool) -> IntArray:
+def labelled(mask: BoolArray, *, periodic: bool) -> IntArray:
     """Return the number of the piece of each voxel, from 1; 0 outside of the mask."""
     from scipy.ndimage import label  # slow to import
     from scipy.sparse import coo_matrix
@@ -511,7 +510,7 @@ class SmoothImage:
         True to continue the image by mirrors at its sides, else periodically.
     """
 
-    def __init__(self, solid: Mask, smoothing: float, low: Array, high: Array, *, mirror: bool) -> None:
+    def __init__(self, solid: BoolArray, smoothing: float, low: Array, high: Array, *, mirror: bool) -> None:
         from scipy.ndimage import gaussian_filter  # slow to import
 
         self.n, self.low, self.mirror = np.array(solid.shape), low, mirror

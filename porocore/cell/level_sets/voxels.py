@@ -19,7 +19,6 @@ from porocore.cell.level_sets.image import (
     SUFFIXES,
     Cleaned,
     GreyValues,
-    Mask,
     SmoothImage,
     across,
     assumed,
@@ -38,7 +37,7 @@ from porocore.core.files.input_file import FromFile
 from porocore.core.tensors import PointGroup
 from porocore.core.units import Dimension, Unit, length_text
 from porocore.errors import ConfigurationError
-from porocore.states import Array, IntArray
+from porocore.states import Array, BoolArray, IntArray
 
 #: Times the largest share of voxels that change between neighbouring layers inside of an image, above which that
 #: between its opposite faces is a fault; flat walls change as much inside. Along n voxels it is FAULT + FEW/n, since
@@ -46,7 +45,7 @@ from porocore.states import Array, IntArray
 FAULT, FEW = 1.5, 6.0
 
 
-def mismatch_note(solid: Mask) -> tuple[str, ...]:
+def mismatch_note(solid: BoolArray) -> tuple[str, ...]:
     """Return a sentence on faces that do not match, with the share of voxels that differ; none where all match."""
     faults = []
     for axis, name in enumerate("xyz"):
@@ -64,7 +63,7 @@ def mismatch_note(solid: Mask) -> tuple[str, ...]:
     )
 
 
-def blended(solid: Mask, width: int) -> tuple[Mask, str]:
+def blended(solid: BoolArray, width: int) -> tuple[BoolArray, str]:
     """Return a periodic image, smaller by ``width`` voxels along each axis, and a sentence on it.
 
     Its first layers are blended from those of the image and from the last layers, which are left out: the signed
@@ -101,7 +100,7 @@ def _share(shape: tuple[int, ...], width: int) -> float:
     return 1 - float(np.prod([1 - width / n for n in shape]))
 
 
-def _signed_distance(solid: Mask) -> Array:
+def _signed_distance(solid: BoolArray) -> Array:
     """Return the distance of each voxel from the other phase, less half a voxel, negative in the pores."""
     from scipy.ndimage import distance_transform_edt  # slow to import
 
@@ -205,13 +204,13 @@ class Voxels(FromFile, LevelSetGeometry):
         """
         return _grey(Path(self.path), self.sha256).otsu if self.threshold == "otsu" else self.threshold
 
-    def pores_of(self, values: npt.NDArray[Any]) -> Mask:
+    def pores_of(self, values: npt.NDArray[Any]) -> BoolArray:
         """Return True for those values of voxels that are pores."""
         level = self.level
         return np.asarray(values == self.pore if level is None else (values > level) == self.bright_pores)
 
     @property
-    def solid(self) -> Mask:
+    def solid(self) -> BoolArray:
         """True for solid voxels, (n₁, n₂, n₃), after cropping, blending and cleaning.
 
         Raises
@@ -417,7 +416,7 @@ def _grey(path: Path, sha256: str | None) -> GreyValues:
 
 
 @lru_cache(maxsize=2)
-def _periodic(geometry: Voxels) -> tuple[Mask, str]:
+def _periodic(geometry: Voxels) -> tuple[BoolArray, str]:
     """Return the solid voxels of the image as it is repeated, and a sentence on sides that were blended."""
     path = geometry.checked("cell.geometry")
     image = read_image(path, geometry.crop, grey=geometry.threshold is not None)
@@ -495,7 +494,7 @@ def _smooth(geometry: Voxels) -> SmoothImage:
     )
 
 
-def runs(phase: Mask, *, periodic: bool, corners: bool = False) -> tuple[IntArray, list[str]]:
+def runs(phase: BoolArray, *, periodic: bool, corners: bool = False) -> tuple[IntArray, list[str]]:
     """Return the number of the piece of each voxel, 0 outside of the phase, and by number the axes out of "xyz".
 
     Along these axes the piece, with its mirror or periodic images, runs through; "" for one that is closed in itself.
@@ -537,7 +536,7 @@ def through_axes(axes: list[str]) -> str:
     return "".join(axis for axis in "xyz" if any(axis in each for each in axes))
 
 
-def necks(phase: Mask, voxel: Array, widest: float, *, periodic: bool) -> dict[str, float]:
+def necks(phase: BoolArray, voxel: Array, widest: float, *, periodic: bool) -> dict[str, float]:
     """Return by axis the width of the narrowest neck on the widest way through, where it is below ``widest``.
 
     That is the diameter of the largest ball that gets through, to about a voxel, of which ``voxel`` holds the edges.
@@ -555,7 +554,7 @@ def necks(phase: Mask, voxel: Array, widest: float, *, periodic: bool) -> dict[s
 
 
 def way_out(
-    phase: Mask, voxel: Array, start: tuple[IntArray, ...], widest: float, *, periodic: bool
+    phase: BoolArray, voxel: Array, start: tuple[IntArray, ...], widest: float, *, periodic: bool
 ) -> float:
     """Return the width, up to ``widest``, of the narrowest neck on the widest way from a voxel through the cell."""
     step = float(np.min(voxel))
@@ -566,7 +565,9 @@ def way_out(
     return widest
 
 
-def _thinned(phase: Mask, voxel: Array, widest: float, *, periodic: bool) -> Iterator[tuple[float, Mask]]:
+def _thinned(
+    phase: BoolArray, voxel: Array, widest: float, *, periodic: bool
+) -> Iterator[tuple[float, BoolArray]]:
     """Yield widths of whole voxels up to ``widest``, and the centres of the balls of that diameter in the phase."""
     from scipy.ndimage import distance_transform_edt  # slow to import
 
@@ -595,7 +596,7 @@ DEEP = 0.5
 ROUGH = 0.01
 
 
-def least_thickness(phase: Mask, voxel: Array, *, periodic: bool) -> float:
+def least_thickness(phase: BoolArray, voxel: Array, *, periodic: bool) -> float:
     """Return the thickness of the thinnest walls, struts or channels of a phase, to about a voxel.
 
     It is the diameter of the smallest ball that does not cover all of the phase but its edges and its roughness, while

@@ -12,15 +12,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.cell.meshing.tetrahedra import FACETS, curved_volumes, facet_classes
-from porocore.states import Array, IntArray
-
-Mask = npt.NDArray[np.bool_]
+from porocore.states import Array, BoolArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -80,7 +77,7 @@ def pieces(mesh: CellMesh) -> tuple[Piece, ...]:
     return tuple(sorted(found, key=lambda piece: -piece.volume))
 
 
-def crumbs(cells: IntArray, first: IntArray, solid: Mask, sizes: Array, least: float) -> Mask:
+def crumbs(cells: IntArray, first: IntArray, solid: BoolArray, sizes: Array, least: float) -> BoolArray:
     """Return which tetrahedra belong to a piece of their phase below a volume; the largest of each phase never does.
 
     Parameters
@@ -106,7 +103,7 @@ def crumbs(cells: IntArray, first: IntArray, solid: Mask, sizes: Array, least: f
     for phase in (True, False):
         if len(of_phase := np.unique(part[solid == phase])):
             small[of_phase[volume[of_phase].argmax()]] = False
-    found: Mask = small[part]
+    found: BoolArray = small[part]
     return found
 
 

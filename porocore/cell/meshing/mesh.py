@@ -15,7 +15,6 @@ from itertools import permutations, product
 from typing import Annotated, Literal
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
 from porocore.cell.geometry.pore_geometry import CUBE, PoreGeometry, Sides
@@ -33,13 +32,13 @@ from porocore.core.files.plain_data import stable_hash
 from porocore.core.models.strict import StrictModel
 from porocore.core.units import Unit
 from porocore.errors import ConfigurationError
-from porocore.states import Array, IntArray
+from porocore.states import Array, BoolArray, IntArray
 
 #: Nodes of a tetrahedron (VTK order, 4 or 10) after swapping its first two corners, which restores the orientation.
 SWAPPED = np.array([1, 0, 2, 3, 4, 6, 5, 8, 7, 9])
 
 
-def wedge_to_eighth(points: Array, cells: npt.NDArray[np.int64]) -> tuple[Array, npt.NDArray[np.int64]]:
+def wedge_to_eighth(points: Array, cells: IntArray) -> tuple[Array, IntArray]:
     """Return the mesh of [0, ½]³ from that of 0 ≤ x ≤ y ≤ z ≤ ½, by the six permutations of the coordinates."""
     points = snap(points)
     for i, j in ((0, 1), (1, 2)):
@@ -49,9 +48,7 @@ def wedge_to_eighth(points: Array, cells: npt.NDArray[np.int64]) -> tuple[Array,
     return _merge([(points[:, order], bool(np.linalg.det(np.eye(3)[order]) < 0)) for order in orders], cells)
 
 
-def eighth_to_whole(
-    points: Array, cells: npt.NDArray[np.int64], sides: Sides = CUBE
-) -> tuple[Array, npt.NDArray[np.int64]]:
+def eighth_to_whole(points: Array, cells: IntArray, sides: Sides = CUBE) -> tuple[Array, IntArray]:
     """Return the mesh of the whole cell from that of its eighth, by the eight sign changes of the coordinates."""
     points = snap(points, sides)
     images = [(points * signs, bool(np.prod(signs) < 0)) for signs in product((1.0, -1.0), repeat=3)]
@@ -65,9 +62,7 @@ def snap(points: Array, sides: Sides = CUBE) -> Array:
     return points
 
 
-def _merge(
-    images: list[tuple[Array, bool]], cells: npt.NDArray[np.int64]
-) -> tuple[Array, npt.NDArray[np.int64]]:
+def _merge(images: list[tuple[Array, bool]], cells: IntArray) -> tuple[Array, IntArray]:
     swapped = cells[:, SWAPPED[: cells.shape[1]]]
     all_points = np.concatenate([points for points, _ in images]) + 0.0  # + 0.0 turns −0.0 into 0.0
     all_cells = np.concatenate(
@@ -159,7 +154,7 @@ class CellMesh:
     phase: Phase
     domain: Domain
     points: Array
-    cells: npt.NDArray[np.int64]
+    cells: IntArray
     periods: tuple[int, int, int] = (1, 1, 1)
     regions: IntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     region_names: tuple[str, ...] = ()
@@ -196,12 +191,12 @@ class CellMesh:
         return replace(self, points=points, cells=cells)
 
     @cached_property
-    def boundary(self) -> npt.NDArray[np.int64]:
+    def boundary(self) -> IntArray:
         """Facets of one tetrahedron only, (K, 3) or (K, 6) in VTK order, outward."""
         return boundary_facets(self.cells)
 
     @cached_property
-    def wall(self) -> npt.NDArray[np.int64]:
+    def wall(self) -> IntArray:
         """Facets of the pore wall Γ, outward from this phase.
 
         The rest of the boundary of an eighth lies on its mirror planes, that of a whole cell on opposite facets of
@@ -230,12 +225,12 @@ class CellMesh:
         return self.spans - np.array(self.sides) / 2
 
     @cached_property
-    def on_mirrors(self) -> npt.NDArray[np.bool_]:
+    def on_mirrors(self) -> BoolArray:
         """True (nodes, 3) for a node of the eighth on a mirror plane across each axis."""
         return np.asarray((self.points == self.low) | (self.points == self.high))
 
     @cached_property
-    def periodic_class(self) -> npt.NDArray[np.int64]:
+    def periodic_class(self) -> IntArray:
         """Number (N,) of each node with opposite faces identified; the identity on the eighth."""
         if self.domain == "eighth":
             return np.arange(len(self.points))

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from porocore.core.field_check import known_statuses, rows_as_declared
 from porocore.core.fields import PARAMETER_AXIS
@@ -29,7 +28,7 @@ from porocore.sampling.datasets.dataset import (
     sole_writer,
     write_block,
 )
-from porocore.states import CELL_FIELDS, Array, CellResponse, MacroState, Status
+from porocore.states import CELL_FIELDS, Array, BoolArray, CellResponse, MacroState, Status
 
 #: Largest misfit of a law, relative to the largest entry of what is compared.
 TOLERANCE = 1e-6
@@ -130,7 +129,7 @@ def _law(name: str, ours: Array, theirs: Array, keys: Array, tolerance: float) -
     )
 
 
-def _finite(response: CellResponse) -> npt.NDArray[np.bool_]:
+def _finite(response: CellResponse) -> BoolArray:
     valid, unstable = response.valid, response.status == Status.unstable
     good = np.ones(len(response), dtype=bool)
     for name, array in flatten_response(response).items():
@@ -142,7 +141,7 @@ def _at(grad_u: Array, p: float, states: MacroState, row: int) -> bool:
     return bool(np.array_equal(grad_u, states.grad_u[row])) and p == float(states.p[row])
 
 
-def _all(name: str, good: npt.NDArray[np.bool_], keys: Array, what: str) -> DatasetCheck:
+def _all(name: str, good: BoolArray, keys: Array, what: str) -> DatasetCheck:
     wrong = keys[~good]
     if not len(wrong):
         return DatasetCheck(name, True, f"all {len(keys)}")

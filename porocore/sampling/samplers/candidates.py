@@ -7,13 +7,11 @@ from math import ceil
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from porocore.core.inputs import InputSpace, farthest
 from porocore.interfaces.sampler import Judgement
-from porocore.states import Array, IntArray
+from porocore.states import Array, BoolArray, IntArray
 
-BoolArray = npt.NDArray[np.bool_]
 #: Updates of the candidates' value within one round.
 MOST_UPDATES = 8
 #: Up to so many numbers a Latin hypercube is improved by exchanges: about two seconds.
