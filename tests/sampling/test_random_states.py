@@ -68,9 +68,9 @@ def test_random_states_give_up_after_so_many_tries() -> None:
 @pytest.mark.parametrize(
     ("options", "named"),
     [
-        ({"count": 0}, "count must be a whole number of at least 1, got 0"),
-        ({"seed": 1.5}, "seed must be a whole number of at least 0, got 1.5"),
-        ({"most_tries": True}, "most_tries must be"),
+        ({"count": 0}, "count: must be a whole number of at least 1, got 0"),
+        ({"seed": 1.5}, "seed: must be a whole number of at least 0, got 1.5"),
+        ({"most_tries": True}, "most_tries: must be"),
         ({"cuont": 3}, "unknown option 'cuont'"),
     ],
 )

@@ -23,7 +23,7 @@ from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
 from porocore.cell.meshing.mesh import CellMesh
-from porocore.cell.meshing.tetrahedra import EDGES, FACETS, rows_of, shape_functions
+from porocore.cell.meshing.tetrahedra import EDGES, FACETS, rows_of, shape_functions, straightened
 from porocore.errors import ConfigurationError
 from porocore.states import Array, BoolArray, IntArray
 
@@ -220,8 +220,7 @@ class BoundaryExtension:
         self._nodes = nodes
         images, points, cells = mesh.periodic_class, mesh.points, mesh.cells[:, :4]
         if curved:
-            points, cells = points.copy(), mesh.cells[:, EIGHTHS].reshape(-1, 4)
-            points[mesh.cells[:, 4:]] = points[mesh.cells[:, EDGES]].mean(axis=2)
+            points, cells = straightened(points, mesh.cells), mesh.cells[:, EIGHTHS].reshape(-1, 4)
         corners, first = np.unique(images[cells], return_index=True)
         self._count = len(corners)
         number = np.full(int(images.max()) + 1, -1)

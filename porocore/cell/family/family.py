@@ -18,7 +18,7 @@ from porocore.cell.geometry.pore_geometry import PoreGeometry
 from porocore.core.echo import cut, echo, joined, suggestion
 from porocore.core.files.yaml_document import Location, dotted, leaves
 from porocore.core.inputs import NAMES
-from porocore.core.models.strict import RANGE, Place, StrictModel, bounds, fault_text, is_number, walk
+from porocore.core.models.strict import RANGE, Place, StrictModel, bounds, copied, fault_text, is_number, walk
 from porocore.core.units import Dimension, has_unit
 from porocore.errors import ConfigurationError, MemberError
 from porocore.states import Array
@@ -558,9 +558,7 @@ class Family(StrictModel):
 
     def with_parameters(self, parameters: tuple[CellParameter, ...]) -> Self:
         """Return the family of the cell with these parameters, whose base has the numbers of this one."""
-        family = self.model_copy()
-        family.__dict__.pop("_generic_member", None)
-        family.__dict__.pop("point_group", None)
+        family = copied(self)
         family._parameters, family._values = parameters, None
         return family
 

@@ -19,7 +19,16 @@ from porocore.cell.geometry.pore_geometry import (
     cylinder,
     sphere,
 )
-from porocore.cell.meshing.tetrahedra import EDGES, Element, Phase, Tetrahedra, least_stretch, used, volumes
+from porocore.cell.meshing.tetrahedra import (
+    EDGES,
+    Element,
+    Phase,
+    Tetrahedra,
+    least_stretch,
+    straightened,
+    used,
+    volumes,
+)
 from porocore.core.files.gmsh_model import gmsh_session
 from porocore.core.tensors import CUBIC, PointGroup
 from porocore.core.units import Unit
@@ -211,7 +220,7 @@ def _read(gmsh: Any, tags_of_volumes: list[int], nodes: Array, element: str) -> 
         return Tetrahedra(np.empty((0, 3)), np.empty((0, 4 if element == "linear" else 10), dtype=np.int64))
     points, cells = used(nodes, cells)
     if element == "quadratic-straight":
-        points[cells[:, 4:]] = points[cells[:, EDGES]].mean(axis=2)
+        points = straightened(points, cells)
     if not (volumes(points, cells) > 0).all():
         raise ValueError("inverted tetrahedra")
     return Tetrahedra(points, cells)

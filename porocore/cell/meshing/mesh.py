@@ -19,6 +19,7 @@ from pydantic import Field
 
 from porocore.cell.geometry.pore_geometry import CUBE, PoreGeometry, Sides
 from porocore.cell.meshing.tetrahedra import (
+    SWAPPED,
     Element,
     Phase,
     Tetrahedra,
@@ -33,9 +34,6 @@ from porocore.core.models.strict import StrictModel
 from porocore.core.units import Unit
 from porocore.errors import ConfigurationError
 from porocore.states import Array, BoolArray, IntArray
-
-#: Nodes of a tetrahedron (VTK order, 4 or 10) after swapping its first two corners, which restores the orientation.
-SWAPPED = np.array([1, 0, 2, 3, 4, 6, 5, 8, 7, 9])
 
 
 def wedge_to_eighth(points: Array, cells: IntArray) -> tuple[Array, IntArray]:

@@ -13,13 +13,14 @@ from pydantic import Field, model_validator
 
 from porocore.cell.geometry.pore_geometry import CUBE, PoreGeometry, Sides, Unfolding, unit_sides
 from porocore.cell.meshing.tetrahedra import (
-    EDGES,
     Element,
     Phase,
     Tetrahedra,
     boundary_facets,
     facet_classes,
     least_stretch,
+    oriented,
+    straightened,
     used,
     volume,
     volumes,
@@ -40,6 +41,7 @@ from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 
 Tag = int | str
+PHASES: tuple[Phase, ...] = ("solid", "fluid")
 Tags = Annotated[tuple[Tag, ...], Field(min_length=1)]
 #: Largest difference of the extents of a cube along the axes, relative to the largest.
 SAME = 1e-6
@@ -107,11 +109,10 @@ class MeshFile(FromFile, PoreGeometry):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Groups that are named like the other phase."""
-        phases: tuple[Phase, ...] = ("solid", "fluid")
         return tuple(
             f"the group {echo(tag)} is given as {phase} and is named like the {other}; exchange cell.geometry.solid "
             "and cell.geometry.fluid if it is the other way round"
-            for phase in phases
+            for phase in PHASES
             for tag in getattr(self, phase)
             if (other := _phase_named(str(tag))) not in (phase, None)
         )
@@ -142,8 +143,7 @@ def _of_order(mesh: Tetrahedra, element: Element) -> Tetrahedra:
     elif cells.shape[1] == 4:
         points, cells, _ = with_middles(points, cells)
     elif element == "quadratic-straight":
-        points = points.copy()
-        points[cells[:, 4:]] = points[cells[:, EDGES]].mean(axis=2)
+        points = straightened(points, cells)
     return Tetrahedra(points, cells, mesh.regions, mesh.region_names)
 
 
@@ -239,20 +239,19 @@ def _as_given(tag: Tag, name: str) -> str:
 
 def _require_tags(geometry: MeshFile, path: Path, mesh: ForeignMesh, kind: str) -> None:
     """Refuse tags that stand for two groups, and those that no tetrahedron has, all of which are told."""
-    phases: tuple[Phase, ...] = ("solid", "fluid")
-    for phase in phases:
+    for phase in PHASES:
         for tag in getattr(geometry, phase):
             if why := mesh.clashes[3].get(str(tag)):
                 raise ConfigurationError(f"cell.geometry.{phase}: in {path.name} {why}")
     wrong = {
-        phase: [tag for tag in getattr(geometry, phase) if mesh.name(3, tag) is None] for phase in phases
+        phase: [tag for tag in getattr(geometry, phase) if mesh.name(3, tag) is None] for phase in PHASES
     }
     told = []
     for phase, tags in wrong.items():
         near = [" ".join([echo(tag), *_near(str(tag), phase, mesh)]) for tag in tags]
         told += [f"{joined(near)} under {phase}"] if near else []
     if told:
-        missing = [phase for phase in phases if wrong[phase]]
+        missing = [phase for phase in PHASES if wrong[phase]]
         raise ConfigurationError(
             f"cell.geometry.{missing[0]}: no tetrahedron of {path} has the tag {' and '.join(told)}; its tags are "
             f"{_with_shares(mesh, kind)}: {_tags_to_write(geometry, mesh, missing)}"
@@ -261,8 +260,7 @@ def _require_tags(geometry: MeshFile, path: Path, mesh: ForeignMesh, kind: str) 
 
 def _tags_to_write(geometry: MeshFile, mesh: ForeignMesh, missing: Sequence[Phase]) -> str:
     """Return what to write for the phases whose tags no tetrahedron has."""
-    phases: tuple[Phase, ...] = ("solid", "fluid")
-    taken = {mesh.name(3, tag) for phase in phases for tag in getattr(geometry, phase)}
+    taken = {mesh.name(3, tag) for phase in PHASES for tag in getattr(geometry, phase)}
     free = [name for name in mesh.groups[3] if name not in taken]
     if len(mesh.groups[3]) < 2:
         return (
@@ -348,10 +346,7 @@ def _unit_cell(path: Path, points: Array, cells: IntArray) -> tuple[Array, Sides
 
 def _positive(points: Array, cells: IntArray, path: Path) -> IntArray:
     """Return the tetrahedra oriented to a positive volume; those of ten nodes must not be folded either."""
-    cells = cells.copy()
-    negative = volumes(points, cells) < 0
-    swapped = [1, 0, 2, 3] if cells.shape[1] == 4 else [1, 0, 2, 3, 4, 6, 5, 8, 7, 9]
-    cells[negative] = cells[negative][:, swapped]
+    cells = oriented(points, cells)
     bad = int((volumes(points, cells) <= 0).sum())
     if not bad and cells.shape[1] == 10:
         bad = int((least_stretch(points, cells) <= 0).sum())

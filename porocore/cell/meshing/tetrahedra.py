@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, reduce
 from itertools import permutations
 from typing import Any, Literal
 
@@ -44,10 +44,8 @@ def tetrahedron_rule(degree: int) -> tuple[Array, Array]:
         )
         rule = points, weights
     else:
-        rule = _conical((degree + 2) // 2)
-    for part in rule:
-        part.setflags(write=False)
-    return rule
+        rule = _conical((degree + 2) // 2, 3)
+    return _frozen(*rule)
 
 
 def _corners(a: float) -> Array:
@@ -55,14 +53,18 @@ def _corners(a: float) -> Array:
     return a + np.vstack([np.zeros(3), np.eye(3) * (1 - 4 * a)])
 
 
-def _conical(n: int) -> tuple[Array, Array]:
-    """Return the rule of n × n × n Gauss–Jacobi points of the cube, collapsed to the tetrahedron."""
-    (x, wx), (y, wy), (z, wz) = (
-        ((s + 1) / 2, w / 2 ** (k + 1)) for k in range(3) for s, w in [roots_jacobi(n, k, 0)]
-    )
-    X, Y, Z = np.meshgrid(x, y, z, indexing="ij")
-    points = np.stack([X * (1 - Y) * (1 - Z), Y * (1 - Z), Z], axis=-1).reshape(-1, 3)
-    weights = (wx[:, None, None] * wy[:, None] * wz).ravel()
+def _conical(n: int, d: int) -> tuple[Array, Array]:
+    """Return the rule of n Gauss–Jacobi points along each side of the d-dimensional cube, collapsed to the simplex."""
+    rules = [roots_jacobi(n, k, 0) for k in range(d)]
+    grid = np.meshgrid(*((s + 1) / 2 for s, _ in rules), indexing="ij")
+    points = [reduce(lambda x, y: x * (1 - y), grid[i + 1 :], grid[i]) for i in range(d)]
+    weights = reduce(np.multiply.outer, (w / 2 ** (k + 1) for k, (_, w) in enumerate(rules)))
+    return np.stack(points, axis=-1).reshape(-1, d), weights.ravel()
+
+
+def _frozen(points: Array, weights: Array) -> tuple[Array, Array]:
+    points.setflags(write=False)
+    weights.setflags(write=False)
     return points, weights
 
 
@@ -79,19 +81,17 @@ def triangle_rule(degree: int) -> tuple[Array, Array]:
     """
     if not 1 <= degree <= LARGEST_DEGREE:
         raise ValueError(f"expected a degree from 1 to {LARGEST_DEGREE}, got {degree}")
-    n = degree // 2 + 1
-    (x, wx), (y, wy) = (((s + 1) / 2, w / 2 ** (k + 1)) for k in range(2) for s, w in [roots_jacobi(n, k, 0)])
-    X, Y = np.meshgrid(x, y, indexing="ij")
-    rule = np.column_stack([(X * (1 - Y)).ravel(), Y.ravel()]), (wx[:, None] * wy).ravel()
-    for part in rule:
-        part.setflags(write=False)
-    return rule
+    return _frozen(*_conical(degree // 2 + 1, 2))
 
 
 #: Corners at the ends of the edges with mid-edge nodes; a triangle has the first three edges.
 EDGES = np.array([[0, 1], [1, 2], [0, 2], [0, 3], [1, 3], [2, 3]])
 #: Corners, then mid-edge nodes, of the facets of a tetrahedron, outward; facet k is opposite to corner k.
 FACETS = np.array([[1, 2, 3, 5, 9, 8], [0, 3, 2, 7, 9, 6], [0, 1, 3, 4, 8, 7], [0, 2, 1, 6, 5, 4]])
+
+
+#: Nodes of a tetrahedron (VTK order, 4 or 10) after swapping its first two corners, which restores the orientation.
+SWAPPED = np.array([1, 0, 2, 3, 4, 6, 5, 8, 7, 9])
 
 
 def shape_functions(points: Array, nodes: int) -> tuple[Array, Array]:
@@ -198,11 +198,18 @@ def boundary_facets(cells: IntArray) -> IntArray:
 
 
 def oriented(points: Array, cells: IntArray) -> IntArray:
-    """Return linear tetrahedra with a positive volume; two corners of those with a negative one are exchanged."""
+    """Return tetrahedra with a positive volume; two corners of those with a negative one are exchanged."""
     cells = cells.copy()
     negative = volumes(points, cells) < 0
-    cells[negative] = cells[negative][:, [1, 0, 2, 3]]
+    cells[negative] = cells[negative][:, SWAPPED[: cells.shape[1]]]
     return cells
+
+
+def straightened(points: Array, cells: IntArray) -> Array:
+    """Return the nodes of quadratic tetrahedra with the mid-edge nodes halfway between the corners."""
+    points = points.copy()
+    points[cells[:, 4:]] = points[cells[:, EDGES]].mean(axis=2)
+    return points
 
 
 def volumes(points: Array, cells: IntArray) -> Array:

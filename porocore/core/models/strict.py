@@ -6,7 +6,7 @@ import re
 import types
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Any, TypeGuard, Union, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, TypeGuard, TypeVar, Union, get_args, get_origin
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Tag, ValidationError
 from pydantic_core import ErrorDetails
@@ -219,6 +219,17 @@ def _parts(annotation: Any, value: Any) -> Iterator[tuple[str, Any, tuple[Any, .
             yield str(i), arguments[0 if same else min(i, len(arguments) - 1)], (), child
 
 
+M = TypeVar("M", bound=BaseModel)
+
+
+def copied(model: M, **changed: Any) -> M:
+    """Return a copy of a model with other values, which are not validated, without what it has computed of its own."""
+    found = model.model_copy(update=changed)
+    for name in found.__dict__.keys() - type(model).model_fields.keys():
+        del found.__dict__[name]
+    return found
+
+
 def with_number(value: Any, path: Location, change: Callable[[float], Any]) -> Any:
     """Return a copy of a section, mapping or list with a changed number at a path; nothing is validated.
 
@@ -228,10 +239,7 @@ def with_number(value: Any, path: Location, change: Callable[[float], Any]) -> A
         return change(value)
     key, below = path[0], path[1:]
     if isinstance(value, BaseModel):
-        copied = value.model_copy(update={key: with_number(getattr(value, key), below, change)})
-        for name in copied.__dict__.keys() - type(value).model_fields.keys():
-            del copied.__dict__[name]
-        return copied
+        return copied(value, **{key: with_number(getattr(value, key), below, change)})
     if isinstance(value, Mapping):
         return {name: with_number(v, below, change) if str(name) == key else v for name, v in value.items()}
     return type(value)(with_number(v, below, change) if str(i) == key else v for i, v in enumerate(value))

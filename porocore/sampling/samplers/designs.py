@@ -347,21 +347,11 @@ class RandomStates(Sampler):
         states_per_member: int = 1,
         **unknown: Any,
     ) -> None:
-        if unknown:
-            raise ConfigurationError(
-                f"random states: unknown option {', '.join(map(repr, sorted(unknown)))}; "
-                "the options are count, seed, most_tries and states_per_member"
-            )
-        for option, value, low in (
-            ("count", count, 1),
-            ("seed", seed, 0),
-            ("most_tries", most_tries, 1),
-            ("states_per_member", states_per_member, 1),
-        ):
-            if isinstance(value, bool) or not isinstance(value, int) or value < low:
-                raise ConfigurationError(
-                    f"random states: {option} must be a whole number of at least {low}, got {value!r}"
-                )
+        refuse_unknown("random states", ("count", "seed", "most_tries", "states_per_member"), unknown)
+        whole("random states: count", count, 1)
+        whole("random states: seed", seed, 0, LARGEST_SEED)
+        whole("random states: most_tries", most_tries, 1)
+        whole("random states: states_per_member", states_per_member, 1)
         self.count, self.limit = count, count * most_tries
         self._draws = _draw(inputs, seed, within, states_per_member)
         self._asked = 0
