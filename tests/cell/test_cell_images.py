@@ -5,9 +5,9 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from porocore.cell.cell import Cell
-from porocore.cell.level_sets.cutting import CRUMB
+from porocore.cell.level_sets.cutting import LEAST_PIECE
 from porocore.cell.level_sets.voxels import Voxels
-from porocore.cell.meshing.connectivity import crumbs, pieces
+from porocore.cell.meshing.connectivity import pieces, small_pieces
 from porocore.cell.meshing.mesh import MeshSettings, make_mesh
 from porocore.cell.quality import measure_mesh_quality, quality_lines, unmatched
 from porocore.errors import ConfigurationError
@@ -40,24 +40,24 @@ def smallest_piece(path, seed, size=0.25):
     return min(piece.volume for of_phase in found for piece in of_phase) / (1 / np.ceil(1 / size)) ** 3
 
 
-def test_the_mesh_has_no_crumbs(tmp_path, monkeypatch):
+def test_the_mesh_has_no_small_pieces(tmp_path, monkeypatch):
     """At narrow necks single tetrahedra come off; a solid that they float beside was refused."""
     for seed in (2, 9, 11, 13):
-        assert smallest_piece(tmp_path / f"{seed}.npy", seed) > CRUMB
-    monkeypatch.setattr("porocore.cell.level_sets.cutting.CRUMB", 0.0)
-    assert smallest_piece(tmp_path / "3.npy", 3) < CRUMB
+        assert smallest_piece(tmp_path / f"{seed}.npy", seed) > LEAST_PIECE
+    monkeypatch.setattr("porocore.cell.level_sets.cutting.LEAST_PIECE", 0.0)
+    assert smallest_piece(tmp_path / "3.npy", 3) < LEAST_PIECE
 
 
-def test_crumbs_are_pieces_below_a_volume_and_never_the_largest():
+def test_small_pieces_are_those_below_a_volume_and_never_the_largest():
     """Two solid tetrahedra joined by a facet, one beside them that shares an edge only, and a fluid one alone."""
     cells = np.array([[0, 1, 2, 3], [1, 2, 3, 4], [0, 1, 5, 6], [5, 6, 7, 8]])
     first, solid = np.arange(9), np.array([True, True, True, False])
     sizes = np.array([1.0, 1.0, 1.5, 0.5])
-    assert crumbs(cells, first, solid, sizes, 1.6).tolist() == [False, False, True, False]
-    assert not crumbs(cells, first, solid, sizes, 1.5).any()
+    assert small_pieces(cells, first, solid, sizes, 1.6).tolist() == [False, False, True, False]
+    assert not small_pieces(cells, first, solid, sizes, 1.5).any()
     # Nodes 5 and 6 are images of 2 and 3: the third one joins the first across a face.
     first[[5, 6]] = 2, 3
-    assert not crumbs(cells, first, solid, sizes, 1.6).any()
+    assert not small_pieces(cells, first, solid, sizes, 1.6).any()
 
 
 def spoilt():

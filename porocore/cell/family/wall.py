@@ -22,7 +22,7 @@ from porocore.cell.contact.wall_contact import elements_at_wall
 from porocore.cell.equilibrium.discrete import DiscreteSolid
 from porocore.cell.equilibrium.slopes import ExplicitDependence
 from porocore.cell.geometry.pore_geometry import Plane, Round, Values, WallSurface
-from porocore.cell.materials.material import SWELLING
+from porocore.cell.materials.material import SWELLING, bulk_and_shear
 from porocore.cell.meshing.mesh import CellMesh, Domain
 from porocore.cell.meshing.tetrahedra import with_middles
 from porocore.core.files.yaml_document import Location
@@ -350,8 +350,7 @@ def _log_penalty(solid: DiscreteSolid, material: Material, slope: Array, element
         return 0.0
     E, G = material.mean_moduli()
     K = G * E / (3 * (3 * G - E))
-    bulk = float(np.einsum("iijj->", slope)) / 9
-    shear = (3 * float(np.einsum("ijij->", slope)) - 9 * bulk) / 30
+    bulk, shear = bulk_and_shear(slope)
     own = 9 * (G**2 * bulk + 3 * K**2 * shear) / (3 * K + G) ** 2
     share = float(np.isin(wall, elements).mean())
     return share * own / solid.material.mean_moduli(wall)[0]

@@ -21,7 +21,7 @@ import numpy as np
 import numpy.typing as npt
 
 from porocore.cell.geometry.pore_geometry import PER_CUBE, PoreGeometry, require_few
-from porocore.cell.meshing.connectivity import crumbs
+from porocore.cell.meshing.connectivity import small_pieces
 from porocore.cell.meshing.tetrahedra import (
     EDGES,
     FACETS,
@@ -500,7 +500,7 @@ def _wall_edges(mesh: TwoPhases, edges: IntArray) -> IntArray:
 
 #: Smallest piece of a phase that the mesh keeps, in cubes: four tetrahedra. At a neck as narrow as an element single
 #: ones come off.
-CRUMB = 1 / 3
+LEAST_PIECE = 1 / 3
 #: Share of the solid up to which pieces that came loose are taken for islands. Of 22 images of smoothed noise with such
 #: pieces, at three voxels a tetrahedron, they were at most 2 % of the solid in 19, and 4 to 7 % in three.
 SPECKS = 0.02
@@ -524,7 +524,8 @@ def mesh_level_set(
 ) -> dict[Phase, Tetrahedra]:
     """Return both phases of the eighth of a geometry with mirrors, or of its whole cell.
 
-    With ``drop_specks`` small pieces of the solid that touch nothing belong to the fluid.
+    Smaller pieces than LEAST_PIECE belong to the other phase. With ``drop_specks`` all pieces of the solid but its largest
+    belong to the fluid, unless these are larger than islands.
 
     Raises
     ------
@@ -542,8 +543,14 @@ def mesh_level_set(
         mesh = cut(lattice, level_set)
     except PorocoreError as error:
         raise PorocoreError(f"cannot mesh {geometry.description} at size {size:g}: {error}") from error
-    mesh = _without_crumbs(mesh, CRUMB * lattice.spacing.prod())
-    return phases(_without_specks(mesh) if drop_specks else mesh, lattice, level_set, element)
+    sizes = volumes(mesh.points, mesh.cells)
+    flipped = small_pieces(mesh.cells, mesh.first, mesh.solid, sizes, LEAST_PIECE * lattice.spacing.prod())
+    mesh = replace(mesh, solid=mesh.solid ^ flipped)
+    if drop_specks:
+        loose = mesh.solid & small_pieces(mesh.cells, mesh.first, mesh.solid, sizes, np.inf)
+        if sizes[loose].sum() <= SPECKS * sizes[mesh.solid].sum():
+            mesh = replace(mesh, solid=mesh.solid & ~loose)
+    return phases(mesh, lattice, level_set, element)
 
 
 def lattice_edges(geometry: PoreGeometry, size: float) -> tuple[float, float]:
@@ -562,18 +569,3 @@ def _counts(span: Array, size: float) -> IntArray:
     """Return the number of cubes (3,) along each side of the meshed part."""
     edge = min(size, float(span.min()) / FEWEST)
     return np.asarray(np.ceil(span / edge - 1e-9), dtype=np.int64)
-
-
-def _without_crumbs(mesh: TwoPhases, least: float) -> TwoPhases:
-    """Return a mesh whose pieces below a volume belong to the other phase."""
-    flipped = crumbs(mesh.cells, mesh.first, mesh.solid, volumes(mesh.points, mesh.cells), least)
-    return replace(mesh, solid=mesh.solid ^ flipped)
-
-
-def _without_specks(mesh: TwoPhases) -> TwoPhases:
-    """Return a mesh with all pieces of the solid but its largest in the fluid, unless these are larger than islands."""
-    sizes = volumes(mesh.points, mesh.cells)
-    loose = mesh.solid & crumbs(mesh.cells, mesh.first, mesh.solid, sizes, np.inf)
-    if sizes[loose].sum() > SPECKS * sizes[mesh.solid].sum():
-        return mesh
-    return replace(mesh, solid=mesh.solid & ~loose)

@@ -134,10 +134,15 @@ _PAIRS = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 _FACTORS = np.array([1.0, 1.0, 1.0, np.sqrt(2), np.sqrt(2), np.sqrt(2)])
 
 
+def bulk_and_shear(C: Array) -> tuple[float, float]:
+    """Return bulk modulus and shear modulus [E] of C (3, 3, 3, 3) averaged over all directions; linear in C."""
+    bulk = float(np.einsum("iijj->", C)) / 9
+    return bulk, (3 * float(np.einsum("ijij->", C)) - 9 * bulk) / 30
+
+
 def voigt_moduli(C: Array) -> tuple[float, float]:
     """Return Young's modulus and shear modulus [E] of C (3, 3, 3, 3) averaged over all directions (Voigt 1889)."""
-    bulk = float(np.einsum("iijj->", C)) / 9
-    shear = (3 * float(np.einsum("ijij->", C)) - 9 * bulk) / 30
+    bulk, shear = bulk_and_shear(C)
     return 9 * bulk * shear / (3 * bulk + shear), shear
 
 

@@ -77,7 +77,7 @@ def pieces(mesh: CellMesh) -> tuple[Piece, ...]:
     return tuple(sorted(found, key=lambda piece: -piece.volume))
 
 
-def crumbs(cells: IntArray, first: IntArray, solid: BoolArray, sizes: Array, least: float) -> BoolArray:
+def small_pieces(cells: IntArray, first: IntArray, solid: BoolArray, sizes: Array, least: float) -> BoolArray:
     """Return which tetrahedra belong to a piece of their phase below a volume; the largest of each phase never does.
 
     Parameters
