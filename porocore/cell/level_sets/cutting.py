@@ -524,8 +524,8 @@ def mesh_level_set(
 ) -> dict[Phase, Tetrahedra]:
     """Return both phases of the eighth of a geometry with mirrors, or of its whole cell.
 
-    Smaller pieces than LEAST_PIECE belong to the other phase. With ``drop_specks`` all pieces of the solid but its largest
-    belong to the fluid, unless these are larger than islands.
+    Pieces below LEAST_PIECE belong to the other phase. With ``drop_specks`` all pieces of the solid but its largest
+    belong to the fluid, unless they are larger than islands.
 
     Raises
     ------
