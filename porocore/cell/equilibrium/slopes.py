@@ -196,7 +196,7 @@ def _explicit(problem: DiscreteSolid, at: PointValues, dependence: ExplicitDepen
     if problem.contact is None or iterate.touching is None:
         return found
     points, V, F0 = problem.mesh.points, dependence.velocity, np.eye(3) + iterate.H
-    energy_slope, by_load, by_displacement = contact_slopes(
+    of_contact, by_load, by_displacement = contact_slopes(
         problem.contact,
         iterate.touching,
         F0,
@@ -206,7 +206,7 @@ def _explicit(problem: DiscreteSolid, at: PointValues, dependence: ExplicitDepen
     )
     return replace(
         found,
-        energy=found.energy + energy_slope,
+        energy=found.energy + of_contact,
         by_load=found.by_load + by_load.ravel(),
         residual=found.residual + by_displacement,
     )

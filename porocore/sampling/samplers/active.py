@@ -22,7 +22,6 @@ from porocore.interfaces.sampler import (
 from porocore.interfaces.surrogate import TrainingSet, least_states
 from porocore.sampling.samplers.candidates import (
     MOST_CORNER_INPUTS,
-    BoolArray,
     MemberChoice,
     SobolStream,
     corner_count,
@@ -39,7 +38,7 @@ from porocore.sampling.samplers.designs import (
     refuse_unknown,
     whole,
 )
-from porocore.states import Array, CellResponse, Status
+from porocore.states import Array, BoolArray, CellResponse, Status
 
 #: A round asks for at least this share of the states that are known, so that the cost for each state stays the same.
 GROWTH = 0.1

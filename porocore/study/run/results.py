@@ -20,7 +20,7 @@ from porocore.macro.reference import CellReference
 from porocore.plugins.registry import registry
 from porocore.sampling.campaign import is_complete
 from porocore.sampling.datasets.dataset import Dataset, describe
-from porocore.sampling.samplers.candidates import UndeformedMembers
+from porocore.sampling.samplers.designs import UndeformedMembers
 from porocore.study.config.config import RunConfig, with_closure
 from porocore.study.run.folder import LINEAR, RunFolder, StageTime, stage_times
 
