@@ -11,7 +11,9 @@ from common import best, table
 from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.macro.body.kinds import Box
-from porocore.macro.laws import ClosedLaw, LinearCellLaw, MeanGradientClosure
+from porocore.macro.laws.closure import MeanGradientClosure
+from porocore.macro.laws.linear import LinearCellLaw
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.macro.problem import Boundary, MacroProblem, TimePlan
 from porocore_fem_dolfinx.cell_solver import DolfinxCellSolver
 from porocore_fem_dolfinx.macro import DolfinxMacroSolver

@@ -13,10 +13,12 @@ from common import table
 from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.core.inputs import InputSpace
+from porocore.interfaces.law import CellLaw
 from porocore.interfaces.solution import MacroSolution
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.macro.laws import CellLaw, ClosedLaw, MeanGradientClosure, PotentialClosure
+from porocore.macro.laws.closure import MeanGradientClosure, PotentialClosure
 from porocore.macro.laws.direct import DirectCellLaw, DirectWork
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.macro.problem import MacroProblem
 from porocore.sampling.execution import CellPool
 from porocore.states import Array, CellResponse, MacroState

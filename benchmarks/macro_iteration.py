@@ -15,7 +15,8 @@ from surrogate_calls import SURROGATES, trained
 
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.core.inputs import InputSpace
-from porocore.macro.laws import ClosedLaw, make_closure
+from porocore.macro.laws.closure import make_closure
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.plugins.registry import registry
 from porocore.testing.synthetic.response import CONDUCTIVITY, SOLID_FRACTION, confined_column, linear_law
 

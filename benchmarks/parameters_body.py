@@ -19,7 +19,7 @@ from parameters_cost import MIDDLE, RANGES, alone, law_of, of_family
 
 from porocore.core.inputs import InputSpace
 from porocore.interfaces.solution import MacroSolution
-from porocore.macro.laws import ClosedLaw
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.macro.linear_systems import work_figures
 from porocore.macro.problem import MacroProblem
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate

@@ -23,8 +23,9 @@ from porocore.core.inputs import InputSpace
 from porocore.core.tensors import CUBIC
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.surrogate import Surrogate, TrainingSet
-from porocore.macro.composition.regions import RegionLaw
-from porocore.macro.laws import ClosedLaw, make_closure
+from porocore.macro.laws.closure import make_closure
+from porocore.macro.laws.composed import RegionLaw
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.plugins.registry import registry
 from porocore.states import Array, BodyPlace, MacroState
 from porocore.testing.synthetic.porous_family import (

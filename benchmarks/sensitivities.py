@@ -31,7 +31,8 @@ from porocore.interfaces.sensitivities import (
     ViscosityChange,
 )
 from porocore.interfaces.solution import MacroSolution
-from porocore.macro.laws import ClosedLaw, make_closure
+from porocore.macro.laws.closure import make_closure
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.macro.problem import MacroProblem
 from porocore.plugins.registry import registry
 from porocore.testing.synthetic.cell import SOLID_FRACTION, synthetic_training_set

@@ -16,7 +16,7 @@ from porocore.core.units import Dimension, spoken
 from porocore.interfaces.macro import Part
 from porocore.macro.body.kinds import AnyBody, Box, make_body
 from porocore.macro.body.mesh import BodyMesh, Patch, with_patches
-from porocore.macro.composition.axes import Fields
+from porocore.macro.composition.fields import Fields
 from porocore.macro.composition.regions import AnyRegion, composition, field_corners
 
 Positive = Annotated[float, Field(gt=0)]

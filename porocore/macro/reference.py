@@ -32,10 +32,8 @@ from porocore.errors import ConfigurationError, DataError, SolveError
 from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.mesh import BodyMesh, Facets
-from porocore.macro.composition.linearised_law import RestCoefficients
-from porocore.macro.laws import Closure, make_closure
-from porocore.macro.laws.closure import ConductivityLaw, PulledBack
-from porocore.macro.laws.linear import EffectiveProperties, LinearCoefficients
+from porocore.macro.laws.closure import Closure, ConductivityLaw, PulledBack, make_closure
+from porocore.macro.laws.linear import EffectiveProperties, LinearCoefficients, RestCoefficients
 from porocore.macro.problem import MacroProblem, MacroSetup, body_mesh
 from porocore.plugins.border import conductivity_of, solution_of
 from porocore.states import Array, CellResponse, CellTangent, MacroState, Status

@@ -36,7 +36,7 @@ from porocore.commands.calibration.problem import CurvePrediction
 from porocore.core.parallel.calls import CallProcesses
 from porocore.core.parallel.memory import exactly_one_blas_thread
 from porocore.errors import ConfigurationError
-from porocore.macro.composition.bound_law import BoundLaw
+from porocore.macro.laws.composed import BoundLaw
 from porocore.macro.problem import MacroProblem
 
 pytest.importorskip("skfem")

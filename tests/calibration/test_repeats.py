@@ -18,7 +18,8 @@ from porocore.commands.calibration.observations import curve_data
 from porocore.commands.calibration.problem import Misfit
 from porocore.commands.calibration.settings import FitSettings
 from porocore.core.console import Console
-from porocore.macro.laws import ClosedLaw, make_closure
+from porocore.macro.laws.closure import make_closure
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.testing.synthetic.porous_family import PorousFamilyLaw
 
 pytest.importorskip("skfem")

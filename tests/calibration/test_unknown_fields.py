@@ -15,7 +15,7 @@ from porocore.commands.calibration.minimum import LinearPrecision
 from porocore.commands.calibration.problem import CurveData, Misfit
 from porocore.commands.calibration.settings import FitSettings
 from porocore.core.console import Console
-from porocore.macro.composition.bound_law import BoundLaw
+from porocore.macro.laws.composed import BoundLaw
 
 pytest.importorskip("skfem")
 

@@ -18,8 +18,9 @@ from porocore.commands.fields.points import PointFields
 from porocore.core.inputs import InputSpace
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.macro.laws import ClosedLaw, LinearCellLaw, MeanGradientClosure, PotentialClosure
-from porocore.macro.laws.linear import LinearCoefficients
+from porocore.macro.laws.closure import MeanGradientClosure, PotentialClosure
+from porocore.macro.laws.linear import LinearCellLaw, LinearCoefficients
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.testing.cell_checks import identities
 from porocore_fem_skfem.cell_solver import SkfemCellSolver

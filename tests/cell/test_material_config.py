@@ -15,7 +15,7 @@ from porocore.cell.materials.hyperelastic import Composite, HolzapfelGasserOgden
 from porocore.cell.materials.invariants import Formula, derivatives
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.errors import ConfigurationError
-from porocore.macro.laws import MeanGradientClosure, PotentialClosure
+from porocore.macro.laws.closure import MeanGradientClosure, PotentialClosure
 from porocore.study.config.loading import benchmark_path, load_config
 
 OTHER = "{kind: mooney-rivlin, c10: 0.1, c01: 0.05, bulk_modulus: 1}"

@@ -10,7 +10,7 @@ from porocore.cell.cell import Cell
 from porocore.commands.fields.points import PointFields
 from porocore.core.files.store import ResultStore
 from porocore.errors import ConfigurationError
-from porocore.macro.laws import MeanGradientClosure, make_closure
+from porocore.macro.laws.closure import MeanGradientClosure, make_closure
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
 from porocore.macro.reference import CellReference
 from porocore.study.config.loading import benchmark_path, load_config

@@ -16,8 +16,9 @@ from porocore.core.inputs import InputSpace
 from porocore.core.tensors import CUBIC
 from porocore.errors import SolveError
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.macro.laws import ClosedLaw, PotentialClosure
+from porocore.macro.laws.closure import PotentialClosure
 from porocore.macro.laws.direct import DirectCellLaw
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.macro.problem import TimePlan
 from porocore.sampling.execution import CellPool
 from porocore.states import MacroState

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from porocore.macro.body.kinds import Box
-from porocore.macro.laws import ClosedLaw
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.macro.problem import MacroProblem
 from porocore.states import Array
 from porocore.testing.macro_checks.bodies import write_tetrahedra

@@ -25,10 +25,9 @@ from anisotropic_cell import (
 )
 from scipy.spatial.transform import Rotation
 
-from porocore.macro.composition.bound_law import BoundLaw
-from porocore.macro.composition.linearised_law import LinearisedLaw
-from porocore.macro.composition.regions import NearestMemberLaw, RegionLaw
-from porocore.macro.laws import AdaptiveLaw
+from porocore.macro.laws.composed import BoundLaw, NearestMemberLaw, RegionLaw
+from porocore.macro.laws.linear import LinearisedLaw
+from porocore.macro.laws.macro_law import AdaptiveLaw
 from porocore.macro.problem import MacroProblem
 from porocore.plugins.registry import registry
 

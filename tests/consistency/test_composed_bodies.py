@@ -10,9 +10,8 @@ import pytest
 from porocore.errors import ConfigurationError
 from porocore.interfaces.solution import History
 from porocore.macro.analytic import LayeredConsolidation, SoilLayer, Terzaghi
-from porocore.macro.composition.linearised_law import LinearisedLaw
-from porocore.macro.composition.regions import RegionLaw
-from porocore.macro.laws.linear import LinearPoroelasticity
+from porocore.macro.laws.composed import RegionLaw
+from porocore.macro.laws.linear import LinearisedLaw, LinearPoroelasticity
 from porocore.macro.problem import MacroProblem
 from porocore.plugins.registry import registry
 from porocore.testing.synthetic.cell import BoundCell, parametric_law, porosity

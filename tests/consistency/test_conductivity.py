@@ -19,7 +19,8 @@ from porocore.cell.meshing.mesh import MeshSettings
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import CellLaw
 from porocore.macro.integration.newton import newton_step
-from porocore.macro.laws import CLOSURES, ClosedLaw, make_closure
+from porocore.macro.laws.closure import CLOSURES, make_closure
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.macro.problem import NewtonSettings
 from porocore.states import MacroState, Status
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate

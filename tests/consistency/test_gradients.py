@@ -25,10 +25,10 @@ from porocore.interfaces.sensitivities import (
     ModulusChange,
     ViscosityChange,
 )
-from porocore.macro.composition.bound_law import BoundLaw
-from porocore.macro.composition.linearised_law import LinearisedLaw
-from porocore.macro.composition.regions import RegionLaw
-from porocore.macro.laws import AdaptiveLaw, make_closure
+from porocore.macro.laws.closure import make_closure
+from porocore.macro.laws.composed import BoundLaw, RegionLaw
+from porocore.macro.laws.linear import LinearisedLaw
+from porocore.macro.laws.macro_law import AdaptiveLaw
 from porocore.plugins.registry import registry
 from porocore.testing.synthetic.porous_family import PorousFamilyLaw
 from porocore.testing.synthetic.response import linear_law

@@ -13,7 +13,8 @@ from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.core.inputs import NAMES, InputSpace
 from porocore.core.tensors import CUBIC, PointGroup
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.macro.laws import ClosedLaw, make_closure
+from porocore.macro.laws.closure import make_closure
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.macro.problem import MacroProblem
 from porocore.states import MacroState
 from porocore.surrogates.mean_gradient import AnchoredModel

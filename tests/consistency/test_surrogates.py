@@ -11,7 +11,8 @@ from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.commands.crosscheck.comparison import SPREAD
 from porocore.errors import ConfigurationError
 from porocore.interfaces.surrogate import Surrogate
-from porocore.macro.laws import CLOSURES, ClosedLaw
+from porocore.macro.laws.closure import CLOSURES
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.states import MacroState
 from porocore.testing.expect import RESPONSES, with_derivatives
 from porocore.testing.synthetic.cell import INPUTS, synthetic_training_set

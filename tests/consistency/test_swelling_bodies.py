@@ -9,10 +9,10 @@ from porocore.cell.cell import Cell
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.core.inputs import InputSpace
 from porocore.macro.analytic import SwellingLayer
-from porocore.macro.composition.linearised_law import LinearisedLaw
-from porocore.macro.laws import ClosedLaw, PotentialClosure
+from porocore.macro.laws.closure import PotentialClosure
 from porocore.macro.laws.direct import DirectCellLaw
-from porocore.macro.laws.linear import LinearCoefficients
+from porocore.macro.laws.linear import LinearCoefficients, LinearisedLaw
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.macro.problem import MacroProblem
 from porocore.macro.reference import CellReference
 from porocore.plugins.registry import registry

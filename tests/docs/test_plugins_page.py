@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from porocore.macro.laws import CLOSURES
+from porocore.macro.laws.closure import CLOSURES
 from porocore.sampling.execution import CellPool
 
 PAGE = (Path(__file__).parents[2] / "docs/plugins.md").read_text(encoding="utf-8")

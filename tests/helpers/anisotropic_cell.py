@@ -14,8 +14,9 @@ import numpy as np
 
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.interfaces.law import CellLaw, UndeformedCells
-from porocore.macro.laws import ClosedLaw, make_closure
+from porocore.macro.laws.closure import make_closure
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.macro.problem import MacroProblem
 from porocore.states import CellResponse, CellSlopes, CellTangent, MacroState, Status
 

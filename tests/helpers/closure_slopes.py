@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from porocore.interfaces.law import LawMemory
-from porocore.macro.laws import ClosedLaw
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.states import MacroState
 
 #: Arguments of a closed law, one component each: H, p and ∇p.

@@ -10,7 +10,8 @@ from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.commands.calibration.experiment import ExperimentModel
 from porocore.commands.calibration.loading import read_plan
 from porocore.commands.calibration.plan import CalibrationPlan
-from porocore.macro.laws import ClosedLaw, make_closure
+from porocore.macro.laws.closure import make_closure
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.testing.synthetic.porous_family import PorousFamilyLaw
 
 #: Difference of slopes from central differences, as a share of the largest slope of a curve.

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from porocore.interfaces.law import LawMemory
-from porocore.macro.laws import ClosedLaw
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.states import Array, MacroState
 
 #: H (3, 3) and p at an angle between 0 and 2π, and their derivatives with respect to it.

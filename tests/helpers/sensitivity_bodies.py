@@ -15,7 +15,8 @@ from porocore.interfaces.sensitivities import (
     ModulusChange,
     ViscosityChange,
 )
-from porocore.macro.laws import ClosedLaw, make_closure
+from porocore.macro.laws.closure import make_closure
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.macro.problem import MacroProblem
 from porocore.testing.synthetic.porous_family import PorousFamilyLaw
 

@@ -12,8 +12,9 @@ from porocore.core.inputs import InputSpace
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.law import CellLaw
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.macro.laws import AdaptiveLaw, ClosedLaw, MeanGradientClosure, PotentialClosure
+from porocore.macro.laws.closure import MeanGradientClosure, PotentialClosure
 from porocore.macro.laws.direct import AdaptiveSurrogate
+from porocore.macro.laws.macro_law import AdaptiveLaw, ClosedLaw
 from porocore.macro.problem import TimePlan
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool

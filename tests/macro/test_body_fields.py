@@ -14,9 +14,14 @@ from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import box
 from porocore.macro.body.mesh_file import read_body
-from porocore.macro.composition.body_fields import BodyFields, CellRanges, require_composition
 from porocore.macro.composition.fields import covered_lines
-from porocore.macro.composition.regions import region_numbers, sections
+from porocore.macro.composition.regions import (
+    BodyFields,
+    CellRanges,
+    region_numbers,
+    require_composition,
+    sections,
+)
 from porocore.macro.problem import MacroSetup
 from porocore.testing.synthetic.response import confined_column
 

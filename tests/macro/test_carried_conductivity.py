@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.core.tensors import polar_rotation, spin
-from porocore.macro.laws import CLOSURES, make_closure
-from porocore.macro.laws.closure import PulledBack, is_isotropic
+from porocore.macro.laws.closure import CLOSURES, PulledBack, is_isotropic, make_closure
 from porocore.states import CellResponse, CellTangent, MacroState
 
 EYE = np.eye(3)

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from porocore.cell.materials.hyperelastic import NeoHookean
-from porocore.macro.laws import MeanGradientClosure
-from porocore.macro.laws.closure import closure_error
+from porocore.macro.laws.closure import MeanGradientClosure, closure_error
 from porocore.states import CellResponse, MacroState, Status
 
 PHI_S, C = 0.6, -0.2

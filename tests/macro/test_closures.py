@@ -11,8 +11,10 @@ from closure_slopes import INPUTS, assert_slopes
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import CellLaw, LawMemory
-from porocore.macro.laws import CLOSURES, ClosedLaw, LinearCellLaw, MeanGradientClosure, macro_law
-from porocore.macro.laws.linear import LinearCoefficients
+from porocore.macro.laws import macro_law
+from porocore.macro.laws.closure import CLOSURES, MeanGradientClosure
+from porocore.macro.laws.linear import LinearCellLaw, LinearCoefficients
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.states import CellResponse, CellTangent, MacroState
 from porocore.testing.synthetic.response import cubic_reference
 

@@ -10,10 +10,8 @@ from scipy.spatial.transform import Rotation
 
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import LawMemory, MacroResponse, MacroTangent
-from porocore.macro.composition.axes import TurnedLaw
-from porocore.macro.composition.bound_law import BoundLaw
-from porocore.macro.composition.linearised_law import LinearisedLaw
-from porocore.macro.composition.regions import RegionLaw
+from porocore.macro.laws.composed import BoundLaw, RegionLaw, TurnedLaw
+from porocore.macro.laws.linear import LinearisedLaw
 from porocore.states import BodyPlace, MacroState
 from porocore.testing.synthetic.cell import BoundCell, ParametricCell, parametric_law, porosity
 from porocore.testing.synthetic.response import linear_law

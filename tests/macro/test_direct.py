@@ -13,9 +13,10 @@ from porocore.core.files.store import ResultStore
 from porocore.errors import PorocoreError
 from porocore.interfaces.cell import CellField, CellSolution, CellSolver
 from porocore.interfaces.law import CellLaw
-from porocore.macro.composition.axes import TurnedLaw
-from porocore.macro.laws import ClosedLaw, MeanGradientClosure, PotentialClosure
+from porocore.macro.laws.closure import MeanGradientClosure, PotentialClosure
+from porocore.macro.laws.composed import TurnedLaw
 from porocore.macro.laws.direct import GRID, DirectCellLaw
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.sampling.execution import CellPool
 from porocore.sampling.execution.members import MemberSolver
 from porocore.sampling.execution.solved_store import SolvedStore

@@ -6,8 +6,9 @@ from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.commands.verify.xie_leo import ClayLaw
 from porocore.interfaces.law import CellLaw, LawWrapper, MacroLaw
 from porocore.macro.analytic import XieLeo
-from porocore.macro.composition.bound_law import BoundLaw
-from porocore.macro.laws import ClosedLaw, PotentialClosure
+from porocore.macro.laws.closure import PotentialClosure
+from porocore.macro.laws.composed import BoundLaw
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.testing import MacroLawSuite
 from porocore.testing.synthetic import potential_cell
 from porocore.testing.synthetic.cell import parametric_law

@@ -14,9 +14,9 @@ from porocore.cell.family.family import CellParameter
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import CellLaw, MacroLaw
-from porocore.macro.composition.linearised_law import LinearisedLaw
-from porocore.macro.laws import ClosedLaw, MeanGradientClosure, PotentialClosure
-from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
+from porocore.macro.laws.closure import MeanGradientClosure, PotentialClosure
+from porocore.macro.laws.linear import LinearCoefficients, LinearisedLaw, LinearPoroelasticity
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.states import CellResponse, MacroState
 from porocore.testing.synthetic.cell import SOLID_FRACTION, BoundCell, parametric_law, porosity, respond
 from porocore.testing.synthetic.response import cubic_reference

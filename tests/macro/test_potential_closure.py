@@ -12,8 +12,8 @@ from loading_cycle import elliptic_cycle, work_over_cycle
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import CellLaw
-from porocore.macro.laws import CLOSURES, ClosedLaw, MeanGradientClosure, PotentialClosure
-from porocore.macro.laws.closure import closure_error
+from porocore.macro.laws.closure import CLOSURES, MeanGradientClosure, PotentialClosure, closure_error
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.states import MacroState
 from porocore.surrogates.polynomial.fit import polynomial_model
 from porocore.testing.synthetic.cell import SOLID_FRACTION, STORAGE, respond, synthetic_training_set

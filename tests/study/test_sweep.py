@@ -18,7 +18,7 @@ from invoked import invoke, refusal
 import porocore
 from porocore.core.console import Console
 from porocore.errors import ConfigurationError, RunFolderError, SolveError
-from porocore.macro.composition.bound_law import BoundLaw
+from porocore.macro.laws.composed import BoundLaw
 from porocore.plugins.border import body_solution_of
 from porocore.report.figures.style import png_bytes
 from porocore.study.run.composition import macro_laws, make_backend

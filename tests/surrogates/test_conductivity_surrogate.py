@@ -10,7 +10,8 @@ from scipy.spatial.transform import Rotation
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.core.tensors import TRIVIAL, exponential, logarithm, symmetric_exponential
 from porocore.errors import ConfigurationError, DataError
-from porocore.macro.laws import CLOSURES, ClosedLaw, make_closure
+from porocore.macro.laws.closure import CLOSURES, make_closure
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.states import MacroState
 from porocore.surrogates.conductivity import fit_conductivity
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate

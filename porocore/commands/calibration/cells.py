@@ -23,9 +23,8 @@ from porocore.core.parallel.calls import CallProcesses, Tell, side_by_side
 from porocore.core.units import speaking
 from porocore.errors import DataError, SolveError
 from porocore.interfaces.law import MacroLaw
-from porocore.macro.composition.linearised_law import LinearisedLaw
-from porocore.macro.laws import AdaptiveLaw, ClosedLaw
-from porocore.macro.laws.linear import EffectiveProperties
+from porocore.macro.laws.linear import EffectiveProperties, LinearisedLaw
+from porocore.macro.laws.macro_law import AdaptiveLaw, ClosedLaw
 from porocore.plugins.border import body_solution_of
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Array, MacroState

@@ -19,7 +19,7 @@ from porocore.interfaces.macro import Part
 from porocore.macro.body.mesh import Facets
 from porocore.macro.boundary.probes import interpolation
 from porocore.macro.boundary.symmetry import whole_specimen
-from porocore.macro.composition.regions import RegionLaw
+from porocore.macro.laws.composed import RegionLaw
 from porocore.macro.laws.linear import LinearPoroelasticity
 from porocore.macro.problem import Boundary, MacroSetup, body_mesh
 from porocore.plugins import registry

@@ -45,8 +45,7 @@ from porocore.core.units import (
 from porocore.errors import ConfigurationError
 from porocore.interfaces.sensitivities import HatFunction
 from porocore.macro.body.mesh import BodyMesh
-from porocore.macro.composition.axes import as_field
-from porocore.macro.composition.fields import Points
+from porocore.macro.composition.fields import Points, as_field
 from porocore.macro.problem import body_mesh
 from porocore.states import Array
 from porocore.study.config.config import MacroSettings, RunConfig

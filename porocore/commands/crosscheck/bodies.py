@@ -26,8 +26,8 @@ from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import MacroSolution
 from porocore.interfaces.surrogate import Surrogate
-from porocore.macro.laws import ClosedLaw
 from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.plugins.border import body_solution_of, conductivity_of, prediction_of, solution_of
 from porocore.plugins.registry import registry
 from porocore.states import Array, CellResponse, MacroState, Status

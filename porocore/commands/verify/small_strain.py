@@ -13,8 +13,9 @@ from porocore.commands.verify.case import Check, VerificationCase, observed_orde
 from porocore.interfaces.law import CellLaw, MacroLaw, fingerprint
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import History
-from porocore.macro.laws import ClosedLaw, LinearCellLaw, MeanGradientClosure, PotentialClosure
-from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
+from porocore.macro.laws.closure import MeanGradientClosure, PotentialClosure
+from porocore.macro.laws.linear import LinearCellLaw, LinearCoefficients, LinearPoroelasticity
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.states import Array, CellResponse, MacroState
 from porocore.testing.synthetic import potential_cell
 from porocore.testing.synthetic.response import CONDUCTIVITY, SOLID_FRACTION, confined_column, cubic_reference

@@ -14,8 +14,7 @@ from porocore.macro.analytic import relaxed
 from porocore.macro.body.kinds import Box
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary.conditions import BoundaryData, Loads
-from porocore.macro.composition.linearised_law import RestCoefficients
-from porocore.macro.laws.linear import LinearCoefficients
+from porocore.macro.laws.linear import LinearCoefficients, RestCoefficients
 from porocore.macro.problem import Boundary, MacroSetup, body_mesh
 from porocore.states import Array, IntArray
 

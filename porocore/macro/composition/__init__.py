@@ -1,1 +1,1 @@
-"""Composition of a body: regions, fields of the cell's parameters, material axes, and laws that read them."""
+"""Composition of a body: regions, fields of the cell's parameters, material axes; their values at its points."""

@@ -1,7 +1,8 @@
-"""Fields of a parameter over the body: formula, table, images or cell data, with course in time."""
+"""Fields over a body: parameters by formula, table, images or cell data, with course in time; material axes."""
 
 from __future__ import annotations
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -12,7 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, field_validator, model_validator
 
 from porocore.cell.level_sets.image import SUFFIXES, open_image, reversed_by
 from porocore.core.echo import echo, suggestion
@@ -21,7 +22,7 @@ from porocore.core.files.input_file import FromFile
 from porocore.core.formulas import LONGEST, Expression, TimeFunction
 from porocore.core.models.bounds import MOST_TIMES
 from porocore.core.models.strict import StrictModel
-from porocore.core.units import Dimension, InScales, spoken
+from porocore.core.units import Dimension, InScales, Unit, spoken
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import tetrahedra, tetrahedron_at
 from porocore.states import Array, IntArray
@@ -416,3 +417,190 @@ def _mesh_data(path: Path, name: str, key: str) -> tuple[Array, Any, Array]:
 
 def _text(place: Any) -> str:
     return spoken().texts(place, "displacement")
+
+
+#: A direction shorter than this, or a sine of two directions below it, determines no axes.
+SHORTEST = 1e-9
+#: A number with a unit of angles.
+_ANGLE = re.compile(
+    r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*(deg|degrees?|°|rad|radians?)", re.IGNORECASE
+)
+
+
+def _form(value: Any) -> Any:
+    """Return the branch of a field: a number, a text, or the ``kind`` of a section."""
+    if isinstance(value, StrictModel):
+        return getattr(value, "kind", None)
+    if isinstance(value, dict):
+        return value.get("kind", "formula")
+    return "text" if isinstance(value, str) else "number"
+
+
+def _readable(text: str) -> str:
+    require_formula(text)
+    return text
+
+
+#: Text of a formula of x, y, z and t.
+Formula = Annotated[str, AfterValidator(_readable), InScales()]
+_Fields = (
+    Annotated[float, Tag("number")]
+    | Annotated[Formula, Tag("text")]
+    | Annotated[FormulaField, Tag("formula")]
+    | Annotated[TableField, Tag("table")]
+    | Annotated[ImageField, Tag("image")]
+    | Annotated[DataField, Tag("data")]
+)
+#: A number, a formula, or a section with a ``kind``.
+AnyField = Annotated[_Fields, Discriminator(_form)]
+Component = float | Formula
+Direction = tuple[Component, Component, Component]
+
+
+class AxesField(StrictModel):
+    """Material axes, in which the cell stands in the body.
+
+    Either turned by ``angle`` about the line ``about``, or with the first two axes along ``first`` and ``second``, of
+    which the second is made perpendicular to the first.
+    """
+
+    kind: Literal["axes"] = "axes"
+    """Material axes."""
+    about: tuple[float, float, float] | None = None
+    """Direction of the line about which the axes are turned, counter-clockwise where it points to the reader."""
+    angle: Annotated[AnyField | None, Unit("degrees")] = None
+    """Angle by which they are turned."""
+    first: Direction | None = None
+    """Direction of the cell's first axis: three numbers or formulas of x, y, z and t."""
+    second: Direction | None = None
+    """Direction of the cell's second axis."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _turn_by_their_angle(cls, data: Any) -> Any:
+        if isinstance(data, dict) and (given := [key for key in ("initial", "over") if key in data]):
+            raise ValueError(
+                f"expected initial and over under 'angle:', got {' and '.join(given)} beside it; write "
+                "'angle: {formula: 12*y, initial: 0, over: {ramp: 1, until: 100}}'"
+            )
+        return data
+
+    @field_validator("angle", mode="before")
+    @classmethod
+    def _in_degrees(cls, angle: Any) -> Any:
+        given = _ANGLE.fullmatch(angle.strip()) if isinstance(angle, str) else None
+        if given is not None:
+            number, unit = float(given[1]), given[2].lower()
+            degrees = number if unit.startswith(("d", "°")) else np.rad2deg(number)
+            raise ValueError(f"an angle is in degrees, without a unit; write {degrees:g}, got {echo(angle)}")
+        return angle
+
+    @model_validator(mode="after")
+    def _one_way(self) -> AxesField:
+        turned, directed = (self.about, self.angle), (self.first, self.second)
+        for pair, words in ((turned, "about and angle"), (directed, "first and second")):
+            if (pair[0] is None) != (pair[1] is None):
+                raise ValueError(f"{words} belong together")
+        if (self.about is None) == (self.first is None):
+            raise ValueError("expected either about and angle, or first and second")
+        if self.about is not None and np.linalg.norm(self.about) < SHORTEST:
+            raise ValueError("about is no direction, all of its components are zero")
+        return self
+
+    @property
+    def varies(self) -> bool:
+        """True for axes that change with time."""
+        texts = (component for component in (*(self.first or ()), *(self.second or ())))
+        moves = any(isinstance(text, str) and "t" in require_formula(text).names for text in texts)
+        return moves or (self.angle is not None and as_field(self.angle).varies)
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """Times at which the axes have a kink."""
+        return () if self.angle is None else as_field(self.angle).corners
+
+    def rotations(self, points: Points, time: float, key: str) -> Array:
+        """Return the rotations (n, 3, 3) whose columns are the axes.
+
+        Raises
+        ------
+        ConfigurationError
+            A direction has no length somewhere, or both are along one line; the message begins with ``key``.
+        """
+        if self.about is not None and self.angle is not None:
+            angle = as_field(self.angle)
+            degrees = angle.in_time(angle.reached(points, time, f"{key}.angle"), time)
+            return _turns(np.array(self.about), np.deg2rad(degrees))
+        assert self.first is not None
+        assert self.second is not None
+        first = _unit(_direction(self.first, points, time, f"{key}.first"), points, f"{key}.first")
+        second = _direction(self.second, points, time, f"{key}.second")
+        across = second - np.einsum("ni,ni->n", first, second)[:, None] * first
+        across = _unit(across, points, f"{key}.second", "has no part perpendicular to the first axis")
+        return np.stack([first, across, np.cross(first, across)], axis=-1)
+
+
+def _entry_form(value: Any) -> Any:
+    """Return the branch of an entry of ``fields``, where a section without a ``kind`` may be of axes."""
+    if (
+        isinstance(value, dict)
+        and "kind" not in value
+        and {"about", "angle", "first", "second"} & value.keys()
+    ):
+        return "axes"
+    return _form(value)
+
+
+#: A field of a parameter, or the material axes.
+AnyEntry = Annotated[_Fields | Annotated[AxesField, Tag("axes")], Discriminator(_entry_form)]
+#: Name of the entry that holds the material axes.
+AXES = "axes"
+
+
+def _well_named(entries: dict[str, Any]) -> dict[str, Any]:
+    """Refuse axes under another name, and parameters called ``axes``."""
+    for name, entry in entries.items():
+        if (name == AXES) != isinstance(entry, AxesField):
+            raise ValueError(
+                f"'{AXES}' are the material axes: expected about and angle, or first and second"
+                if name == AXES
+                else f"material axes are given under the name '{AXES}', not '{name}'"
+            )
+    return entries
+
+
+#: Fields by the name of their parameter, and the axes.
+Fields = Annotated[dict[str, AnyEntry], AfterValidator(_well_named)]
+
+
+def as_field(value: Any) -> ParameterField:
+    """Return the field of a number or a text, and any other as it is."""
+    if isinstance(value, ParameterField):
+        return value
+    return FormulaField(formula=value if isinstance(value, str) else repr(float(value)))
+
+
+def _direction(components: Direction, points: Points, time: float, key: str) -> Array:
+    columns = [
+        formula_values(component, points.places, time, key)
+        if isinstance(component, str)
+        else np.full(len(points), component)
+        for component in components
+    ]
+    return np.stack(columns, axis=1)
+
+
+def _unit(vectors: Array, points: Points, key: str, fault: str = "has no length") -> Array:
+    length = np.linalg.norm(vectors, axis=1)
+    if len(length) and length.min() < SHORTEST:
+        at = spoken().texts(points.places[length.argmin()], "displacement")
+        raise ConfigurationError(f"{key}: the direction {fault} at {at}, so that it gives no axis there")
+    return np.asarray(vectors / length[:, None])
+
+
+def _turns(about: Array, angle: Array) -> Array:
+    """Return the rotations (n, 3, 3) about one line by the angles (n,) [Rodrigues]."""
+    a = about / np.linalg.norm(about)
+    cross = np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
+    sine, cosine = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
+    return np.asarray(np.eye(3) + sine * cross + (1 - cosine) * (cross @ cross))

@@ -1,32 +1,34 @@
-"""Regions of a body in the configuration, their elements, and the laws of bodies that have some."""
+"""Regions of a body, and parameters and places at its points at a time (BodyFields), with means over elements."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import fields, replace
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, Protocol, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 from pydantic import Field, Tag, model_validator
 
-from porocore.core.echo import echo, suggestion
-from porocore.core.fields import Batch
+from porocore.core.echo import echo, joined, suggestion
 from porocore.core.models.strict import Name, StrictModel, by_kind
 from porocore.core.units import Dimension, spoken
 from porocore.errors import ConfigurationError
-from porocore.interfaces.law import (
-    LawMemory,
-    MacroLaw,
-    MacroResponse,
-    MemoryChanges,
-    PointChanges,
-    ResponseChanges,
-    fingerprint,
-)
+from porocore.interfaces.cell import ElementCells
 from porocore.macro.body.mesh import BodyMesh
-from porocore.macro.composition.axes import AXES, Fields
-from porocore.states import Array, IntArray, MacroState
+from porocore.macro.composition.fields import (
+    AXES,
+    AxesField,
+    Fields,
+    FormulaField,
+    MeasuredField,
+    ParameterField,
+    Points,
+    as_field,
+    require_formula,
+)
+from porocore.states import Array, BodyPlace, IntArray, MacroState
 
 T = TypeVar("T")
 Length = Annotated[float, Dimension("displacement")]
@@ -219,284 +221,6 @@ def regions_of_cell(regions: Mapping[str, Region], cell: str | None) -> list[int
     return [k for k, own in enumerate((None, *(region.cell for region in regions.values()))) if own == cell]
 
 
-B = TypeVar("B", bound=Batch)
-
-
-class RegionLaw(MacroLaw):
-    """A law that asks for each point the law of its region.
-
-    The tangent is constant where that of each law is, and the noise is the largest. Parameters are those of all laws
-    together, each name once.
-
-    Parameters
-    ----------
-    laws
-        Law of each region by the region's number: that of the rest of the body first, then the others in the order of
-        the configuration.
-
-    Raises
-    ------
-    ConfigurationError
-        There is no law.
-    """
-
-    def __init__(self, laws: Sequence[MacroLaw]) -> None:
-        if not laws:
-            raise ConfigurationError("laws of regions: expected a law for each region, got none")
-        self.laws = tuple(laws)
-        self.name = " + ".join(dict.fromkeys(law.name for law in self.laws))
-        self.identity = fingerprint("regions", *(law.identity for law in self.laws))
-        self.noise = max(law.noise for law in self.laws)
-        self.constant_tangent = all(law.constant_tangent for law in self.laws)
-        self.parameters = tuple(dict.fromkeys(name for law in self.laws for name in law.parameters))
-        first = {id(law): k for k, law in reversed(list(enumerate(self.laws)))}
-        self._first_alike = np.array([first[id(law)] for law in self.laws])
-        self._columns = [[self.parameters.index(name) for name in law.parameters] for law in self.laws]
-
-    @classmethod
-    def by_name(cls, regions: Sequence[str], laws: Mapping[str, MacroLaw], rest: MacroLaw) -> RegionLaw:
-        """Return the law of ``regions``, by their names in the configuration; those without a law have ``rest``.
-
-        Raises
-        ------
-        ConfigurationError
-            A law is given for a region that is not there.
-        """
-        for name in laws:
-            if name not in regions:
-                known = ", ".join(regions) or "none"
-                raise ConfigurationError(
-                    f"laws of regions: there is no region '{name}'; the regions are {known}"
-                )
-        return cls([rest, *(laws.get(name, rest) for name in regions)])
-
-    @classmethod
-    def by_cell(
-        cls, regions: Mapping[str, Region], rest: MacroLaw, others: Mapping[str, MacroLaw]
-    ) -> MacroLaw:
-        """Return the law of a body with ``regions``, by the law of each cell that they name.
-
-        ``rest`` is that of the cell of the rest of the body, which is the law of all where there are no ``others``.
-        """
-        return cls(of_regions(regions, rest, others)) if others else rest
-
-    def parameters_of(self, region: int) -> tuple[str, ...]:
-        """Return those of the region's law; see :class:`MacroLaw`."""
-        return self.laws[region].parameters if region < len(self.laws) else ()
-
-    def initial(self, n: int) -> LawMemory:
-        """Return the memory at rest of n points of the rest of the body."""
-        return self.laws[0].initial(n)
-
-    def initial_at(self, points: MacroState) -> LawMemory:
-        """Return the memory at rest, by the law of each point's region."""
-        parts = [
-            (rows, law.initial_at(self._seen(points[rows], k))) for k, law, rows in self._regions(points)
-        ]
-        return replace(_joined(LawMemory, parts, len(points)), states=points.at_rest())
-
-    def respond(
-        self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
-    ) -> MacroResponse:
-        """Return the response of the law of each point's region."""
-        return self.respond_to_each(states, [grad_p], memory, tangent=tangent)[0]
-
-    def respond_to_each(
-        self, states: MacroState, gradients: Sequence[Array], memory: LawMemory, *, tangent: bool = True
-    ) -> list[MacroResponse]:
-        """Return the responses to several gradients of the pressure; see :class:`MacroLaw`."""
-        found: list[list[tuple[IntArray, MacroResponse]]] = [[] for _ in gradients]
-        for k, law, rows in self._regions(states):
-            responses = law.respond_to_each(
-                self._seen(_chosen(states, rows, len(states)), k),
-                [grad_p if len(rows) == len(states) else grad_p[rows] for grad_p in gradients],
-                self._memory_seen(_chosen(memory, rows, len(states)), k),
-                tangent=tangent,
-            )
-            for parts, response in zip(found, responses, strict=True):
-                parts.append((rows, response))
-        joined = [_joined(MacroResponse, parts, len(states)) for parts in found]
-        return [replace(each, memory=replace(each.memory, states=states)) for each in joined]
-
-    def respond_to_changes(
-        self,
-        states: MacroState,
-        grad_p: Array,
-        memory: LawMemory,
-        changes: PointChanges,
-        before: MemoryChanges,
-    ) -> tuple[MacroResponse, ResponseChanges]:
-        """Return the responses of the laws and their derivatives; see :class:`MacroLaw`."""
-        n, responses, found = len(states), [], []
-        for k, law, rows in self._regions(states):
-            response, derivatives = law.respond_to_changes(
-                self._seen(_chosen(states, rows, n), k),
-                grad_p if len(rows) == n else grad_p[rows],
-                self._memory_seen(_chosen(memory, rows, n), k),
-                self._changes_seen(_chosen(changes, rows, n), k),
-                _chosen(before, rows, n),
-            )
-            responses.append((rows, response))
-            found.append((rows, derivatives))
-        whole = _joined(MacroResponse, responses, n)
-        whole = replace(whole, memory=replace(whole.memory, states=states))
-        return whole, _joined(ResponseChanges, found, n)
-
-    def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
-        """Ask the law of each region; a changed memory of one leaves those of the others as they are."""
-        parts, changed = [], False
-        for k, law, rows in self._regions(response.memory.states):
-            part = response[rows]
-            part = replace(part, memory=self._memory_seen(part.memory, k))
-            old = self._memory_seen(memory[rows], k)
-            new = law.before_accept(part, old)
-            changed |= new is not None
-            parts.append((rows, old if new is None else new))
-        if not changed:
-            return None
-        return replace(_joined(LawMemory, parts, len(memory.states)), states=memory.states)
-
-    def reasons(self, states: MacroState) -> list[str]:
-        """Return the reasons that the laws know; see :class:`MacroLaw`."""
-        found = [""] * len(states)
-        for k, law, rows in self._regions(states):
-            for row, reason in zip(rows, law.reasons(self._seen(states[rows], k)), strict=True):
-                found[row] = reason
-        return found
-
-    def _regions(self, states: MacroState) -> list[tuple[int, MacroLaw, IntArray]]:
-        """Return each law that is asked, with the number of its first region and its points; regions may share one.
-
-        Raises
-        ------
-        ValueError
-            The states do not tell their region, or one of a region without a law.
-        """
-        if states.place is None:
-            raise ValueError("expected states with the number of their region (place)")
-        region = states.place.region
-        if len(region) and not 0 <= region.min() <= region.max() < len(self.laws):
-            raise ValueError(
-                f"expected regions from 0 to {len(self.laws) - 1}, for which there are laws, got {region.max()}"
-            )
-        asked = self._first_alike[region]
-        numbers = np.unique(asked) if self._first_alike.any() and len(region) else [0]
-        return [(int(k), self.laws[k], np.flatnonzero(asked == k)) for k in numbers]
-
-    def _seen(self, states: MacroState, k: int) -> MacroState:
-        """Return the states with the parameters of law ``k`` alone, in its order."""
-        theta = states.parameters
-        if theta is not None and self._columns[k] == list(range(theta.shape[1])):
-            return states
-        return replace(
-            states, parameters=theta[:, self._columns[k]] if theta is not None and self._columns[k] else None
-        )
-
-    def _changes_seen(self, changes: PointChanges, k: int) -> PointChanges:
-        """Return the changes of the parameters of law ``k`` alone."""
-        theta, columns = changes.parameters, self._columns[k]
-        return replace(changes, parameters=theta[:, columns] if theta is not None and columns else None)
-
-    def _memory_seen(self, memory: LawMemory, k: int) -> LawMemory:
-        return replace(memory, states=self._seen(memory.states, k))
-
-
-def _chosen(batch: B, rows: IntArray, n: int) -> B:
-    """Return some of n points of a batch, and the batch itself where these are all."""
-    return batch if len(rows) == n else batch[rows]
-
-
-def _joined(kind: type[B], parts: Sequence[tuple[IntArray, B]], n: int) -> B:
-    """Return a batch of n rows from parts, each with its rows; NaN where a part leaves out what another has."""
-    if len(parts) == 1:
-        return parts[0][1]
-    values: dict[str, Any] = {}
-    for f in fields(kind):  # type: ignore[arg-type]
-        found = [(rows, getattr(part, f.name)) for rows, part in parts]
-        there = [(rows, value) for rows, value in found if value is not None]
-        if not there:
-            values[f.name] = None
-            continue
-        first = there[0][1]
-        if isinstance(first, MacroState):  # of a memory, which gets the states of all points
-            values[f.name] = MacroState.zeros(n)
-        elif isinstance(first, Batch):
-            values[f.name] = _joined(type(first), there, n)
-        else:
-            whole = np.empty((n, *first.shape[1:]), dtype=first.dtype)
-            if len(there) < len(found):
-                whole[:] = np.nan
-            for rows, value in there:
-                whole[rows] = value
-            values[f.name] = whole
-    return kind(**values)
-
-
-class NearestMemberLaw(RegionLaw):
-    """A law that asks at each point the law of the member whose parameters lie nearest.
-
-    Parameters
-    ----------
-    laws
-        Laws of k members, which have no parameters themselves.
-    values : (k, m)
-        Parameters of the members.
-    ranges
-        Ranges of the m parameters by name, in which distances are measured.
-
-    Raises
-    ------
-    ConfigurationError
-        There is no law.
-    """
-
-    def __init__(
-        self, laws: Sequence[MacroLaw], values: Array, ranges: dict[str, tuple[float, float]]
-    ) -> None:
-        super().__init__(laws)
-        self.parameters = tuple(ranges)
-        self._spans = np.array([high - low for low, high in ranges.values()])
-        self._values = np.asarray(values, float)
-        self.identity = fingerprint("members", self.identity, self._values)
-
-    def parameters_of(self, region: int) -> tuple[str, ...]:
-        """Return all names; see :class:`MacroLaw`."""
-        return self.parameters
-
-    def _regions(self, states: MacroState) -> list[tuple[int, MacroLaw, IntArray]]:
-        """Return number, law and points of each member that is the nearest somewhere.
-
-        Raises
-        ------
-        ValueError
-            The states have no parameters.
-        """
-        if states.parameters is None:
-            raise ValueError("expected states with parameters")
-        away = (states.parameters[:, None, :] - self._values) / self._spans
-        nearest = (away**2).sum(axis=2).argmin(axis=1)
-        return [(int(k), self.laws[k], np.flatnonzero(nearest == k)) for k in np.unique(nearest)]
-
-    def _seen(self, states: MacroState, k: int) -> MacroState:
-        """Return the states without parameters, which a member has not."""
-        return replace(states, parameters=None)
-
-    def _changes_seen(self, changes: PointChanges, k: int) -> PointChanges:
-        """Return the changes without parameters.
-
-        Raises
-        ------
-        ConfigurationError
-            A parameter changes, of which the nearest member does not know.
-        """
-        if changes.parameters is not None and changes.parameters.any():
-            raise ConfigurationError(
-                f"the law '{self.name}' of the nearest members of a family jumps with its parameters, so that a run "
-                "has no sensitivities to them; choose a surrogate of the family"
-            )
-        return replace(changes, parameters=None)
-
-
 class ComposedBody(Protocol):
     """A set-up with regions and fields."""
 
@@ -595,3 +319,335 @@ def without_a_value(setup: ComposedBody, name: str, missing: Sequence[int]) -> s
         f"macro.fields.{name}: missing; the cell has the parameter '{name}', which has no value in {where}: add "
         f"'{name}:' with a number or a field"
     )
+
+
+#: Times from the beginning to the end at which fields are looked at, beside their kinks; and more for those that change
+#: by a formula, at shares of the golden ratio, so that no period of it hides between them.
+TIMES, MORE_TIMES, GOLDEN = 21, 100, (np.sqrt(5) - 1) / 2
+
+
+@dataclass(frozen=True)
+class CellRanges:
+    """Ranges of the parameters of the cell of each region, by its number: that of the rest of the body first."""
+
+    by_region: Sequence[Mapping[str, tuple[float, float]]]
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the parameters of all cells, each once."""
+        return tuple(dict.fromkeys(name for ranges in self.by_region for name in ranges))
+
+    def parameters_of(self, region: int) -> tuple[str, ...]:
+        """Return the names of those that a region's cell has."""
+        return tuple(self.by_region[region])
+
+
+@dataclass(frozen=True, eq=False)
+class CellsAtPoints:
+    """Parameters and places at n points at one time.
+
+    Attributes
+    ----------
+    parameters : (n, m)
+        None: the law has no parameters.
+    place
+        None: the body has neither regions nor axes.
+    """
+
+    parameters: Array | None = None
+    place: BodyPlace | None = None
+
+    def given_to(self, states: MacroState) -> MacroState:
+        """Return the states with these parameters and places."""
+        if self.parameters is None and self.place is None:
+            return states
+        return replace(states, parameters=self.parameters, place=self.place)
+
+
+#: Those of a body of one cell without parameters.
+EVERYWHERE_ALIKE = CellsAtPoints()
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """A field on the points that have it, with its key, and where it comes to if that does not change with time."""
+
+    key: str
+    rows: IntArray
+    points: Points
+    field: ParameterField
+    reached: Array | None
+
+    def at(self, time: float) -> Array:
+        found = self.field.reached(self.points, time, self.key) if self.reached is None else self.reached
+        return self.field.in_time(found, time)
+
+
+class BodyFields:
+    """Fields and regions of a body at the quadrature points of some elements, at any time.
+
+    Parameters
+    ----------
+    setup
+        Regions and fields.
+    mesh
+        Of the body.
+    law
+        Whose parameters are needed.
+    elements
+        Numbers of the elements; None: all.
+
+    Attributes
+    ----------
+    varies
+        Whether anything changes with time.
+    turned
+        Whether there are material axes.
+    names, regions
+        Parameters of the law, and names of the regions.
+
+    Raises
+    ------
+    ConfigurationError
+        A field is of no parameter, a parameter has no field somewhere, regions are empty or overlap, or a file does not
+        suit the body.
+    """
+
+    def __init__(
+        self, setup: ComposedBody, mesh: BodyMesh, law: NeedsParameters, elements: IntArray | None = None
+    ) -> None:
+        self.names = names = law.parameters
+        self.regions = tuple(setup.regions)
+        require_names(setup, law)
+        self._pieces: list[list[_Piece]] = []
+        self._axes: list[tuple[str, IntArray, Points, AxesField]] = []
+        self.varies, self.turned = False, False
+        self._last: tuple[float, CellsAtPoints] | None = None
+        if not names and not setup.regions and not setup.fields:
+            self._last = 0.0, EVERYWHERE_ALIKE
+            return
+        numbers = region_numbers(mesh, setup.regions)
+        chosen = np.arange(len(mesh.cells)) if elements is None else elements
+        count = mesh.weights.shape[1]
+        self.points = Points(
+            mesh.quadrature_points[chosen].reshape(-1, 3),
+            mesh.centres[chosen],
+            np.repeat(np.arange(len(chosen)), count),
+        )
+        self._region = np.repeat(numbers[chosen], count)
+        self._collect(setup, law, numbers)
+
+    def _collect(self, setup: ComposedBody, law: NeedsParameters, numbers: IntArray) -> None:
+        present = [int(k) for k in np.unique(numbers)]
+        for name in self.names:
+            found = [*by_region(setup, name, present)]
+            given = {k for _, ks, _ in found for k in ks}
+            missing = [k for k in present if k not in given and name in law.parameters_of(k)]
+            if missing:
+                raise ConfigurationError(without_a_value(setup, name, missing))
+            pieces = []
+            for key, ks, value in found:
+                having = [k for k in ks if name in law.parameters_of(k)]
+                rows, field = np.flatnonzero(np.isin(self._region, having)), as_field(value)
+                points = self.points[rows]
+                fixed = not _moves(field)
+                reached = field.reached(points, 0.0, key) if fixed else None
+                pieces.append(_Piece(key, rows, points, field, reached))
+                self.varies |= field.varies
+            self._pieces.append(pieces)
+        for key, ks, axes in by_region(setup, AXES, present):
+            rows = np.flatnonzero(np.isin(self._region, ks))
+            self._axes.append((key, rows, self.points[rows], axes))
+            self.varies |= axes.varies
+            self.turned = True
+
+    def at(self, time: float) -> CellsAtPoints:
+        """Return parameters and places at ``time``; the same object as before where nothing has changed.
+
+        Raises
+        ------
+        ConfigurationError
+            A formula has no value at a point.
+        """
+        if self._last is not None and (not self.varies or self._last[0] == time):
+            return self._last[1]
+        n = len(self.points)
+        parameters = np.full((n, len(self.names)), np.nan) if self.names else None
+        for column, pieces in enumerate(self._pieces):
+            for piece in pieces:
+                assert parameters is not None
+                parameters[piece.rows, column] = piece.at(time)
+        axes = np.broadcast_to(np.eye(3), (n, 3, 3)).copy() if self._axes else None
+        for key, rows, points, field in self._axes:
+            assert axes is not None
+            axes[rows] = field.rotations(points, time, key)
+        place = BodyPlace(self._region, axes)
+        self._last = time, CellsAtPoints(parameters, place)
+        return self._last[1]
+
+    def in_region(self, region: str | None, n: int) -> npt.NDArray[np.bool_]:
+        """Return which of the n points lie in a region, (n,); all without its name.
+
+        Raises
+        ------
+        ConfigurationError
+            There is no such region.
+        """
+        if region is None:
+            return np.ones(n, bool)
+        if region not in self.regions:
+            known = suggestion(region, self.regions, "the regions are", "it has none")
+            raise ConfigurationError(f"macro.regions: the body has no region {echo(region)}; {known}")
+        return np.asarray(self._region == 1 + self.regions.index(region))
+
+    def with_field(self, name: str, region: str | None = None) -> npt.NDArray[np.bool_]:
+        """Return the points (n,) that have a parameter in a region, or by the field of the body without its name.
+
+        Raises
+        ------
+        ConfigurationError
+            There is no such region.
+        """
+        n = len(self.points)
+        inside, having = self.in_region(region, n), np.zeros(n, bool)
+        for piece in self._pieces[self.names.index(name)]:
+            if region is not None or piece.key == f"macro.fields.{name}":
+                having[piece.rows] = True
+        return np.logical_and(inside, having)
+
+    def require_within(self, ranges: CellRanges, times: Collection[float]) -> None:
+        """Refuse a field that leaves the range of its parameter, in the cell that is there, at one of ``times``.
+
+        Raises
+        ------
+        ConfigurationError
+            It does; the message names key, place, time and range.
+        """
+        for name, pieces in zip(self.names, self._pieces, strict=True):
+            for piece in pieces:
+                regions = self._region[piece.rows]
+                for time in times if piece.field.varies else (0.0,):
+                    values = piece.at(time)
+                    for k in np.unique(regions):
+                        rows = np.flatnonzero(regions == k)
+                        _require_within(piece, name, values, rows, ranges.by_region[k][name], time)
+
+
+def _require_within(
+    piece: _Piece, name: str, values: Array, rows: IntArray, ends: tuple[float, float], time: float
+) -> None:
+    """Refuse values that leave their range at the points ``rows`` of a piece."""
+    low, high = ends
+    outside = np.maximum(low - values[rows], values[rows] - high)
+    if outside.max() <= 1e-9 * (high - low):
+        return
+    worst = int(rows[outside.argmax()])
+    at = spoken().texts(piece.points.places[worst], "displacement")
+    when = f", t = {spoken().text(time, 'time', 6)}" if piece.field.varies else ""
+    raw = isinstance(piece.field, MeasuredField) and not piece.field.values
+    hint = (
+        "; without 'values: [[value in the file, parameter], …]' the file holds the parameter itself"
+        if raw
+        else ""
+    )
+    if isinstance(piece.field, FormulaField) and spoken().given:
+        used = [name for name in "xyz" if name in require_formula(piece.field.formula).names]
+        count = f"; in its formula {joined(used)} {'is' if len(used) == 1 else 'are'} in multiples of"
+        hint = f"{count} {spoken().text(1.0, 'displacement')}" if used else ""
+    raise ConfigurationError(
+        f"{piece.key}: the field is {values[worst]:.6g} at {at}{when}, beyond the range [{low:g}, {high:g}] of the "
+        f"parameter '{name}'; narrow the field, or widen the range{hint}"
+    )
+
+
+def field_times(setup: ComposedBody, end: float) -> list[float]:
+    """Return times from 0 to ``end`` at which fields that change are looked at: their kinks, and others between."""
+    corners = [time for time in field_corners(setup) if time < end]
+    entries = [entry for _, fields in sections(setup) for entry in fields.values()]
+    by_formula = any(as_field(entry).by_formula for entry in entries if not isinstance(entry, AxesField))
+    more = np.arange(1, MORE_TIMES + 1) * GOLDEN % 1.0 * end if by_formula else np.zeros(0)
+    return sorted({*np.linspace(0.0, end, TIMES).tolist(), *more.tolist(), *corners})
+
+
+def require_composition(
+    setup: ComposedBody,
+    mesh: BodyMesh,
+    ranges: CellRanges,
+    end: float,
+) -> None:
+    """Refuse regions and fields that do not suit the body or the cells with parameters of these ``ranges``.
+
+    Fields that change are looked at from t = 0 to ``end``.
+
+    Raises
+    ------
+    ConfigurationError
+        See :class:`BodyFields`; or a field leaves the range of its parameter at some time.
+    """
+    times = field_times(setup, end)
+    body = BodyFields(setup, mesh, ranges)
+    body.require_within(ranges, times)
+    for time in times if body.turned and body.varies else (0.0,):
+        body.at(time)
+
+
+def _moves(field: ParameterField) -> bool:
+    """Tell whether the value to which the field comes depends on time itself, not by ``over`` alone."""
+    return field.model_copy(update={"over": None, "initial": None}).varies
+
+
+def kept_cells(
+    body: BodyFields, regions: Sequence[str], times: Sequence[float], means: Callable[[Array], Array]
+) -> ElementCells | None:
+    """Return the cells of a body's elements at the kept times; None where they are alike.
+
+    Parameters
+    ----------
+    body
+        Fields of the body at some points.
+    regions
+        Names of its regions.
+    times
+        At least one.
+    means
+        Returns the means over all elements (elements, ...) of values at these points (points, ...).
+    """
+    at = [body.at(time) for time in (times if body.varies else times[:1])]
+    place = at[0].place
+    if place is None:
+        return None
+    values = [means(each.parameters) for each in at if each.parameters is not None]
+    axes = [means(each.place.axes) for each in at if each.place is not None and each.place.axes is not None]
+    return ElementCells(
+        np.rint(means(place.region.astype(float))).astype(np.int64),
+        tuple(regions),
+        body.names,
+        np.stack(values) if values else None,
+        nearest_rotations(np.stack(axes)) if axes else None,
+    )
+
+
+def cells_of_elements(
+    setup: ComposedBody, mesh: BodyMesh, law: NeedsParameters, times: Sequence[float]
+) -> ElementCells | None:
+    """Return the cells of all elements of a mesh; see :func:`kept_cells`.
+
+    Raises
+    ------
+    ConfigurationError
+        See :class:`~porocore.macro.composition.regions.BodyFields`.
+    """
+    shares = mesh.weights / mesh.weights.sum(axis=1, keepdims=True)
+
+    def means(values: Array) -> Array:
+        by_element = values.reshape(*shares.shape, *values.shape[1:])
+        return np.asarray(np.einsum("eq,eq...->e...", shares, by_element))
+
+    return kept_cells(BodyFields(setup, mesh, law), tuple(setup.regions), times, means)
+
+
+def nearest_rotations(matrices: Array) -> Array:
+    """Return the rotations (..., 3, 3) that lie nearest to matrices, such as means of rotations."""
+    U, _, V = np.linalg.svd(matrices)
+    U[..., -1] *= np.sign(np.linalg.det(U @ V))[..., None]
+    return np.asarray(U @ V)

@@ -12,7 +12,7 @@ import numpy as np
 
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
 from porocore.macro.boundary.conditions import Loads
-from porocore.macro.composition.body_fields import EVERYWHERE_ALIKE, CellsAtPoints
+from porocore.macro.composition.regions import EVERYWHERE_ALIKE, CellsAtPoints
 from porocore.macro.integration.discretisation import Discretisation, Residual, StepFailed
 from porocore.macro.integration.stepping import GROW, SAME, Stepper
 from porocore.macro.linear_systems import forcing, sufficient

@@ -17,12 +17,12 @@ from porocore.interfaces.law import LawMemory, MacroLaw
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.sensitivities import HistoryWeights, MacroChange, MacroSensitivities
 from porocore.interfaces.solution import MacroSolution, StepReport, StepWork
-from porocore.macro.composition.axes import TurnedLaw
-from porocore.macro.composition.body_fields import BodyFields, CellsAtPoints
+from porocore.macro.composition.regions import BodyFields, CellsAtPoints
 from porocore.macro.integration.checkpoint import CheckpointFile, HistoryRecorder
 from porocore.macro.integration.discretisation import Discretisation, StepFailed
 from porocore.macro.integration.newton import Linearisations, Predictor, Step, newton_step
 from porocore.macro.integration.stepping import ErrorControl, Reached, Stepper
+from porocore.macro.laws.composed import TurnedLaw
 from porocore.macro.sensitivities.gradients import GradientPass, RunTape, SensitivityTracker
 from porocore.states import Array, BodyPlace, MacroState
 

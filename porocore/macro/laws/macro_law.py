@@ -27,9 +27,8 @@ from porocore.interfaces.law import (
     UndeformedCells,
     fingerprint,
 )
-from porocore.macro.composition.bound_law import BoundLaw
-from porocore.macro.laws.cell_changes import cell_changes
-from porocore.macro.laws.closure import Closure, ClosurePoints
+from porocore.macro.laws.closure import Closure, ClosurePoints, cell_changes
+from porocore.macro.laws.composed import BoundLaw
 from porocore.plugins.border import check_prediction, prediction_of
 from porocore.states import Array, CellResponse, IntArray, MacroState
 

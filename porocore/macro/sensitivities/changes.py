@@ -30,7 +30,7 @@ from porocore.interfaces.sensitivities import (
     ViscosityChange,
 )
 from porocore.macro.boundary.conditions import Loads, boundary_data
-from porocore.macro.composition.body_fields import BodyFields
+from porocore.macro.composition.regions import BodyFields
 from porocore.macro.integration.discretisation import Discretisation
 from porocore.macro.problem import Boundary, MacroProblem
 from porocore.macro.sensitivities.equations import MemoryWeights, PointWeights

@@ -28,7 +28,7 @@ from porocore.interfaces.sensitivities import (
     MacroSensitivities,
 )
 from porocore.macro.boundary.conditions import Loads
-from porocore.macro.composition.body_fields import BodyFields
+from porocore.macro.composition.regions import BodyFields
 from porocore.macro.integration.checkpoint import HistoryRecorder, extremes
 from porocore.macro.integration.discretisation import Discretisation, StepFailed
 from porocore.macro.integration.newton import Linearisation, Linearisations, Step

@@ -43,11 +43,9 @@ from porocore.core.units import (
 from porocore.errors import ConfigurationError, PluginError
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.boundary.symmetry import part_problem
-from porocore.macro.composition.axes import AXES
-from porocore.macro.composition.body_fields import BodyFields, CellRanges, field_times
-from porocore.macro.composition.regions import regions_of_cell
-from porocore.macro.laws import CLOSURES
-from porocore.macro.laws.closure import ConductivityLaw
+from porocore.macro.composition.fields import AXES
+from porocore.macro.composition.regions import BodyFields, CellRanges, field_times, regions_of_cell
+from porocore.macro.laws.closure import CLOSURES, ConductivityLaw
 from porocore.macro.problem import MacroProblem, MacroSetup, body_mesh
 from porocore.plugins.registry import registry
 from porocore.sampling.execution.pool import ExecutorName, contradiction

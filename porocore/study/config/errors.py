@@ -16,7 +16,7 @@ from porocore.core.inputs import NAMES, input_meant
 from porocore.core.models.strict import bare, bounds, is_section, is_union
 from porocore.core.units import Unit, has_unit
 from porocore.errors import ConfigurationError
-from porocore.macro.laws import CLOSURES
+from porocore.macro.laws.closure import CLOSURES
 from porocore.plugins.hookspecs import CommandOffer
 from porocore.plugins.kinds import Kind
 from porocore.plugins.registry import registry

@@ -37,8 +37,13 @@ from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.sampler import Sampler
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.body.mesh import BodyMesh
-from porocore.macro.composition.body_fields import CellRanges, require_composition
-from porocore.macro.composition.regions import region_numbers, regions_of_cell, sections
+from porocore.macro.composition.regions import (
+    CellRanges,
+    region_numbers,
+    regions_of_cell,
+    require_composition,
+    sections,
+)
 from porocore.macro.integration.stepping import Stepper
 from porocore.macro.problem import MacroSetup
 from porocore.states import Array, CellResponse

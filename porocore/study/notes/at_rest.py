@@ -21,11 +21,17 @@ from porocore.macro.boundary.drainage import (
     moved,
     relaxation_time,
 )
-from porocore.macro.composition.axes import AXES
-from porocore.macro.composition.body_fields import cells_of_elements
-from porocore.macro.composition.linearised_law import RestCoefficients, coefficients_of_elements
-from porocore.macro.composition.regions import NearestMemberLaw, RegionLaw, by_region, regions_of_cell
-from porocore.macro.laws.linear import SAME, EffectiveProperties, LinearCoefficients, LinearPoroelasticity
+from porocore.macro.composition.fields import AXES
+from porocore.macro.composition.regions import by_region, cells_of_elements, regions_of_cell
+from porocore.macro.laws.composed import NearestMemberLaw, RegionLaw
+from porocore.macro.laws.linear import (
+    SAME,
+    EffectiveProperties,
+    LinearCoefficients,
+    LinearPoroelasticity,
+    RestCoefficients,
+    coefficients_of_elements,
+)
 from porocore.macro.problem import MacroSetup, body_mesh
 from porocore.plugins import registry
 from porocore.report.format import number

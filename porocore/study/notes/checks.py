@@ -16,7 +16,7 @@ from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary.conditions import boundary_data, not_held
 from porocore.macro.boundary.probes import interpolation
 from porocore.macro.boundary.symmetry import Symmetry
-from porocore.macro.laws import CLOSURES
+from porocore.macro.laws.closure import CLOSURES
 from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.plugins import registry
 from porocore.plugins.border import refuse

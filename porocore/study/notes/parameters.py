@@ -14,7 +14,7 @@ from porocore.cell.family.mesh import parameter_kinds
 from porocore.core.inputs import SampledRange
 from porocore.interfaces.law import CellLaw, MacroLaw
 from porocore.interfaces.surrogate import Surrogate
-from porocore.macro.composition.linearised_law import LinearisedLaw
+from porocore.macro.laws.linear import LinearisedLaw
 from porocore.plugins.border import prediction_of
 from porocore.report.words.held_out import OutputCheck
 from porocore.report.words.parameters import FamilySummary, ParameterRange, RestField

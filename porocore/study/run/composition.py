@@ -27,12 +27,11 @@ from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.records import RestData
 from porocore.interfaces.sampler import Explore, Remember, Sampler, StudyFacts, StudySampler, make_anew
 from porocore.interfaces.surrogate import MORE_STATES, TrainingSet, least_states
-from porocore.macro.composition.linearised_law import LinearisedLaw
-from porocore.macro.composition.regions import RegionLaw
-from porocore.macro.laws import CLOSURES, AdaptiveLaw, ClosedLaw
-from porocore.macro.laws.closure import Closure
+from porocore.macro.laws.closure import CLOSURES, Closure
+from porocore.macro.laws.composed import RegionLaw
 from porocore.macro.laws.direct import AdaptiveSurrogate, DirectCellLaw, SolvesCells, cost_recorded
-from porocore.macro.laws.linear import LinearPoroelasticity
+from porocore.macro.laws.linear import LinearisedLaw, LinearPoroelasticity
+from porocore.macro.laws.macro_law import AdaptiveLaw, ClosedLaw
 from porocore.macro.reference import CellReference
 from porocore.plugins.kinds import Kind
 from porocore.plugins.registry import registry

@@ -13,9 +13,10 @@ from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.sampler import Exploration
 from porocore.interfaces.surrogate import TrainingSet
 from porocore.macro.body.kinds import Body
-from porocore.macro.composition.regions import RegionLaw, region_numbers
-from porocore.macro.laws import ClosedLaw
+from porocore.macro.composition.regions import region_numbers
 from porocore.macro.laws.closure import Closure
+from porocore.macro.laws.composed import RegionLaw
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.plugins.border import body_solution_of
 from porocore.states import MacroState

@@ -34,7 +34,7 @@ from porocore.core.files.store import Numbers, added_up, read_totals
 from porocore.core.parallel.calls import Call, CallProcesses
 from porocore.core.unexpected import note_folder
 from porocore.errors import PorocoreError, RunFolderError
-from porocore.macro.laws import CLOSURES
+from porocore.macro.laws.closure import CLOSURES
 from porocore.study.config.config import RunConfig, differences, with_closure
 from porocore.study.config.loading import load_config
 

@@ -14,7 +14,7 @@ from porocore.interfaces.sampler import Sampler
 from porocore.interfaces.solution import MacroSolution
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.composition.regions import regions_of_cell
-from porocore.macro.laws import CLOSURES
+from porocore.macro.laws.closure import CLOSURES
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.macro.reference import CellReference
 from porocore.plugins.registry import registry

@@ -20,7 +20,8 @@ from porocore.interfaces.sensitivities import (
     ViscosityChange,
 )
 from porocore.interfaces.solution import MacroSolution
-from porocore.macro.laws import ClosedLaw, make_closure
+from porocore.macro.laws.closure import make_closure
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.macro.problem import MacroProblem
 from porocore.testing.expect import holds, near
 from porocore.testing.macro_checks.runs import SIDES, Solving

@@ -30,7 +30,7 @@ import pytest
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroTangent
 from porocore.interfaces.solution import History
-from porocore.macro.laws import LinearCellLaw
+from porocore.macro.laws.linear import LinearCellLaw
 from porocore.states import Array, MacroState
 from porocore.testing.expect import holds, near, require, same, states_text
 from porocore.testing.macro_checks.bodies import Bodies, Plates

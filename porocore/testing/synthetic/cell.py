@@ -19,7 +19,8 @@ from porocore.core.inputs import InputSpace
 from porocore.core.tensors import cofactor, determinant
 from porocore.interfaces.law import CellLaw, UndeformedCells
 from porocore.interfaces.surrogate import TrainingSet
-from porocore.macro.laws import ClosedLaw, make_closure
+from porocore.macro.laws.closure import make_closure
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.states import Array, CellResponse, MacroState
 from porocore.testing.synthetic import potential_cell
 from porocore.testing.synthetic.response import cubic_reference, respond_by

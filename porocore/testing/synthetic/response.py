@@ -11,8 +11,9 @@ import numpy as np
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.core.inputs import flatten
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
-from porocore.macro.laws import ClosedLaw, LinearCellLaw, MeanGradientClosure
-from porocore.macro.laws.linear import LinearCoefficients, LinearPoroelasticity
+from porocore.macro.laws.closure import MeanGradientClosure
+from porocore.macro.laws.linear import LinearCellLaw, LinearCoefficients, LinearPoroelasticity
+from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.macro.problem import Boundary, MacroProblem
 from porocore.states import Array, CellResponse, CellSlopes, CellTangent, MacroState, Status
 
