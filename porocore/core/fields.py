@@ -16,6 +16,7 @@ _KEY = "porocore"
 #: Axis of the parameters of a cell in the shape of a field.
 PARAMETER_AXIS = "m"
 T = TypeVar("T", bound=type)
+Value = TypeVar("Value")
 
 
 @dataclass(frozen=True)
@@ -136,6 +137,12 @@ def documented(batch: T) -> T:
     text, heading, examples = (batch.__doc__ or "").partition("\n    Examples\n")
     batch.__doc__ = "\n".join([text.rstrip(), *lines]) + (f"\n{heading}{examples}" if heading else "\n    ")
     return batch
+
+
+def provided(value: Value | None) -> Value:
+    """Return a value that is there, such as a response that a check has found to be provided."""
+    assert value is not None
+    return value
 
 
 class Batch:

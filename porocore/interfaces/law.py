@@ -17,7 +17,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from porocore.core.fields import Batch
+from porocore.core.fields import Batch, provided
 from porocore.core.files.plain_data import stable_hash
 from porocore.errors import ConfigurationError
 from porocore.states import Array, CellResponse, CellSlopes, IntArray, MacroState
@@ -120,9 +120,7 @@ class ResponseChanges(Batch):
         stored = along(tangent.storage_grad_u, tangent.storage_p)
         mean_grad = self.mean_grad
         if mean_grad is not None:
-            assert self.mean_grad_grad_u is not None
-            assert self.mean_grad_p is not None
-            mean_grad = mean_grad + along(self.mean_grad_grad_u, self.mean_grad_p, 3, 3)
+            mean_grad = mean_grad + along(provided(self.mean_grad_grad_u), provided(self.mean_grad_p), 3, 3)
         fluid = None if self.fluid_volume is None else self.fluid_volume + stored
         flux = self.flux + along(tangent.flux_grad_u, tangent.flux_p, 3)
         total = ResponseChanges(

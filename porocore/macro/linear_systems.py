@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any, Literal, get_args
@@ -347,12 +347,7 @@ class LinearWork:
     """
 
     choice: str = ""
-    _systems: int = 0
-    _iterations: int = 0
-    _most_iterations: int = 0
-    _set_ups: int = 0
-    _set_up_seconds: float = 0.0
-    _solve_seconds: float = 0.0
+    _work: StepWork = field(default_factory=StepWork)
     _notes: list[str] = field(default_factory=list)
     _taken: float = field(default_factory=perf_counter)
 
@@ -362,15 +357,19 @@ class LinearWork:
 
     def add_set_up(self, seconds: float, *, whole: bool = True) -> None:
         """Count one factor or preconditioner; a part of one takes time alone."""
-        self._set_ups += whole
-        self._set_up_seconds += seconds
+        work = self._work
+        self._work = replace(work, set_ups=work.set_ups + whole, set_up_seconds=work.set_up_seconds + seconds)
 
     def add_solve(self, iterations: int, seconds: float) -> None:
         """Count one system, solved in so many iterations; a factor needs none."""
-        self._systems += 1
-        self._iterations += iterations
-        self._most_iterations = max(self._most_iterations, iterations)
-        self._solve_seconds += seconds
+        work = self._work
+        self._work = replace(
+            work,
+            systems=work.systems + 1,
+            iterations=work.iterations + iterations,
+            most_iterations=max(work.most_iterations, float(iterations)),
+            solve_seconds=work.solve_seconds + seconds,
+        )
 
     def note(self, line: str) -> None:
         """Add a line for the log, such as that a factor takes over."""
@@ -380,17 +379,6 @@ class LinearWork:
     def take(self) -> tuple[StepWork, tuple[str, ...]]:
         """Return the work and the lines since this was last called, and begin anew."""
         now = perf_counter()
-        work = StepWork(
-            float(self._systems),
-            float(self._iterations),
-            float(self._most_iterations),
-            float(self._set_ups),
-            self._set_up_seconds,
-            self._solve_seconds,
-            now - self._taken,
-        )
-        notes = tuple(self._notes)
-        self._systems = self._iterations = self._most_iterations = self._set_ups = 0
-        self._set_up_seconds = self._solve_seconds = 0.0
-        self._notes, self._taken = [], now
+        work, notes = replace(self._work, seconds=now - self._taken), tuple(self._notes)
+        self._work, self._notes, self._taken = StepWork(), [], now
         return work, notes

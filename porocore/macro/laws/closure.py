@@ -15,7 +15,7 @@ import numpy as np
 
 from porocore.cell.cell import Cell
 from porocore.cell.materials.hyperelastic import Composite, Solid
-from porocore.core.fields import Batch
+from porocore.core.fields import Batch, provided
 from porocore.core.tensors import cofactor, cofactor_tangent, cross_matrix, determinant, polar_rotation, spin
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import (
@@ -177,8 +177,7 @@ class PulledBack:
 
         For R̄ held it is q_i F̄⁻¹_lk − F̄⁻¹_ik q_l + (K_ref)_il (F̄⁻ᵀ ∇_X p)_k.
         """
-        n, R, q, K, grad_p = len(self.J), self.rotation, self.flux, self.undeformed, self.grad_p
-        assert K is not None
+        n, R, q, K, grad_p = len(self.J), self.rotation, self.flux, provided(self.undeformed), self.grad_p
         inverse = np.ascontiguousarray(self.cof.swapaxes(1, 2)) / self.J[:, None, None]
         pulled = (grad_p[:, None, :] @ inverse)[:, 0]
         by_F = q[:, :, None, None] * inverse.swapaxes(1, 2)[:, None]
@@ -219,13 +218,12 @@ def at_points(value: float | Array, axes: int) -> float | Array:
 
 def deformation_tangent(tangent: CellTangent, solid_fraction: float | Array) -> tuple[Array, Array]:
     """Return ∂F̄/∂H (n, 9, 9) and ∂F̄/∂p (n, 9, 1)."""
-    assert tangent.mean_grad_grad_u is not None
-    assert tangent.mean_grad_p is not None
-    n, share = len(tangent.mean_grad_p), at_points(solid_fraction, 2)
-    return (
-        np.eye(9) + tangent.mean_grad_grad_u.reshape(n, 9, 9) / share,
-        tangent.mean_grad_p.reshape(n, 9, 1) / share,
+    M, Q, share = (
+        provided(tangent.mean_grad_grad_u),
+        provided(tangent.mean_grad_p),
+        at_points(solid_fraction, 2),
     )
+    return np.eye(9) + M.reshape(-1, 9, 9) / share, Q.reshape(-1, 9, 1) / share
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,8 +281,7 @@ def cell_changes(
     ConfigurationError
         The cell law does not know a derivative.
     """
-    tangent = cell.tangent
-    assert tangent is not None
+    tangent = provided(cell.tangent)
     if undeformed is None and tangent.conductivity_p is None:
         raise ConfigurationError(
             f"the cell law {type(law).__name__} gives no derivatives of the conductivity of the deformed pore, without "
@@ -314,16 +311,13 @@ def _without_parameters(
         change = (power * value - p.reshape(n, *(1 for _ in shape)) * by_p).reshape(n, -1, 1)
         return np.asarray(change * scaled[:, None, :]).reshape(n, *shape, k)
 
-    mean_grad = by_modulus(cell.mean_grad, tangent.mean_grad_p, 0, 3, 3)
-    K = cell.conductivity if undeformed is None else np.broadcast_to(undeformed, (n, 3, 3))
-    assert mean_grad is not None
-    assert K is not None
+    K = provided(cell.conductivity) if undeformed is None else np.broadcast_to(undeformed, (n, 3, 3))
     flow = -K[..., None] * changes.viscosity[:, None, None, :]
     moved = by_modulus(K, tangent.conductivity_p, 0, 3, 3) if undeformed is None else None
     fluid = tangent.fluid_volume_p
     return CellChanges(
         modulus=scaled,
-        mean_grad=mean_grad,
+        mean_grad=provided(by_modulus(cell.mean_grad, tangent.mean_grad_p, 0, 3, 3)),
         porosity=np.zeros_like(scaled),
         conductivity=flow if moved is None else flow + moved,
         stress=by_modulus(cell.stress, tangent.stress_p, 1, 3, 3),
@@ -348,17 +342,11 @@ def _with_parameters(
         moved = np.asarray(slope.reshape(n, -1, m) @ changes).reshape(*slope.shape[:-1], k)
         return moved if change is None else change + moved
 
-    mean_grad = by_parameters("mean_grad", slopes.mean_grad, found.mean_grad)
-    porosity = by_parameters("porosity", slopes.porosity, found.porosity)
-    conductivity = by_parameters("conductivity", slopes.conductivity, found.conductivity)
-    assert mean_grad is not None
-    assert porosity is not None
-    assert conductivity is not None
     return CellChanges(
         found.modulus,
-        mean_grad,
-        porosity,
-        conductivity,
+        provided(by_parameters("mean_grad", slopes.mean_grad, found.mean_grad)),
+        provided(by_parameters("porosity", slopes.porosity, found.porosity)),
+        provided(by_parameters("conductivity", slopes.conductivity, found.conductivity)),
         by_parameters("stress", slopes.stress, found.stress),
         by_parameters("fluid_volume", slopes.fluid_volume, found.fluid_volume),
     )
@@ -701,9 +689,7 @@ class MeanGradientClosure(Closure):
         ConfigurationError
             φ_s depends on an unknown, and changes with time.
         """
-        tangent = at.cell.tangent
-        assert before.mean_grad is not None
-        assert tangent is not None
+        tangent = provided(at.cell.tangent)
         if at.cells_before is not None and by.porosity.any():
             raise ConfigurationError(
                 "closure 'mean-gradient' gives no derivatives by parameters that change the porosity where these "
@@ -715,7 +701,7 @@ class MeanGradientClosure(Closure):
         stress, storage = found[:, :9], found[:, 9:]
         add_scaled(stress, (now.share * now.solid_stress).reshape(n, 9), by.modulus)
         add_scaled(stress, -(now.solid_stress + now.p * now.pore.cof).reshape(n, 9), by.porosity)
-        moved = before.mean_grad.reshape(n, 9, k) - (1 - now.share) * before.grad_u.reshape(n, 9, k)
+        moved = provided(before.mean_grad).reshape(n, 9, k) - (1 - now.share) * before.grad_u.reshape(n, 9, k)
         add_scaled(moved, (at.states.grad_u - at.memory.states.grad_u).reshape(n, 9), by.porosity)
         storage += now.pore.cof.reshape(n, 1, 9) @ moved - slopes.by_mean_grad @ by.mean_grad.reshape(n, 9, k)
         return self._closed(at, now, slopes), ResponseChanges(
@@ -747,7 +733,7 @@ class MeanGradientClosure(Closure):
         if now.grown is not None:
             storage = storage - now.grown[0] * (pore.J - np.einsum("nij,nij->n", pore.cof, now.grown[1]))
         stress = now.share * now.solid_stress - (1 - now.share) * now.p * pore.cof
-        tangent = None if slopes is None else self._tangent(now, at.cell.tangent, slopes)
+        tangent = None if slopes is None else self._tangent(now, provided(at.cell.tangent), slopes)
         return self._response(at, pore, stress, storage, tangent)
 
     def _slopes(self, at: _Deformed) -> _Slopes:
@@ -768,13 +754,10 @@ class MeanGradientClosure(Closure):
         return _Slopes(by_F, by_m)
 
     @staticmethod
-    def _tangent(at: _Deformed, cell: CellTangent | None, slopes: _Slopes) -> MacroTangent:
+    def _tangent(at: _Deformed, cell: CellTangent, slopes: _Slopes) -> MacroTangent:
         """Return the chain rule through F̄(H, p)."""
-        assert cell is not None
-        assert cell.mean_grad_grad_u is not None
-        assert cell.mean_grad_p is not None
         n, pore, phi_f = len(at.pore.J), at.pore, 1 - at.share
-        M, Q = cell.mean_grad_grad_u.reshape(n, 9, 9), cell.mean_grad_p.reshape(n, 9, 1)
+        M, Q = provided(cell.mean_grad_grad_u).reshape(n, 9, 9), provided(cell.mean_grad_p).reshape(n, 9, 1)
         by_F, by_m = slopes.by_deformation, slopes.by_mean_grad
         dF_dH, dF_dp = deformation_tangent(cell, at.phi_s)
         by_H, by_p = by_F @ dF_dH, (by_F @ dF_dp)[..., 0]
@@ -829,47 +812,38 @@ class PotentialClosure(Closure):
         self, at: ClosurePoints, by: CellChanges, before: MemoryChanges
     ) -> tuple[MacroResponse, ResponseChanges]:
         """Return the response and its derivatives; see :class:`Closure`."""
-        assert by.stress is not None
-        assert by.fluid_volume is not None
-        assert before.fluid_volume is not None
-        pore = self.pull_back(at.states, at.cell, at.grad_p, at.cells)
+        pore, fluid = self.pull_back(at.states, at.cell, at.grad_p, at.cells), provided(by.fluid_volume)
         found = ResponseChanges(
-            stress=by.stress,
-            storage=by.fluid_volume - before.fluid_volume,
+            stress=provided(by.stress),
+            storage=fluid - provided(before.fluid_volume),
             flux=pore.flux_changes(
                 self.deformation_changes(at.cell, by, at.cells), by.conductivity, self.law
             ),
-            fluid_volume=by.fluid_volume,
+            fluid_volume=fluid,
         )
         return self._closed(at, pore, True), found
 
     def _closed(self, at: ClosurePoints, pore: PulledBack, tangent: bool) -> MacroResponse:
         cell, before = at.cell, at.memory.fluid_volume
-        assert cell.stress is not None
-        assert cell.fluid_volume is not None
-        stress = np.where(pore.missing, np.nan, cell.stress)
-        storage = np.where(np.isnan(pore.J), np.nan, cell.fluid_volume - before)
-        slopes = self._tangent(pore, cell.tangent, self.solid_fraction_of(at.cells)) if tangent else None
+        stress = np.where(pore.missing, np.nan, provided(cell.stress))
+        storage = np.where(np.isnan(pore.J), np.nan, provided(cell.fluid_volume) - before)
+        slopes = (
+            self._tangent(pore, provided(cell.tangent), self.solid_fraction_of(at.cells)) if tangent else None
+        )
         return self._response(at, pore, stress, storage, slopes)
 
     def memory(self, states: MacroState, cell: CellResponse, summed: Array | None = None) -> LawMemory:
         """Return the memory with φ of the cell in this state."""
-        assert cell.fluid_volume is not None
-        return LawMemory(states, cell.mean_grad, cell.fluid_volume)
+        return LawMemory(states, cell.mean_grad, provided(cell.fluid_volume))
 
     @staticmethod
-    def _tangent(pore: PulledBack, cell: CellTangent | None, solid_fraction: float | Array) -> MacroTangent:
-        assert cell is not None
-        assert cell.stress_grad_u is not None
-        assert cell.stress_p is not None
-        assert cell.fluid_volume_grad_u is not None
-        assert cell.fluid_volume_p is not None
+    def _tangent(pore: PulledBack, cell: CellTangent, solid_fraction: float | Array) -> MacroTangent:
         flux_H, flux_p = pore.flux_tangent(cell, solid_fraction)
         return MacroTangent(
-            stress_grad_u=cell.stress_grad_u,
-            stress_p=cell.stress_p,
-            storage_grad_u=cell.fluid_volume_grad_u,
-            storage_p=cell.fluid_volume_p,
+            stress_grad_u=provided(cell.stress_grad_u),
+            stress_p=provided(cell.stress_p),
+            storage_grad_u=provided(cell.fluid_volume_grad_u),
+            storage_p=provided(cell.fluid_volume_p),
             flux_grad_u=flux_H.reshape(-1, 3, 3, 3),
             flux_p=flux_p,
             flux_grad_p=-pore.conductivity,

@@ -13,6 +13,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from porocore.core.fields import provided
 from porocore.core.files.store import Numbers, added_up, read_totals
 from porocore.interfaces.cell import CellField
 from porocore.interfaces.law import CellLaw, UndeformedCells
@@ -304,8 +305,7 @@ def _state(place: IntArray) -> MacroState:
 
 def _moved(response: CellResponse, states: MacroState, solved: Array) -> CellResponse:
     """Return the response moved from the ``solved`` states (n, 10) to ``states``, to first order."""
-    tangent = response.tangent
-    assert tangent is not None
+    tangent = provided(response.tangent)
     H = states.grad_u - solved[:, :9].reshape(-1, 3, 3)
     p = states.p - solved[:, 9]
 
@@ -316,11 +316,9 @@ def _moved(response: CellResponse, states: MacroState, solved: Array) -> CellRes
         return value + change
 
     fluid = response.fluid_volume
-    mean_grad = moved(response.mean_grad, tangent.mean_grad_grad_u, tangent.mean_grad_p)
-    assert mean_grad is not None
     return replace(
         response,
-        mean_grad=mean_grad,
+        mean_grad=provided(moved(response.mean_grad, tangent.mean_grad_grad_u, tangent.mean_grad_p)),
         potential=moved(response.potential, response.stress, None if fluid is None else -fluid),
         stress=moved(response.stress, tangent.stress_grad_u, tangent.stress_p),
         fluid_volume=moved(fluid, tangent.fluid_volume_grad_u, tangent.fluid_volume_p),

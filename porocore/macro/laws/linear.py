@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
 
 from porocore.cell.materials.hyperelastic import Composite, Solid
-from porocore.core.fields import Batch
+from porocore.core.fields import Batch, provided
 from porocore.core.files.plain_data import json_ready
 from porocore.core.units import MULTIPLES, ResultUnits
 from porocore.errors import ConfigurationError
@@ -177,11 +178,50 @@ def _of_fluid(reference: CellResponse, solid_fraction: float, material: Solid) -
     )
 
 
-class LinearPoroelasticity(MacroLaw):
+class LinearLaw(MacroLaw):
+    """Law with C_eff, α, M_B and K that do not depend on (H, p)."""
+
+    constant_tangent = True
+
+    @abstractmethod
+    def biot_and_storage(self, states: MacroState) -> tuple[Array, Array]:
+        """Return α, (3, 3) or (n, 3, 3), and 1/M_B, one number or (n,), of n points."""
+
+    def respond_to_changes(
+        self,
+        states: MacroState,
+        grad_p: Array,
+        memory: LawMemory,
+        changes: PointChanges,
+        before: MemoryChanges,
+    ) -> tuple[MacroResponse, ResponseChanges]:
+        """Return the response and its derivatives; C_eff and M_B are in proportion to the modulus, and so is P₀.
+
+        Raises
+        ------
+        ConfigurationError
+            A parameter changes: the slopes of the coefficients are not known.
+        """
+        if changes.parameters is not None and changes.parameters.any():
+            raise ConfigurationError(
+                f"the law '{self.name}' gives no derivatives by parameters of the cell; choose a law of a closure"
+            )
+        found, (biot, storage) = self.respond(states, grad_p, memory), self.biot_and_storage(states)
+        by = changes.modulus
+        borne = (found.stress + states.p[:, None, None] * biot)[..., None]
+        fluid = -(storage * states.p)[:, None] * by
+        return found, ResponseChanges(
+            stress=borne * by[:, None, None, :],
+            storage=fluid - provided(before.fluid_volume),
+            flux=-found.flux[..., None] * changes.viscosity[:, None, :],
+            fluid_volume=fluid,
+        )
+
+
+class LinearPoroelasticity(LinearLaw):
     """Small-strain poroelasticity as a macroscopic law, to compare the nonlinear ones with."""
 
     name = "linear"
-    constant_tangent = True
 
     def __init__(self, coefficients: LinearCoefficients) -> None:
         self.coefficients = c = coefficients
@@ -225,26 +265,9 @@ class LinearPoroelasticity(MacroLaw):
             tangent=self._tangent(n) if tangent else None,
         )
 
-    def respond_to_changes(
-        self,
-        states: MacroState,
-        grad_p: Array,
-        memory: LawMemory,
-        changes: PointChanges,
-        before: MemoryChanges,
-    ) -> tuple[MacroResponse, ResponseChanges]:
-        """Return the response and its derivatives; C_eff and M_B are in proportion to the modulus, and so is P₀."""
-        found, c = self.respond(states, grad_p, memory), self.coefficients
-        by = changes.modulus
-        borne = (found.stress + states.p[:, None, None] * c.biot)[..., None]
-        fluid = -c.storage * states.p[:, None] * by
-        assert before.fluid_volume is not None
-        return found, ResponseChanges(
-            stress=borne * by[:, None, None, :],
-            storage=fluid - before.fluid_volume,
-            flux=-found.flux[..., None] * changes.viscosity[:, None, :],
-            fluid_volume=fluid,
-        )
+    def biot_and_storage(self, states: MacroState) -> tuple[Array, Array]:
+        """Return α and 1/M_B of the cell."""
+        return self.coefficients.biot, np.array(self.coefficients.storage)
 
     def _tangent(self, n: int) -> MacroTangent:
         c = self.coefficients
@@ -319,7 +342,7 @@ class RestCoefficients(Batch):
         )
 
 
-class LinearisedLaw(MacroLaw):
+class LinearisedLaw(LinearLaw):
     """A law linearised at H = 0 and p = 0, at each point with its own parameters and place.
 
     P = P₀ + C_eff:H − α p, φ = φ₀ + α:H + p/M_B and q = −K ∇p. Where the parameters or the axes change with time, so do
@@ -332,8 +355,6 @@ class LinearisedLaw(MacroLaw):
     name
         For reports.
     """
-
-    constant_tangent = True
 
     def __init__(self, law: MacroLaw, name: str = "linear") -> None:
         self.law, self.name, self.parameters = law, name, law.parameters
@@ -383,36 +404,10 @@ class LinearisedLaw(MacroLaw):
             else None,
         )
 
-    def respond_to_changes(
-        self,
-        states: MacroState,
-        grad_p: Array,
-        memory: LawMemory,
-        changes: PointChanges,
-        before: MemoryChanges,
-    ) -> tuple[MacroResponse, ResponseChanges]:
-        """Return the response and its derivatives; C_eff and M_B are in proportion to the modulus, and so is P₀.
-
-        Raises
-        ------
-        ConfigurationError
-            A parameter changes: the slopes of the coefficients are not known.
-        """
-        if changes.parameters is not None and changes.parameters.any():
-            raise ConfigurationError(
-                f"the law '{self.name}' gives no derivatives by parameters of the cell; choose a law of a closure"
-            )
-        found, c = self.respond(states, grad_p, memory), self.coefficients(states)
-        by, (n, k) = changes.modulus, changes.modulus.shape
-        borne = found.stress.reshape(n, 9) + states.p[:, None] * c.biot
-        fluid = -(c.storage * states.p)[:, None] * by
-        assert before.fluid_volume is not None
-        return found, ResponseChanges(
-            stress=(borne[..., None] * by[:, None, :]).reshape(n, 3, 3, k),
-            storage=fluid - before.fluid_volume,
-            flux=-found.flux[..., None] * changes.viscosity[:, None, :],
-            fluid_volume=fluid,
-        )
+    def biot_and_storage(self, states: MacroState) -> tuple[Array, Array]:
+        """Return α (n, 3, 3) and 1/M_B (n,) of the points."""
+        c = self.coefficients(states)
+        return c.biot.reshape(-1, 3, 3), c.storage
 
     def coefficients(self, states: MacroState) -> RestCoefficients:
         """Return the coefficients at n points, by their parameters and places."""
@@ -423,8 +418,7 @@ class LinearisedLaw(MacroLaw):
         n = len(rest)
         before = self.law.initial_at(rest)
         found = self.law.respond(rest, np.zeros((n, 3)), before)
-        tangent = found.tangent
-        assert tangent is not None
+        tangent = provided(found.tangent)
         C = tangent.stress_grad_u
         C = (C + C.swapaxes(1, 2)) / 2
         C = (C + C.swapaxes(3, 4)) / 2

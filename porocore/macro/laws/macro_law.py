@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from porocore.cell.family.family import CellParameter, number, require_known, values_of_states
 from porocore.core.echo import echo
-from porocore.core.fields import Batch
+from porocore.core.fields import Batch, provided
 from porocore.core.inputs import given_states
 from porocore.core.units import ResultUnits
 from porocore.errors import ConfigurationError
@@ -109,9 +109,7 @@ class ClosedLaw(MacroLaw):
 
     def porosity(self, parameters: Array) -> Array:
         """Return φ_f (n,) of the undeformed cells with ``parameters`` (n, m), of a cell law that has some."""
-        cells = self._cells(parameters)
-        assert cells is not None
-        return cells.porosity
+        return provided(self._cells(parameters)).porosity
 
     def _porosity(self, cells: UndeformedCells | None, n: int) -> Array:
         """Return φ_f (n,) of the undeformed cells of n points."""
