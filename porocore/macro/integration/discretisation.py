@@ -233,8 +233,17 @@ class Discretisation(ABC, Generic[System]):
         force = np.zeros(self.mesh.size)
         for (_, _, facets), pressure in zip(self.boundary.followers, pressures, strict=True):
             force[: self.mesh.n_u] += followers.forces(facets, u, pressure).ravel()
-        local = np.where(np.arange(len(self.unknowns)) < self.owned, force[self.unknowns], 0.0)
-        return self._rotated(local)
+        return self._owned(force)
+
+    def of_displacements(self, matrix: sparse.csr_matrix, x: Array) -> Array:
+        """Return a matrix of Cartesian displacements times the unknowns ``x`` (local unknowns,), where owned."""
+        whole, n_u = np.zeros(self.mesh.size), self.mesh.n_u
+        whole[:n_u] = matrix @ self.to_mesh(x)[:n_u]
+        return self._owned(whole)
+
+    def _owned(self, whole: Array) -> Array:
+        """Return the local unknowns from all, zero where another process owns them."""
+        return np.where(np.arange(len(self.unknowns)) < self.owned, self.from_mesh(whole), 0.0)
 
     def _rotated(self, values: Array) -> Array:
         return values if self.rotation is None else np.asarray(self.rotation @ values)

@@ -23,7 +23,8 @@ from porocore.macro.integration.discretisation import Discretisation, StepFailed
 from porocore.macro.integration.newton import Linearisations, Predictor, Step, newton_step
 from porocore.macro.integration.stepping import ErrorControl, Reached, Stepper
 from porocore.macro.laws.composed import TurnedLaw
-from porocore.macro.sensitivities.gradients import GradientPass, RunTape, SensitivityTracker
+from porocore.macro.sensitivities.adjoint import GradientPass, RunTape
+from porocore.macro.sensitivities.direct import SensitivityTracker
 from porocore.states import Array, BodyPlace, MacroState
 
 

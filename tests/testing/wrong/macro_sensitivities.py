@@ -10,8 +10,8 @@ from unittest.mock import patch
 import numpy as np
 
 from porocore.interfaces.law import ResponseChanges
-from porocore.macro.sensitivities.changes import Directions, UnitDerivatives
-from porocore.macro.sensitivities.equations import MemoryWeights
+from porocore.macro.sensitivities.adjoint import MemoryWeights, UnitDerivatives
+from porocore.macro.sensitivities.changes import Directions
 
 sys.path.insert(0, str(Path(__file__).parent))
 from skfem_macro import Altered, Law, with_history

@@ -1,0 +1,274 @@
+"""Sensitivities of a run, followed from step to step.
+
+With backward Euler a step solves R(x, m, θ) = 0 for the unknowns x, with m what the law remembers of the last accepted
+state. So J δx = −∂R/∂θ − ∂R/∂m δm for each unknown θ, with the tangent J at the solution and the total derivative δm
+of the memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy import sparse
+
+from porocore.core.fields import provided
+from porocore.core.units import spoken
+from porocore.errors import SolveError
+from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse, MemoryChanges, ResponseChanges
+from porocore.interfaces.sensitivities import HISTORY_SERIES, MacroChange, MacroSensitivities
+from porocore.macro.boundary.conditions import Loads
+from porocore.macro.composition.regions import BodyFields
+from porocore.macro.integration.checkpoint import HistoryRecorder, extremes
+from porocore.macro.integration.discretisation import Discretisation, Residual, StepFailed
+from porocore.macro.integration.newton import (
+    ROUND_OFF,
+    Linearisation,
+    Linearisations,
+    Step,
+    largest_free,
+    misfit_of,
+)
+from porocore.macro.sensitivities.changes import Directions
+from porocore.states import Array
+
+#: Relative residual of a solution that is small enough, one that is too large, and the corrections at most.
+SMALL, TOO_LARGE, CORRECTIONS = 1e-10, 1e-7, 3
+
+
+@dataclass(frozen=True, eq=False)
+class UnknownChange:
+    """Derivatives of stress (n, 3, 3), storage (n,) and flux (n, 3) at the points by one unknown."""
+
+    stress: Array
+    storage: Array
+    flux: Array
+
+    @classmethod
+    def each(cls, changes: ResponseChanges) -> list[UnknownChange]:
+        """Return those by each of k unknowns."""
+        parts = (
+            np.ascontiguousarray(np.moveaxis(part, -1, 0))
+            for part in (changes.stress, changes.storage, changes.flux)
+        )
+        return [cls(*each) for each in zip(*parts, strict=True)]
+
+
+def changes_at_points(d: Discretisation, x: list[Array]) -> tuple[Array, Array, Array]:
+    """Return the changes of H (n, 3, 3, k), p (n, k) and ∇p (n, 3, k) under changes of the unknowns."""
+    found = [d.states(each) for each in x]
+    return (
+        np.stack([states.grad_u for states, _ in found], axis=-1),
+        np.stack([states.p for states, _ in found], axis=-1),
+        np.stack([grad_p for _, grad_p in found], axis=-1),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class StepEquations:
+    """Equations J δx = −∂R of one step for k unknowns, with the tangent J at its solution.
+
+    Attributes
+    ----------
+    d
+        Discretisation.
+    linear
+        The tangent.
+    response, fixed
+        Of the law at the solution, with its tangent, and its derivatives at fixed (H, p, ∇p).
+    x : (local unknowns,)
+        The solution.
+    dt, loads
+        Of the step.
+    own
+        Changes of the loads, one for each unknown.
+    """
+
+    d: Discretisation
+    linear: Linearisation
+    response: MacroResponse
+    fixed: ResponseChanges
+    x: Array
+    dt: float
+    loads: Loads
+    own: list[Loads]
+
+    def solved(self) -> tuple[list[Array], list[UnknownChange], MemoryChanges, list[Array]]:
+        """Return the derivatives of the unknowns, of what is integrated, of the memory, and of the residual.
+
+        Raises
+        ------
+        StepFailed
+            A system has no solution.
+        """
+        d = self.d
+        x = [self._prescribed(own) for own in self.own]
+        lifted = d.communicator.max(float(any(each.any() for each in x))) > 0
+        parts = self._moved(x)[0] if lifted else UnknownChange.each(self.fixed)
+        residuals = [self._residual(*each) for each in zip(parts, self.own, x, strict=True)]
+        misfits, still = [np.inf] * len(x), np.zeros(len(d.prescribed))
+        for _ in range(1 + CORRECTIONS):
+            for j, misfit in enumerate(misfits):
+                if misfit > SMALL:
+                    x[j] = x[j] - d.solve(self.linear.system, residuals[j].values, still, again=True)
+            parts, memory = self._moved(x)
+            residuals = [self._residual(*each) for each in zip(parts, self.own, x, strict=True)]
+            misfits = [self._misfit(*each) for each in zip(residuals, x, strict=True)]
+            if max(misfits) <= SMALL:
+                break
+        if not max(misfits) <= TOO_LARGE:
+            raise StepFailed(f"the linear solver leaves {max(misfits):.2g} of the right-hand side")
+        return x, parts, memory, [residual.values for residual in residuals]
+
+    def _prescribed(self, own: Loads) -> Array:
+        """Return the changes of the prescribed unknowns, and zero elsewhere."""
+        x = np.zeros(len(self.d.unknowns))
+        x[self.d.prescribed] = own.values
+        return x
+
+    def _moved(self, x: list[Array]) -> tuple[list[UnknownChange], MemoryChanges]:
+        """Return the total derivatives of what is integrated and of the memory where the unknowns change by ``x``."""
+        total, memory = self.fixed.moved(provided(self.response.tangent), *changes_at_points(self.d, x))
+        return UnknownChange.each(total), memory
+
+    def _misfit(self, residual: Residual, x: Array) -> float:
+        """Return the largest residual over its scale; zero where only round-off is left, as of a rigid motion."""
+        d, misfit = self.d, misfit_of(self.d, residual)
+        if misfit <= SMALL:
+            return misfit
+        force, volume = largest_free(d, d.magnitudes(self.linear.system, x))
+        return misfit_of(d, residual, (ROUND_OFF * force, ROUND_OFF * volume))
+
+    @cached_property
+    def _follower(self) -> sparse.csr_matrix | None:
+        return self.d.follower_tangent(self.x, self.loads)
+
+    def _residual(self, change: UnknownChange, own: Loads, x: Array) -> Residual:
+        """Return the total derivative of the residual by one unknown, which is zero in the equations."""
+        d, found, follower = self.d, self.d.residual(change, self.dt, own, self.x), self._follower
+        if follower is None:
+            return found
+        return replace(found, values=found.values + d.of_displacements(follower, x))
+
+
+DRAINED = HISTORY_SERIES.index("drained")
+
+
+class SensitivityTracker:
+    """Derivatives of a run by its unknowns, followed from step to step, and those of its histories.
+
+    Parameters
+    ----------
+    d, body, law
+        Of the run.
+    changes
+        The unknowns.
+
+    Raises
+    ------
+    ConfigurationError
+        An unknown is of what the problem does not have.
+    """
+
+    _record: HistoryRecorder
+
+    def __init__(
+        self, d: Discretisation, body: BodyFields, law: MacroLaw, changes: Sequence[MacroChange]
+    ) -> None:
+        self._d, self._law, self._changes = d, law, tuple(changes)
+        self._directions = Directions(d, body, law, changes)
+        self._x = self._directions.start()
+        self._memory = MemoryChanges.zeros(d.n_points, len(self._x))
+        #: Values by unknown of each step: series of the history; probes; reactions and inflows.
+        self._rows: list[Array] = []
+
+    def begin(self, x: Array, memory: LawMemory, record: HistoryRecorder) -> None:
+        """Take the initial state, t = 0, and the memory of it."""
+        self._record, boundary = record, self._d.boundary
+        nothing = np.zeros(3 * len(boundary.supports) + len(boundary.drains))
+        self._rows.append(
+            np.stack([np.concatenate([*nodal, nothing]) for nodal in self._nodal(x, [0.0] * len(self._x))])
+        )
+        self.renew(memory)
+
+    def renew(self, memory: LawMemory) -> None:
+        """Take another memory of the same state, as of a law that has learned more."""
+        states, law = memory.states, self._law
+        points = self._directions.points(states)
+        still = np.zeros((len(states), 3))
+        before = MemoryChanges.zeros(len(states), len(self._x))
+        response, fixed = law.respond_to_changes(states, still, law.initial_at(states), points, before)
+        self._memory = fixed.moved(provided(response.tangent), *changes_at_points(self._d, self._x))[1]
+
+    def add(
+        self,
+        step: Step,
+        memory: LawMemory,
+        time: float,
+        dt: float,
+        loads: Loads,
+        linearisations: Linearisations,
+    ) -> None:
+        """Follow an accepted step that began from ``memory`` and ended at ``time``.
+
+        Raises
+        ------
+        SolveError
+            A linear system has no solution.
+        """
+        d, record, states = self._d, self._record, step.response.memory.states
+        points, own = self._directions.points(states), self._directions.loads(time)
+        response, fixed = self._law.respond_to_changes(
+            states, d.states(step.x)[1], memory, points, self._memory
+        )
+        try:
+            linear = linearisations.begin(dt, loads) or linearisations.at(response, dt, step.x, loads)
+            equations = StepEquations(d, linear, response, fixed, step.x, dt, loads, own)
+            self._x, total, self._memory, residuals = equations.solved()
+        except StepFailed as failure:
+            raise SolveError(
+                f"the derivatives at t = {spoken().text(time, 'time', 6)} have no solution: {failure}"
+            ) from failure
+        left = [
+            before + record.outflow(residual, each, dt)
+            for before, residual, each in zip(self._rows[-1][:, DRAINED], residuals, own, strict=True)
+        ]
+        rows = zip(self._nodal(step.x, left), residuals, total, strict=True)
+        self._rows.append(
+            np.stack(
+                [
+                    np.concatenate([*nodal, *record.sums(residual, at_points, dt)])
+                    for nodal, residual, at_points in rows
+                ]
+            )
+        )
+
+    def _nodal(self, x: Array, drained: Sequence[float]) -> list[tuple[Array, Array]]:
+        """Return for each unknown the derivatives of the series of the history, and those of the probes."""
+        d, found = self._d, []
+        places = extremes(d.to_mesh(x), d.mesh.n_u)
+        for change, left in zip(self._x, drained, strict=True):
+            moved = d.to_mesh(change)
+            series = {"drained": left} | {name: sign * moved[i] for name, (i, sign) in places.items()}
+            found.append((np.array([series[name] for name in HISTORY_SERIES]), self._record.probe @ moved))
+        return found
+
+    def result(self) -> MacroSensitivities:
+        """Return the derivatives of the histories."""
+        rows, boundary = np.swapaxes(np.array(self._rows), 1, 2), self._d.boundary
+        first, found = len(HISTORY_SERIES), []
+        for names, width in ((self._d.problem.probes, 4), (boundary.supports, 3), (boundary.drains, 1)):
+            found.append(
+                {name: rows[:, first + i * width : first + (i + 1) * width] for i, name in enumerate(names)}
+            )
+            first += width * len(names)
+        return MacroSensitivities(
+            self._changes,
+            **{name: rows[:, i] for i, name in enumerate(HISTORY_SERIES)},
+            probes=found[0],
+            reactions=found[1],
+            inflow={name: values[:, 0] for name, values in found[2].items()},
+            compression={},
+        )
