@@ -8,8 +8,7 @@ from porocore.core.formulas import TimeFunction
 from porocore.errors import ConfigurationError
 from porocore.macro.body.kinds import Box, make_body
 from porocore.macro.body.mesh import HEXAHEDRON, TETRAHEDRON, BodyMesh, Facets, boundary_facets, sector
-from porocore.macro.boundary.conditions import boundary_data
-from porocore.macro.boundary.followers import forces, tangent
+from porocore.macro.boundary.conditions import boundary_data, follower_forces, follower_tangent
 from porocore.macro.boundary.probes import interpolation
 from porocore.macro.boundary.reactions import Constraint, in_frames
 from porocore.macro.problem import MacroProblem, body_mesh
@@ -302,9 +301,11 @@ def test_a_follower_is_the_slope_of_the_volume_that_it_encloses():
 
     direction, h = rng.standard_normal(u.shape), 1e-6
     slope = (volume(u + h * direction) - volume(u - h * direction)) / (2 * h)
-    assert (forces(facets, u, 0.7) * direction).sum() == pytest.approx(0.7 * slope, rel=1e-7)
-    matrix = tangent(facets, u, 0.7)
-    change = (forces(facets, u + h * direction, 0.7) - forces(facets, u - h * direction, 0.7)) / (2 * h)
+    assert (follower_forces(facets, u, 0.7) * direction).sum() == pytest.approx(0.7 * slope, rel=1e-7)
+    matrix = follower_tangent(facets, u, 0.7)
+    change = (
+        follower_forces(facets, u + h * direction, 0.7) - follower_forces(facets, u - h * direction, 0.7)
+    ) / (2 * h)
     np.testing.assert_allclose(matrix @ direction.ravel(), change.ravel(), atol=1e-8)
     assert abs(matrix - matrix.T).max() < 1e-12
 

@@ -13,12 +13,11 @@ from porocore.interfaces.cell import ElementCells
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.analytic import LayeredConsolidation, SoilLayer
 from porocore.macro.body.kinds import most_telling, sections
-from porocore.macro.boundary.drainage import drainage_time
+from porocore.macro.boundary.drainage import diffusion_time, drainage_time
 from porocore.macro.composition.regions import nearest_rotations
 from porocore.macro.laws.composed import NearestMemberLaw, RegionLaw
 from porocore.macro.laws.linear import LinearPoroelasticity, RestCoefficients, coefficients_of_elements
 from porocore.macro.problem import body_mesh
-from porocore.macro.reference import diffusion_time
 from porocore.plugins.registry import registry
 from porocore.states import MacroState
 from porocore.testing.synthetic.cell import CONDUCTIVITY, BoundCell, parametric_law

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from porocore.macro.body.kinds import Box
+from porocore.macro.boundary.drainage import diffusion_time, overshoot, unresolved
 from porocore.macro.problem import MacroProblem
-from porocore.macro.reference import diffusion_time, overshoot, unresolved
 from porocore.testing.macro_checks.bodies import write_tetrahedra
 from porocore.testing.synthetic.response import confined_column, linear_law
 

@@ -283,8 +283,14 @@ class BodyMesh:
     @cached_property
     def centres(self) -> Array:
         """(elements, 3) centres of volume."""
-        shares = self.weights / self.weights.sum(axis=1, keepdims=True)
-        return np.asarray(np.einsum("eq,eqi->ei", shares, self.quadrature_points))
+        return self.means(self.quadrature_points.reshape(-1, 3))
+
+    def means(self, values: Array, elements: Any = slice(None)) -> Array:
+        """Return means (elements, ...) over elements, all or some, of values at their points (points, ...)."""
+        weights = self.weights[elements]
+        shares = weights / weights.sum(axis=1, keepdims=True)
+        by_element = values.reshape(*shares.shape, *values.shape[1:])
+        return np.asarray(np.einsum("eq,eq...->e...", shares, by_element))
 
     @cached_property
     def stretch(self) -> float:

@@ -637,13 +637,7 @@ def cells_of_elements(
     ConfigurationError
         See :class:`~porocore.macro.composition.regions.BodyFields`.
     """
-    shares = mesh.weights / mesh.weights.sum(axis=1, keepdims=True)
-
-    def means(values: Array) -> Array:
-        by_element = values.reshape(*shares.shape, *values.shape[1:])
-        return np.asarray(np.einsum("eq,eq...->e...", shares, by_element))
-
-    return kept_cells(BodyFields(setup, mesh, law), tuple(setup.regions), times, means)
+    return kept_cells(BodyFields(setup, mesh, law), tuple(setup.regions), times, mesh.means)
 
 
 def nearest_rotations(matrices: Array) -> Array:

@@ -8,6 +8,7 @@ surfaces these are components in a frame of the node, see :mod:`porocore.macro.b
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Generic
 
@@ -18,9 +19,7 @@ from typing_extensions import TypeVar
 from porocore.core.parallel import Communicator
 from porocore.interfaces.law import Integrand, MacroTangent
 from porocore.macro.body.mesh import BodyMesh
-from porocore.macro.boundary import followers
-from porocore.macro.boundary.conditions import BoundaryData, Loads
-from porocore.macro.boundary.drainage import LocalLoads
+from porocore.macro.boundary.conditions import BoundaryData, Loads, follower_forces, follower_tangent
 from porocore.macro.linear_systems import TIGHTEST, LinearWork
 from porocore.macro.problem import MacroProblem
 from porocore.states import Array, IntArray, MacroState
@@ -137,11 +136,29 @@ class Discretisation(ABC, Generic[System]):
 
     def loads(self, acting: Array | float) -> Loads:
         """Return the loads from the values of the time functions (functions,); one number is that of the ramp."""
-        return self._loads.at(np.atleast_1d(np.asarray(acting, dtype=float)))
+        return self._loads(np.atleast_1d(np.asarray(acting, dtype=float)))
 
-    def loads_of(self, boundary: BoundaryData) -> LocalLoads:
-        """Return prescribed values and loads of this process by other data that prescribe the same unknowns."""
-        return LocalLoads.of(boundary, self.unknowns, self.owned, self.rotation)
+    def loads_of(self, boundary: BoundaryData) -> Callable[[Array], Loads]:
+        """Return the loads of this process, by the values (functions,) of the time functions.
+
+        The data may be others than those of the problem that prescribe the same unknowns.
+        """
+        place = np.full(self.mesh.size, -1)
+        place[boundary.prescribed] = np.arange(len(boundary.prescribed))
+        places = place[self.unknowns]
+        values = boundary.values[places[places >= 0]]
+        external = np.where(
+            np.arange(len(self.unknowns)) < self.owned, boundary.external[:, self.unknowns], 0.0
+        )
+        if self.rotation is not None:
+            external = external @ self.rotation.T
+
+        def at(amplitudes: Array) -> Loads:
+            followers = boundary.followers
+            pressures = tuple(float(factor * amplitudes[function]) for function, factor, _ in followers)
+            return Loads(values @ amplitudes, amplitudes @ external, pressures)
+
+        return at
 
     def outflow(self, loads: Loads) -> float:
         """Return the rate of all prescribed fluxes out of the body, ∫ q̄ dS."""
@@ -226,13 +243,13 @@ class Discretisation(ABC, Generic[System]):
             return None
         u = self.to_mesh(x)[: self.mesh.n_u].reshape(-1, 3)
         parts = zip(self.boundary.followers, loads.pressures, strict=True)
-        return sum(followers.tangent(facets, u, pressure) for (_, _, facets), pressure in parts)
+        return sum(follower_tangent(facets, u, pressure) for (_, _, facets), pressure in parts)
 
     def _following(self, x: Array, pressures: tuple[float, ...]) -> Array:
         u = self.to_mesh(x)[: self.mesh.n_u].reshape(-1, 3)
         force = np.zeros(self.mesh.size)
         for (_, _, facets), pressure in zip(self.boundary.followers, pressures, strict=True):
-            force[: self.mesh.n_u] += followers.forces(facets, u, pressure).ravel()
+            force[: self.mesh.n_u] += follower_forces(facets, u, pressure).ravel()
         return self._owned(force)
 
     def of_displacements(self, matrix: sparse.csr_matrix, x: Array) -> Array:
@@ -290,9 +307,7 @@ class Discretisation(ABC, Generic[System]):
 
     def means(self, values: Array) -> Array:
         """Return means over this process's elements (elements, ...) of values at its points (points, ...)."""
-        weights = self.mesh.weights[self.elements]
-        shares = weights / weights.sum(axis=1, keepdims=True)
-        return np.asarray(np.einsum("eq,eq...->e...", shares, self._by_element(values)))
+        return self.mesh.means(values, self.elements)
 
     def all_means(self, values: Array) -> Array:
         """Return the means over all elements, in the mesh's order and on every process."""

@@ -1,1 +1,1 @@
-"""Derivatives of a macro run by unknowns: their directions, the equations of each step, the histories."""
+"""Derivatives of a macro run by unknowns: what changes, followed with the steps (direct) or back over them (adjoint)."""

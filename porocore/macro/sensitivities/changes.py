@@ -55,7 +55,7 @@ def _boundary_change(d: Discretisation, change: BoundaryChange) -> LoadsAt:
     loads, followed = d.loads_of(data), _followed(d)
 
     def at(time: float) -> Loads:
-        found = loads.at(data.amplitudes(alone, time))
+        found = loads(data.amplitudes(alone, time))
         own = found.pressures[0] if found.pressures else 0.0
         # Pressures stand in the order of those of the whole problem.
         pressures = tuple(own if name == change.surface else 0.0 for name in followed)

@@ -18,8 +18,8 @@ from porocore.core.files.plain_data import write_json
 from porocore.core.parallel.calls import CallProcesses
 from porocore.core.units import speaking
 from porocore.interfaces.solution import MacroSolution
+from porocore.macro.boundary.drainage import diffusion_time
 from porocore.macro.linear_systems import work_figures
-from porocore.macro.reference import diffusion_time
 from porocore.report.context import ReportContext, SurrogateSummary, law_differences, reactions
 from porocore.report.dimensional import dimensional_metrics, figures_with_units
 from porocore.report.metrics import REMNANT, LoadCase, case_metrics, without_settlement

@@ -21,13 +21,12 @@ from porocore.interfaces.law import CellLaw
 from porocore.interfaces.solution import MacroSolution
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.body.kinds import Box
-from porocore.macro.boundary.drainage import undrained
+from porocore.macro.boundary.drainage import diffusion_time, undrained, unresolved
 from porocore.macro.composition.regions import regions_of_cell
 from porocore.macro.laws.closure import CLOSURES, Closure, ClosureError, closure_error
 from porocore.macro.laws.direct import direct_records
 from porocore.macro.laws.linear import LinearCoefficients, RestCoefficients, coefficients_of_elements
 from porocore.macro.laws.macro_law import ClosedLaw
-from porocore.macro.reference import diffusion_time, unresolved
 from porocore.report.context import (
     AdaptiveSurrogateCost,
     CellSummary,
