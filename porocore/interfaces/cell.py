@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal
 import numpy as np
 from typing_extensions import TypeVar
 
+from porocore.core.fields import provided
 from porocore.core.hdf5 import Contents
 from porocore.states import Array, CellResponse, IntArray, MacroState
 
@@ -196,9 +197,7 @@ class ElementCells:
 
     def field(self, name: str, profile: int) -> Array:
         """Return the values (elements,) of a parameter at the time of a profile, by its place among them."""
-        values = self.values_at(profile)
-        assert values is not None
-        return np.asarray(values[:, self.parameters.index(name)])
+        return np.asarray(provided(self.values_at(profile))[:, self.parameters.index(name)])
 
     def values_at(self, profile: int) -> Array | None:
         """Return the values (elements, parameters) at the time of a profile; None without parameters."""

@@ -1,14 +1,16 @@
-"""Solution of a macro problem: history, profiles, mesh, its file; report of one accepted step."""
+"""Solution of a macro problem: history, profiles, mesh, its file; its columns against time; report of a step."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from porocore.core.fields import provided
+from porocore.core.files.plain_data import write_csv
 from porocore.core.hdf5 import Contents, atomic_hdf5, link_to, name_of_link, numbered, opened
 from porocore.core.units import ResultUnits
 from porocore.errors import DataError
@@ -219,8 +221,7 @@ class MacroSolution:
 
         History, forces and nodes are those of the whole.
         """
-        cells = self.element_cells
-        assert cells is not None
+        cells = provided(self.element_cells)
         elements = np.flatnonzero(np.isin(cells.region, list(regions)))
         means = [name for name, (at, *_) in PROFILE_SHAPES.items() if at == "elements"]
         profiles = (
@@ -311,3 +312,98 @@ def read_profile(file: Contents, group: str) -> Profile:
         name: file.array(f"{group}/{name}", at, *shape) for name, (at, *shape) in PROFILE_SHAPES.items()
     }
     return Profile(time=float(file.array(f"{group}/time")), **arrays)
+
+
+#: Words for each reason of :class:`~porocore.Doubt`.
+DOUBTS = {
+    "outside": "beyond the sampled states",
+    "error": "estimated error beyond the tolerance",
+    "unstable": "unstable cell",
+    "closed": "next to states whose pore walls touch",
+    "not_sampled": "a component moves that was not sampled",
+}
+#: Of the fields of a history: the quantity ('' is a plain number), and in words.
+HISTORY = {
+    "time": ("time", "time"),
+    "ramp": ("", "share of the load"),
+    "settlement": ("displacement", "largest settlement max(-u_2)"),
+    "pressure_max": ("pressure", "largest pore pressure"),
+    "drained": ("volume", "drained volume, what has left through the boundary"),
+    "drained_paper": ("volume", "the paper's measure of the drained volume"),
+    "flagged": ("", "share of the body that is flagged"),
+    "stress_spread": ("stress", "largest deviation of P_E,22 from its mean over the body"),
+    "iterations": ("", "Newton iterations of the step"),
+    "heave": ("displacement", "largest displacement along +y, max(u_2)"),
+    "pressure_min": ("pressure", "least pore pressure"),
+    "displacement": ("displacement", "largest size of the displacement max|u|"),
+    **{f"flagged_{name}": ("", f"share that is flagged: {words}") for name, words in DOUBTS.items()},
+}
+#: Of the components of a probe.
+PROBE = (("u_1", "displacement"), ("u_2", "displacement"), ("u_3", "displacement"), ("p", "pressure"))
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Column of a table against time.
+
+    Attributes
+    ----------
+    name
+        Such as ``settlement``, ``tip: u_2``, ``plate: force 2`` or ``top: inflow``.
+    quantity
+        Of :data:`porocore.core.units.QUANTITIES`; '' is a plain number.
+    long_name
+        In words.
+    values : (steps,)
+        Dimensionless.
+    sign
+        What a positive value means; empty where that is plain.
+    """
+
+    name: str
+    quantity: str
+    long_name: str
+    values: Array
+    sign: str = ""
+
+    @property
+    def column(self) -> str:
+        """Name with its sign convention, such as ``plate: force 2 (+ along y)``."""
+        return f"{self.name} ({self.sign})" if self.sign else self.name
+
+
+def all_series(solution: MacroSolution) -> Iterator[Series]:
+    """Yield the history, then probes, forces and inflows; time comes first."""
+    for f in fields(History):
+        quantity, words = HISTORY[f.name]
+        yield Series(f.name, quantity, words, getattr(solution.history, f.name))
+    for name, values in solution.probes.items():
+        for i, (component, quantity) in enumerate(PROBE):
+            yield Series(f"{name}: {component}", quantity, f"{component} at the probe {name}", values[:, i])
+    for name, values in solution.compression.items():
+        words = f"compressive force on the surface {name}"
+        yield Series(f"{name}: compressive force", "force", words, values, "+ in compression")
+    for name, values in solution.reactions.items():
+        for i, axis in enumerate("xyz"):
+            words = f"force on the body at the surface {name}, component {i + 1}"
+            yield Series(f"{name}: force {i + 1}", "force", words, values[:, i], f"+ along {axis}")
+    for name, values in solution.inflow.items():
+        images = " and its images in the whole body" if solution.copies > 1 else ""
+        words = f"fluid that enters through the surface {name}{images}"
+        yield Series(f"{name}: inflow", "flow", words, values, "+ into the body")
+
+
+def write_series(path: Path, solution: MacroSolution, units: ResultUnits) -> Path:
+    """Write all series as one CSV table, a row for each step; sign convention and unit stand behind each name.
+
+    Raises
+    ------
+    RunFolderError
+        The file cannot be written.
+    """
+    columns = list(all_series(solution))
+    header = [
+        f"{c.column} [{units.name(c.quantity) if c.quantity and units.given else '-'}]" for c in columns
+    ]
+    values = [c.values * units.factor(c.quantity) for c in columns]
+    return write_csv(path, header, ([float(x) for x in row] for row in zip(*values, strict=True)))

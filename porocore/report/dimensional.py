@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from porocore.core.units import ResultUnits
-from porocore.interfaces.solution import MacroSolution, Profile
-from porocore.macro.series import all_series
+from porocore.interfaces.solution import MacroSolution, Profile, all_series
 from porocore.report.context import LoadingMode, force_name, reactions
 from porocore.report.format import measured, number
 from porocore.report.metrics import goes_back

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from porocore.core.units import OutputUnits, ResultUnits, Scales, pretty, value_of
-from porocore.macro.series import all_series, write_series
+from porocore.interfaces.solution import all_series, write_series
 
 
 def test_results_come_in_the_units_asked_for():

@@ -6,9 +6,8 @@ from dataclasses import fields
 from pathlib import Path
 
 import porocore
-from porocore.interfaces.solution import History
+from porocore.interfaces.solution import PROBE, History
 from porocore.macro.laws.closure import ClosureError
-from porocore.macro.series import PROBE
 from porocore.report.context import AdaptiveSurrogateCost, DirectCost
 from porocore.report.words.results import SHARES
 from porocore.study.sweep.results import OF_ALL, OF_CELL, OF_FORCES, OF_SETTLEMENT

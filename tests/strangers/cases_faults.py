@@ -17,7 +17,7 @@ from command_run import PROGRAM, Ended
 from stranger_case import Case
 
 from porocore import DataError, Study
-from porocore.macro.series import write_series
+from porocore.interfaces.solution import write_series
 from porocore.sampling.datasets.dataset import Dataset
 
 

@@ -12,8 +12,7 @@ import porocore
 from porocore.core.files.plain_data import merged
 from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking, value_of
 from porocore.errors import ConfigurationError, DataError, PluginError
-from porocore.interfaces.solution import MacroSolution
-from porocore.macro.series import all_series
+from porocore.interfaces.solution import MacroSolution, all_series
 from porocore.report.context import LoadingMode
 from porocore.report.dimensional import dimensional_metrics, dimensional_rows
 from porocore.report.figures import body_figure, history_figure, series_figure

@@ -8,9 +8,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from porocore.core.units import spoken
-from porocore.interfaces.solution import MacroSolution
+from porocore.interfaces.solution import DOUBTS, MacroSolution
 from porocore.macro.body.mesh import BodyMesh
-from porocore.macro.series import DOUBTS
 from porocore.report.context import SamplingSummary
 from porocore.report.format import difference, measured, number, percent, plain
 from porocore.report.metrics import REMNANT, STEADY_TOLERANCE, LeftOut, goes_back, is_gone

@@ -20,10 +20,9 @@ from porocore.core.inputs import given_states
 from porocore.core.units import ResultUnits
 from porocore.errors import ConfigurationError, PluginError
 from porocore.interfaces.cell import CellSolver
-from porocore.interfaces.solution import MacroSolution, Profile
+from porocore.interfaces.solution import HISTORY, MacroSolution, Profile
 from porocore.macro.laws.linear import EffectiveProperties
 from porocore.macro.reference import CellReference, porosity_at_rest, require_solved
-from porocore.macro.series import HISTORY
 from porocore.plugins.border import conductivity_of, solution_of
 from porocore.plugins.registry import registry
 from porocore.report.context import reactions

@@ -98,7 +98,7 @@ def report(folder: RunFolder, *, console: Console, processes: CallProcesses | No
 
 def _write_solution(folder: RunFolder, solution: MacroSolution) -> None:
     """Write the history of a solution as a table, and its profiles as files for ParaView."""
-    from porocore.macro.series import write_series
+    from porocore.interfaces.solution import write_series
     from porocore.report.vtk import write_vtu_series
 
     law, load, units = solution.law, solution.load, folder.config.result_units
