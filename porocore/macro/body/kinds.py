@@ -57,9 +57,14 @@ class Body(StrictModel, ABC):
     def make(self) -> BodyMesh:
         """Return its mesh, the same on every machine."""
 
-    @abstractmethod
     def coarsened(self, elements: int) -> Body:
-        """Return the same body with at most about ``elements`` along each axis, where the kind can be coarsened."""
+        """Return the same body with at most about ``elements`` along each axis, where the kind has such numbers."""
+        counts = getattr(self, "elements", None)
+        return (
+            self
+            if counts is None
+            else self.model_copy(update={"elements": tuple(min(n, elements) for n in counts)})
+        )
 
 
 class Box(Body):
@@ -80,10 +85,6 @@ class Box(Body):
         x, y, z = (graded(*each) for each in zip(self.size, self.elements, self.grading, strict=True))
         return box((x, y, z))
 
-    def coarsened(self, elements: int) -> Box:
-        """Return a copy with at most so many elements along each axis."""
-        return self.model_copy(update={"elements": tuple(min(n, elements) for n in self.elements)})
-
 
 class _Round(Body):
     radius: Length
@@ -103,10 +104,6 @@ class _Round(Body):
     def make(self) -> BodyMesh:
         """Return a mesh of triquadratic hexahedra with a curved mantle."""
         return sector(self.radius, self.height, self.sweep, self.elements, self.grading)
-
-    def coarsened(self, elements: int) -> Body:
-        """Return a copy with at most so many elements along each axis."""
-        return self.model_copy(update={"elements": tuple(min(n, elements) for n in self.elements)})
 
 
 class Cylinder(_Round):
@@ -167,10 +164,6 @@ class MeshedBody(FromFile, Body):
         from porocore.macro.body.mesh_file import read_body
 
         return read_body(self.checked("macro.body"), self.size, self.scale)
-
-    def coarsened(self, elements: int) -> MeshedBody:
-        """Return this body, which cannot be coarsened."""
-        return self
 
 
 AnyBody = Annotated[

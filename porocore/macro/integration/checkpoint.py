@@ -7,8 +7,9 @@ what another one began: the equations are the same, and so is the solution up to
 from __future__ import annotations
 
 import json
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import fields
 from functools import partial
+from operator import attrgetter
 from pathlib import Path
 from time import monotonic
 from typing import Any
@@ -208,6 +209,8 @@ def _spread(d: Discretisation, response: MacroResponse) -> float:
 FORMAT, VERSION = "porocore-macro-checkpoint", 8
 #: What is kept of the time stepping.
 STEPPER: dict[str, Any] = {"time": float, "halvings": int, "streak": int, "proposed": float}
+#: What is kept of a law's memory, with the shape of a point: all but parameters and places of its states.
+MEMORY = {"states/grad_u": (3, 3), "states/p": (), "mean_grad": (3, 3), "fluid_volume": ()}
 #: No step is halved more often: 2 to this power is still a number.
 MOST_HALVINGS = 1000
 #: A law whose answers moved by more than this is another one; machines differ by round-off only.
@@ -257,11 +260,12 @@ class CheckpointFile:
         for name, value in step.items():
             setattr(stepper, name, value)
         known = {name: d.points_from_mesh(values) for name, values in memories.items()}
-        memory = _filled(self._memory_of_a_point(), known, "memory")
+        states = MacroState(known["states/grad_u"], known["states/p"])
         # Parameters and places follow from the time.
-        memory = replace(memory, states=self._fields(stepper.time).given_to(memory.states))
+        states = self._fields(stepper.time).given_to(states)
+        memory = LawMemory(states, known["mean_grad"], known["fluid_volume"])
         answer = law.respond(memory.states, np.zeros((d.n_points, 3)), memory, tangent=False).memory.mean_grad
-        scale = max(float(np.abs(memories["memory/mean_grad"]).max()), 1.0)
+        scale = max(float(np.abs(memories["mean_grad"]).max()), 1.0)
         moved = float(np.abs(answer - memory.mean_grad).max(initial=0.0))
         if not d.communicator.max(np.inf if np.isnan(moved) else moved) <= SAME_LAW * scale:
             raise DataError(
@@ -280,8 +284,8 @@ class CheckpointFile:
                 raise DataError(f"{path}: this checkpoint belongs to another macro problem or law; {OTHER}")
             whole = file.array("x", mesh.size)
             memories = {
-                name: file.array(name, mesh.weights.size, *value.shape[1:])
-                for name, value in _arrays(self._memory_of_a_point(), "memory")
+                name: file.array(f"memory/{name}", mesh.weights.size, *shape)
+                for name, shape in MEMORY.items()
             }
             rows = file.array("history", "steps", len(columns))
             if not len(rows):
@@ -314,8 +318,8 @@ class CheckpointFile:
             arrays["rate"] = d.gathered(control.rate)
         arrays["times"] = np.array(predictor.times)
         arrays["earlier"] = np.array([d.gathered(state) for state in predictor.states[:-1]])
-        kept = {name for name, _ in _arrays(self._memory_of_a_point(), "memory")}
-        arrays |= {name: d.points_to_mesh(value) for name, value in _arrays(memory, "memory") if name in kept}
+        for name in MEMORY:
+            arrays[f"memory/{name}"] = d.points_to_mesh(attrgetter(name.replace("/", "."))(memory))
 
         def write() -> None:
             with atomic_hdf5(path) as file:
@@ -334,12 +338,6 @@ class CheckpointFile:
 
     def _fields(self, time: float) -> CellsAtPoints:
         return EVERYWHERE_ALIKE if self._body is None else self._body.at(time)
-
-    def _memory_of_a_point(self) -> LawMemory:
-        """Return a memory with the fields that are kept: all but parameters and places of the states."""
-        points = MacroState.zeros(self._d.n_points)
-        rest = self._law.initial_at(self._fields(0.0).given_to(points)[:1])
-        return replace(rest, states=points[:1])
 
     def _is_late(self) -> bool:
         return monotonic() >= self._written + self._seconds
@@ -362,24 +360,3 @@ def _read_earlier(file: Contents, time: float, size: int) -> tuple[list[float], 
         raise ValueError("'times' are no times of states up to the last step")
     count = len(times) - 1
     return times, file.array("earlier", count, size) if count else np.empty((0, size))
-
-
-def _arrays(batch: Any, prefix: str) -> list[tuple[str, Any]]:
-    """Return names and arrays of a nested dataclass of arrays; fields that are None are left out."""
-    found: list[tuple[str, Any]] = []
-    for f in fields(batch):
-        value, name = getattr(batch, f.name), f"{prefix}/{f.name}"
-        if is_dataclass(value):
-            found += _arrays(value, name)
-        elif value is not None:
-            found.append((name, value))
-    return found
-
-
-def _filled(template: Any, arrays: dict[str, Any], prefix: str) -> Any:
-    """Return a dataclass like ``template`` with other arrays."""
-    values: dict[str, Any] = {}
-    for f in fields(template):
-        value, name = getattr(template, f.name), f"{prefix}/{f.name}"
-        values[f.name] = _filled(value, arrays, name) if is_dataclass(value) else arrays.get(name)
-    return type(template)(**values)

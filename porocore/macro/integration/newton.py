@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from porocore.core.fields import provided
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
 from porocore.macro.boundary.conditions import Loads
 from porocore.macro.composition.regions import EVERYWHERE_ALIKE, CellsAtPoints
@@ -82,8 +83,7 @@ class Linearisations:
 
     def at(self, response: MacroResponse, dt: float, x: Array, loads: Loads) -> Linearisation:
         """Return the linearisation at the response to the unknowns ``x``."""
-        d, tangent = self._d, response.tangent
-        assert tangent is not None
+        d, tangent = self._d, provided(response.tangent)
         self._dt = _rounded(dt) if self._constant else dt
         stiffest, fullest = (
             d.communicator.max(float(max(each.max(initial=0.0), -each.min(initial=0.0))))

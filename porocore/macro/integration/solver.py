@@ -245,36 +245,26 @@ def _at_rest(
 def _flagged_points(d: Discretisation, law: MacroLaw, memory: LawMemory, x: Array) -> str:
     """Return how many points are flagged at the unknowns ``x``, and why one of them is; empty where none is.
 
-    It is the one with the largest displacement gradient, the same on all processes.
+    It is the one with the largest displacement gradient.
     """
-    states, grad_p = d.states(x)
-    states = replace(states, parameters=memory.states.parameters, place=memory.states.place)
-    outside = law.respond(states, grad_p, memory, tangent=False).flagged
-    count, points = (int(n) for n in d.communicator.sum(np.array([outside.sum(), len(outside)])))
-    if not count:
+    local, grad_p = d.states(x)
+    local = replace(local, parameters=memory.states.parameters, place=memory.states.place)
+    flagged = law.respond(local, grad_p, memory, tangent=False).flagged
+    outside = d.points_to_mesh(flagged.astype(float)) > 0
+    if not outside.any():
         return ""
-    size = np.where(outside, np.abs(states.grad_u).max(axis=(1, 2)), -1.0)
-    largest = d.communicator.max(float(size.max(initial=-1.0)))
-    # Of processes that have one as large, the first.
-    own = float(size.max(initial=-1.0)) == largest
-    first = -d.communicator.max(-float(d.communicator.rank) if own else -np.inf)
-    mine = first == d.communicator.rank
-    (why,) = law.reasons(_shared(d, states, int(size.argmax()) if mine else None))
-    return f"; before it {count} of {points} points are flagged" + (why and f", one of them for {why}")
+    states = _on_all(d, local)
+    worst = int(np.where(outside, np.abs(states.grad_u).max(axis=(1, 2)), -1.0).argmax())
+    (why,) = law.reasons(states[[worst]])
+    flags = f"; before it {int(outside.sum())} of {len(outside)} points are flagged"
+    return flags + (why and f", one of them for {why}")
 
 
-def _shared(d: Discretisation, states: MacroState, row: int | None) -> MacroState:
-    """Return on every process one state of the process that names its row."""
-    place = states.place
-    parts = [states.grad_u, states.p, states.parameters, None if place is None else place.region]
-    parts.append(None if place is None else place.axes)
-    there = [np.asarray(part, float).reshape(len(part), -1) for part in parts if part is not None]
-    widths = [part.shape[1] for part in there]
-    whole = np.zeros(sum(widths)) if row is None else np.concatenate([part[row] for part in there])
-    values = iter(np.split(np.asarray(d.communicator.sum(whole)), np.cumsum(widths)[:-1]))
-    found = [None if part is None else next(values).reshape(1, *part.shape[1:]) for part in parts]
-    H, p, parameters, region, axes = found
-    assert H is not None
-    assert p is not None
-    where = None if region is None else BodyPlace(np.rint(region).astype(np.int64), axes)
-    return MacroState(H, p, parameters, where)
+def _on_all(d: Discretisation, states: MacroState) -> MacroState:
+    """Return the states of all points on every process."""
+    theta, place = states.parameters, states.place
+    if place is not None:
+        region = np.rint(d.points_to_mesh(place.region.astype(float))).astype(np.int64)
+        place = BodyPlace(region, None if place.axes is None else d.points_to_mesh(place.axes))
+    theta = None if theta is None else d.points_to_mesh(theta)
+    return MacroState(d.points_to_mesh(states.grad_u), d.points_to_mesh(states.p), theta, place)
