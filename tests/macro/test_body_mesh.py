@@ -8,9 +8,14 @@ from porocore.core.formulas import TimeFunction
 from porocore.errors import ConfigurationError
 from porocore.macro.body.kinds import Box, make_body
 from porocore.macro.body.mesh import HEXAHEDRON, TETRAHEDRON, BodyMesh, Facets, boundary_facets, sector
-from porocore.macro.boundary.conditions import boundary_data, follower_forces, follower_tangent
-from porocore.macro.boundary.probes import interpolation
-from porocore.macro.boundary.reactions import Constraint, in_frames
+from porocore.macro.boundary.conditions import (
+    Constraint,
+    boundary_data,
+    follower_forces,
+    follower_tangent,
+    in_frames,
+)
+from porocore.macro.boundary.reactions import interpolation
 from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.testing.synthetic.response import confined_column
 

@@ -17,7 +17,7 @@ from porocore.errors import ConfigurationError, PluginError, SolveError
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.macro import Part
 from porocore.macro.body.mesh import Facets
-from porocore.macro.boundary.probes import interpolation
+from porocore.macro.boundary.reactions import interpolation
 from porocore.macro.boundary.symmetry import whole_specimen
 from porocore.macro.laws.composed import RegionLaw
 from porocore.macro.laws.linear import LinearPoroelasticity

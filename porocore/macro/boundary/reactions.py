@@ -1,4 +1,4 @@
-"""Forces on surfaces and inflows, from nodal reactions; local frames of oblique surfaces.
+"""What a run measures: forces on surfaces and inflows from nodal reactions, and values at probes.
 
 A surface bears forces in the directions in which it holds the body: a smooth plane along its normal alone. Where those
 of the surfaces of a node are independent, the reaction R there has one decomposition into such forces. Else the part of
@@ -9,17 +9,17 @@ order of the surfaces.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 from operator import add
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from porocore.core.echo import joined
+from porocore.core.units import spoken
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import BodyMesh, Facets
 from porocore.states import Array, IntArray
@@ -210,98 +210,63 @@ class _Part:
         return Share(self.projection, summed(self.unknowns(nodes), self.mesh.size), by_field)
 
 
-#: Sine of an angle between two directions below which they are one; also of the difference of their values, of these.
-SAME_FRAME = 1e-6
+#: How far outside its element a point may lie, in reference coordinates.
+LEEWAY = 1e-6
 
 
-class Constraint(NamedTuple):
-    """Displacement that is prescribed along one direction."""
-
-    direction: Array  #: (3,) a unit vector
-    function: int  #: number of its time function
-    factor: float  #: on that
-    source: str  #: what prescribes it, for messages
-
-
-def in_frames(
-    mesh: BodyMesh,
-    oblique: Mapping[int, list[Constraint]],
-    others: Callable[[int], list[Constraint]],
-    functions: int,
-    kept: Mapping[int, Sequence[int]] | None = None,
-) -> tuple[Any, tuple[IntArray, Array]]:
-    """Return the rotation into the frames, and the prescribed values there.
-
-    Parameters
-    ----------
-    oblique
-        Constraints of each node on an oblique surface.
-    others
-        The constraints on Cartesian components of a node.
-    functions
-        How many there are.
-    kept
-        Axes of nodes that stay an unknown of their own, those along which plates move; at right angles to what is
-        prescribed there.
-
-    Returns
-    -------
-    rotation, (unknowns, values)
-        Orthogonal matrix (unknowns, unknowns), None without oblique surfaces; prescribed unknowns (k,) of these nodes
-        and their values (k, functions) for a unit of each time function.
+def interpolation(mesh: BodyMesh, probes: Mapping[str, tuple[float, float, float]]) -> Any:
+    """Return the sparse matrix (4 probes, unknowns) from all unknowns to u_1, u_2, u_3 and p of each probe.
 
     Raises
     ------
     ConfigurationError
-        Constraints of a node depend on each other, and contradict.
+        A probe lies outside the body.
     """
-    if not oblique:
-        return None, (np.empty(0, dtype=np.int64), np.empty((0, functions)))
-    rotation = sparse.identity(mesh.size, format="lil")
-    unknowns, values = [], []
-    for node, constraints in oblique.items():
-        frame, rows, prescribed = _frame([*constraints, *others(node)], functions, (kept or {}).get(node, ()))
-        own = slice(3 * node, 3 * node + 3)
-        rotation[own, own] = frame
-        unknowns += [3 * node + row for row in rows]
-        values += prescribed
-    order = np.argsort(unknowns)
-    return rotation.tocsr(), (np.array(unknowns, dtype=np.int64)[order], np.array(values)[order])
+    element, rows = mesh.element, sparse.lil_matrix((4 * len(probes), mesh.size))
+    for number, (name, place) in enumerate(probes.items()):
+        cell, xi = _find(mesh, np.array(place), f"macro.probes.{name}")
+        values, corner = element.values(xi[None])[0], element.corner_values(xi[None])[0]
+        for i in range(3):
+            rows[4 * number + i, 3 * mesh.cells[cell] + i] = values
+        rows[4 * number + 3, mesh.n_u + mesh.p_cells[cell]] = corner
+    return rows.tocsr()
 
 
-def _frame(
-    constraints: list[Constraint], functions: int, kept: Sequence[int]
-) -> tuple[Array, list[int], list[Array]]:
-    """Return an orthonormal frame (3, 3), its prescribed rows and their values (functions,).
+def _find(mesh: BodyMesh, place: Array, key: str) -> tuple[int, Array]:
+    """Return the element that holds a point, and its reference coordinates there."""
+    nodes = mesh.points[mesh.cells]
+    first, last = nodes.min(axis=1), nodes.max(axis=1)
+    # A curved element may reach a little beyond the box of its nodes.
+    margin = 0.1 * (last - first).max(axis=1, keepdims=True)
+    near = ((place >= first - margin) & (place <= last + margin)).all(axis=1)
+    for cell in np.flatnonzero(near):
+        xi = _invert(mesh, nodes[cell], place)
+        inside = xi is not None and xi.min() > -LEEWAY
+        if xi is not None and inside:
+            beyond = xi.max() - 1 if mesh.element.shape == "hexahedron" else xi.sum() - 1
+            if beyond < LEEWAY:
+                return int(cell), xi
+    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+    said = partial(spoken().texts, quantity="displacement", digits=6)
+    unit = (
+        "multiples of scales.length where they have no unit" if spoken().given else "lengths as in macro.body"
+    )
+    raise ConfigurationError(
+        f"{key}: the point {said(place)} lies outside the body, which extends from {said(low)} to {said(high)}; move "
+        f"it inside (coordinates are {unit})"
+    )
 
-    The kept axes keep their places; the directions that are prescribed take the first of the others.
-    """
-    basis = [(np.eye(3)[axis], np.zeros(functions)) for axis in kept]
-    for direction, function, factor, source in constraints:
-        # What the rows so far leave of it (Gram–Schmidt).
-        rest, value = direction.copy(), factor * np.eye(functions)[function]
-        for row, known in basis:
-            share = row @ direction
-            rest, value = rest - share * row, value - share * known
-        length = np.linalg.norm(rest)
-        if length > SAME_FRAME:
-            basis.append((rest / length, value / length))
-        elif np.abs(value).max() > SAME_FRAME * max(
-            abs(factor), *(float(np.abs(known).max()) for _, known in basis)
-        ):
-            others = dict.fromkeys(each.source for each in constraints if each.source != source)
-            raise ConfigurationError(
-                f"{source} contradicts what {joined(others)} prescribe where they meet; prescribe it on one of "
-                "them only"
-            )
-    prescribed = basis[len(kept) :]
-    for axis in np.eye(3):
-        rest = axis - sum((row @ axis) * row for row, _ in basis)
-        length = np.linalg.norm(rest)
-        if len(basis) < 3 and length > 0.5:
-            basis.append((rest / length, np.zeros(functions)))
-    places = [*kept, *(i for i in range(3) if i not in kept)]
-    frame = np.empty((3, 3))
-    frame[places] = [row for row, _ in basis]
-    first = len(kept)
-    return frame, places[first : first + len(prescribed)], [value for _, value in prescribed]
+
+def _invert(mesh: BodyMesh, nodes: Array, place: Array) -> Array | None:
+    """Return the reference coordinates of a place by Newton's method; None if it does not converge."""
+    element = mesh.element
+    xi, size = element.nodes[: element.corners].mean(axis=0), float(np.ptp(nodes, axis=0).max())
+    for _ in range(30):
+        error = element.values(xi[None])[0] @ nodes - place
+        if np.abs(error).max() < 1e-12 * size:
+            return np.asarray(xi)
+        jacobian = nodes.T @ element.gradients(xi[None])[0]
+        xi = xi - np.linalg.solve(jacobian, error)
+        if np.abs(xi).max() > 5:
+            return None
+    return None

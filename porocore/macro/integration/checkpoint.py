@@ -22,7 +22,7 @@ from porocore.errors import DataError
 from porocore.interfaces.law import Integrand, LawMemory, MacroLaw, MacroResponse
 from porocore.interfaces.solution import History, MacroSolution, Profile, StepWork, read_profile
 from porocore.macro.boundary.conditions import Loads
-from porocore.macro.boundary.probes import interpolation
+from porocore.macro.boundary.reactions import interpolation
 from porocore.macro.composition.regions import EVERYWHERE_ALIKE, BodyFields, CellsAtPoints, kept_cells
 from porocore.macro.integration.discretisation import Discretisation
 from porocore.macro.integration.newton import Predictor, Step

@@ -2,7 +2,7 @@
 
 A process holds *local* unknowns: first those that it owns, then copies of others that its elements touch. A
 backend that does not distribute owns all. Vectors here are numpy arrays over the local unknowns; at nodes of oblique
-surfaces these are components in a frame of the node, see :mod:`porocore.macro.boundary.reactions`.
+surfaces these are components in a frame of the node, see :mod:`porocore.macro.boundary.conditions`.
 """
 
 from __future__ import annotations

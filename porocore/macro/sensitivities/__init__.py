@@ -1,1 +1,1 @@
-"""Derivatives of a macro run by unknowns: what changes, followed with the steps (direct) or back over them (adjoint)."""
+"""Derivatives of a macro run by unknowns: what changes, followed with the steps or back over them."""

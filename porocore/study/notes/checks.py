@@ -14,7 +14,7 @@ from porocore.interfaces.command import FileCheck
 from porocore.interfaces.surrogate import MORE_STATES, Surrogate, least_states
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary.conditions import boundary_data, not_held
-from porocore.macro.boundary.probes import interpolation
+from porocore.macro.boundary.reactions import interpolation
 from porocore.macro.boundary.symmetry import Symmetry
 from porocore.macro.laws.closure import CLOSURES
 from porocore.macro.problem import MacroProblem, body_mesh

@@ -17,7 +17,7 @@ from porocore.core.files.atomic import atomic_path
 from porocore.core.files.plain_data import write_json
 from porocore.core.parallel.calls import CallProcesses
 from porocore.core.units import speaking
-from porocore.interfaces.solution import MacroSolution
+from porocore.interfaces.solution import MacroSolution, write_series
 from porocore.macro.boundary.drainage import diffusion_time
 from porocore.macro.linear_systems import work_figures
 from porocore.report.context import ReportContext, SurrogateSummary, law_differences, reactions
@@ -98,7 +98,6 @@ def report(folder: RunFolder, *, console: Console, processes: CallProcesses | No
 
 def _write_solution(folder: RunFolder, solution: MacroSolution) -> None:
     """Write the history of a solution as a table, and its profiles as files for ParaView."""
-    from porocore.interfaces.solution import write_series
     from porocore.report.vtk import write_vtu_series
 
     law, load, units = solution.law, solution.load, folder.config.result_units
