@@ -16,7 +16,7 @@ import h5py  # noqa: F401 - before dolfinx, which brings an HDF5 library of its 
 import numpy as np
 from common import table
 
-from porocore.commands.verify.small_strain import mean_gradient, potential
+from porocore.commands.verify.linear_cases import mean_gradient, potential
 from porocore.core.parallel.memory import one_thread_in_children
 from porocore.macro.linear_systems import work_figures
 from porocore.macro.problem import MacroProblem

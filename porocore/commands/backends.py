@@ -1,9 +1,11 @@
-"""Installed backends that take part in a comparison, or named ones, and why others do not."""
+"""Installed backends that take part in a comparison, why others do not, and calls of them that may fail."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Generic, ParamSpec, TypeVar
 
 from porocore.plugins.kinds import Kind
 from porocore.plugins.registry import registry
@@ -68,3 +70,27 @@ def find_backends(wanted: Mapping[tuple[Kind, ...], Sequence[str]]) -> Backends:
         tuple(row for row in table if row.state in useless and row.kind in (*names, "")),
         tuple(row for row in table if row.state not in (*useless, "ready") and row.kind in names),
     )
+
+
+T = TypeVar("T")
+P = ParamSpec("P")
+
+
+@dataclass(frozen=True)
+class TimedOutcome(Generic[T]):
+    """Value of a call, or the reason of its failure, and the wall time [s]."""
+
+    value: T | None
+    reason: str
+    seconds: float
+
+
+def attempt(what: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> TimedOutcome[T]:
+    """Call foreign code; whatever it raises is the reason."""
+    began = time.perf_counter()
+    try:
+        value = what(*args, **kwargs)
+    except (Exception, SystemExit) as error:  # noqa: BLE001 - foreign code, kept and shown
+        text = " ".join(str(error).split()) or "no message"
+        return TimedOutcome(None, f"{type(error).__name__}: {text}", time.perf_counter() - began)
+    return TimedOutcome(value, "", time.perf_counter() - began)

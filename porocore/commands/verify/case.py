@@ -59,8 +59,8 @@ class VerificationCase:
     ----------
     name
         What the user writes.
-    title, source
-        For a reader.
+    source
+        Publication, or what the answer is known from.
     kind
         Which solver of a backend is asked.
     items
@@ -68,7 +68,6 @@ class VerificationCase:
     """
 
     name: str
-    title: str
     source: str
     kind: Kind
     items: Mapping[str, Solve]

@@ -1,4 +1,4 @@
-"""List of all verification cases, their selection, and their solution by every backend."""
+"""List of all verification cases, their selection, their solution by every backend, and the JSON file."""
 
 from __future__ import annotations
 
@@ -6,29 +6,27 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from porocore.commands.backends import FEM, Backends, advice, find_backends
-from porocore.commands.crosscheck.comparison import attempt
-from porocore.commands.verify import cell_cases, consolidation, small_strain, unconfined, xie_leo
-from porocore.commands.verify import cell_cases as permeability
-from porocore.commands.verify.case import Check, Solve, VerificationCase
+from porocore.commands.backends import FEM, Backends, advice, attempt, find_backends
+from porocore.commands.verify import cell_cases, linear_cases, xie_leo
+from porocore.commands.verify.case import Check, VerificationCase
 from porocore.core.echo import echo
+from porocore.core.files.plain_data import json_ready
 from porocore.errors import ConfigurationError, PluginError
-from porocore.plugins.kinds import Kind
 from porocore.plugins.registry import registry
 
 CASES: dict[str, VerificationCase] = {
     case.name: case
     for case in (
-        permeability.CHANNEL,
-        permeability.SPHERE_ARRAY,
-        permeability.CYLINDER_ARRAY,
+        cell_cases.CHANNEL,
+        cell_cases.SPHERE_ARRAY,
+        cell_cases.CYLINDER_ARRAY,
         cell_cases.HOMOGENEOUS,
         cell_cases.IDENTITIES,
-        consolidation.TERZAGHI_CASE,
-        consolidation.MANDEL_CASE,
-        unconfined.CASE,
+        linear_cases.TERZAGHI_CASE,
+        linear_cases.MANDEL_CASE,
+        linear_cases.UNCONFINED,
         xie_leo.CASE,
-        small_strain.CASE,
+        linear_cases.SMALL_STRAIN,
     )
 }
 
@@ -60,6 +58,21 @@ class CaseResult:
     def passed(self) -> bool:
         """True if the backend gave a result within the allowed error."""
         return self.check is not None and self.check.passed
+
+    def as_data(self) -> dict[str, Any]:
+        """Return the line as plain data."""
+        found: dict[str, Any] = {
+            "case": self.case,
+            "item": self.item,
+            "backend": self.backend,
+            "passed": self.passed,
+            "seconds": round(self.seconds, 3),
+            "source": CASES[self.case].source if self.case else "",
+        }
+        if self.check is None:
+            return found | {"reason": self.reason}
+        names = ("quantity", "reference", "ours", "error", "allowed", "order", "note")
+        return found | {name: getattr(self.check, name) for name in names}
 
     def describe(self) -> str:
         """Return the line as text."""
@@ -138,12 +151,23 @@ def run_cases(
 
 def solve_item(case: VerificationCase, item: str, backend: str, *, long: bool = False) -> list[CaseResult]:
     """Return the results of one item with one backend."""
-    outcome = attempt(_solve, case.items[item], case.kind, backend, long)
+    outcome = attempt(lambda: case.items[item](registry().get(case.kind, backend)(), long))
     if outcome.value is None:
         return [CaseResult(case.name, item, backend, None, outcome.reason, outcome.seconds)]
     return [CaseResult(case.name, item, backend, check, "", outcome.seconds) for check in outcome.value]
 
 
-def _solve(solve: Solve, kind: Kind, backend: str, long: bool) -> Sequence[Check]:
-    solver: Any = registry().get(kind, backend)()
-    return solve(solver, long)
+FORMAT, VERSION = "porocore-verification", 1
+
+
+def document(rows: Sequence[CaseResult], *, long: bool) -> dict[str, Any]:
+    """Return all results as plain data; a number that is not finite is null."""
+    found = {
+        "format": FORMAT,
+        "version": VERSION,
+        "form": "long" if long else "short",
+        "passed": all(row.passed for row in rows),
+        "rows": [row.as_data() for row in rows],
+    }
+    ready: dict[str, Any] = json_ready(found)
+    return ready

@@ -131,7 +131,6 @@ def homogeneous(state: tuple[Array, float], solver: CellSolver, long: bool) -> S
 
 HOMOGENEOUS = VerificationCase(
     "homogeneous",
-    "Cell without pores",
     "the material's own law",
     "cell solver",
     {
@@ -141,7 +140,6 @@ HOMOGENEOUS = VerificationCase(
 )
 IDENTITIES = VerificationCase(
     "identities",
-    "Identities of the cell",
     "Dehghani & Zilian 2022; reciprocity, objectivity, Hill–Mandel",
     "cell solver",
     {"at rest": at_rest, "diagonal H": diagonal, "general H": general},
@@ -249,19 +247,15 @@ def _items(solve: Callable[..., Sequence[Check]], keys: Sequence[float], name: s
     return {f"{name} = {key:.4g}": partial(solve, key) for key in keys}
 
 
-CHANNEL = VerificationCase(
-    "channel", "Straight channel", "Hagen–Poiseuille", "cell solver", _items(channel, (0.15, 0.25), "r")
-)
+CHANNEL = VerificationCase("channel", "Hagen–Poiseuille", "cell solver", _items(channel, (0.15, 0.25), "r"))
 SPHERE_ARRAY = VerificationCase(
     "spheres",
-    "Simple cubic array of spheres",
     "Zick & Homsy 1982, J. Fluid Mech. 115, table 2",
     "cell solver",
     _items(spheres, tuple(SPHERES), "c"),
 )
 CYLINDER_ARRAY = VerificationCase(
     "cylinders",
-    "Square array of cylinders",
     "Sangani & Acrivos 1982, Int. J. Multiphase Flow 8, table 1",
     "cell solver",
     _items(cylinders, tuple(CYLINDERS), "c"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -45,9 +46,9 @@ def verify(
     at large strain. Exit status 1 when an error is too large or a backend fails; docs/verification.md has the sources.
     """
     with interruptible():
-        from porocore.commands.verify import document
-        from porocore.commands.verify.cases import run_cases, select_cases, select_solvers
+        from porocore.commands.verify.cases import document, run_cases, select_cases, select_solvers
         from porocore.core.files.atomic import place_for
+        from porocore.core.files.plain_data import write_json
 
         cases, backends = select_cases(case or ()), select_solvers(fem or ())
         if out is not None:
@@ -62,10 +63,11 @@ def verify(
                 long=long,
                 on_item=lambda what, done, count: task.update(done, count, detail=what),
             )
+    found = document(rows, long=long)
     if out is not None:
-        document.write(out, rows, long=long)
+        write_json(out, found, indent=1, ensure_ascii=False)
     if as_json:
-        typer.echo(document.text(rows, long=long))
+        typer.echo(json.dumps(found, indent=1, ensure_ascii=False))
     else:
         _print(rows)
     if wrong := [row for row in rows if not row.passed]:

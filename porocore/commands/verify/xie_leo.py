@@ -60,6 +60,26 @@ class ClayLaw(MacroLaw):
         # cofᵀcof = J² F⁻¹F⁻ᵀ
         pulled = self.k * J[:, None, None] * (cof.swapaxes(1, 2) @ cof)
         flux = -(pulled @ grad_p[:, :, None])[..., 0]
+        slopes = None
+        if tangent:
+            cof_F, row = cofactor_tangent(F).reshape(n, 9, 9), cof.reshape(n, 1, 9)
+            by_J = 1 / (self.m * J) - self.G
+            stress = self.G * np.eye(9) + (s - states.p)[:, None, None] * cof_F
+            stress = stress + by_J[:, None, None] * (row.swapaxes(1, 2) @ row)
+            # q = −k J cofᵀ cof ∇p: first by cof, then by J.
+            turned = (cof @ grad_p[:, :, None])[..., 0]
+            direct = np.einsum("ib,na->niab", np.eye(3), turned) + np.einsum("nai,nb->niab", cof, grad_p)
+            flux_F = -self.k * J[:, None, None] * (direct.reshape(n, 3, 9) @ cof_F)
+            flux_F = flux_F + (flux / J[:, None])[:, :, None] * row
+            slopes = MacroTangent(
+                stress_grad_u=stress.reshape(n, 3, 3, 3, 3),
+                stress_p=-cof,
+                storage_grad_u=cof,
+                storage_p=np.zeros(n),
+                flux_grad_u=flux_F.reshape(n, 3, 3, 3),
+                flux_p=np.zeros((n, 3)),
+                flux_grad_p=-pulled,
+            )
         return MacroResponse(
             stress=self.G * F + (s - states.p)[:, None, None] * cof,
             storage=J - memory.fluid_volume,
@@ -69,38 +89,7 @@ class ClayLaw(MacroLaw):
             volume_ratio=J,
             transformed_conductivity=pulled / J[:, None, None],
             doubt=np.zeros(n, np.int64),
-            tangent=self._tangent(states, grad_p, F, J, cof, s, pulled, flux) if tangent else None,
-        )
-
-    def _tangent(
-        self,
-        states: MacroState,
-        grad_p: Array,
-        F: Array,
-        J: Array,
-        cof: Array,
-        s: Array,
-        pulled: Array,
-        flux: Array,
-    ) -> MacroTangent:
-        n = len(J)
-        cof_F, row = cofactor_tangent(F).reshape(n, 9, 9), cof.reshape(n, 1, 9)
-        by_J = 1 / (self.m * J) - self.G
-        stress = self.G * np.eye(9) + (s - states.p)[:, None, None] * cof_F
-        stress = stress + by_J[:, None, None] * (row.swapaxes(1, 2) @ row)
-        # q = −k J cofᵀ cof ∇p: first by cof, then by J.
-        turned = (cof @ grad_p[:, :, None])[..., 0]
-        direct = np.einsum("ib,na->niab", np.eye(3), turned) + np.einsum("nai,nb->niab", cof, grad_p)
-        flux_F = -self.k * J[:, None, None] * (direct.reshape(n, 3, 9) @ cof_F)
-        flux_F = flux_F + (flux / J[:, None])[:, :, None] * row
-        return MacroTangent(
-            stress_grad_u=stress.reshape(n, 3, 3, 3, 3),
-            stress_p=-cof,
-            storage_grad_u=cof,
-            storage_p=np.zeros(n),
-            flux_grad_u=flux_F.reshape(n, 3, 3, 3),
-            flux_p=np.zeros((n, 3)),
-            flux_grad_p=-pulled,
+            tangent=slopes,
         )
 
 
@@ -179,7 +168,6 @@ def _history_error(layer: XieLeo, solution: MacroSolution) -> float:
 
 CASE = VerificationCase(
     "xie-leo",
-    "Large-strain consolidation of clay",
     "Xie & Leo 2004, Comput. Geotech. 31, 301–314",
     "macro solver",
     {"closed form": closed_form, "layer": layer_of_clay},
