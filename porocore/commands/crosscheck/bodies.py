@@ -11,15 +11,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from porocore.commands.crosscheck.comparison import (
-    BODY,
-    CELL,
-    SPREAD,
-    STATES,
-    Comparison,
-    SharedSamples,
-    attempt,
-)
+from porocore.commands.backends import attempt
+from porocore.commands.crosscheck.comparison import BODY, CELL, SPREAD, STATES, Comparison, SharedSamples
 from porocore.core.console import Console, Task
 from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.law import MacroLaw
@@ -132,14 +125,18 @@ def run_cell(config: RunConfig, backend: str, task: Task) -> CellRun:
     return CellRun(backend, responses, conductivity, failures, seconds, type(solver))
 
 
-def tolerance(one: type[CellSolver] | None, other: type[CellSolver] | None) -> float | None:
-    """Return what two solvers may differ by: round-off on the core's mesh, else the sum of what they declare.
+def tolerance(
+    one: type[CellSolver | MacroSolver] | None,
+    other: type[CellSolver | MacroSolver] | None,
+    alike: float = CELL,
+) -> float | None:
+    """Return what two solvers may differ by: ``alike`` on the core's mesh, else the sum of what they declare.
 
     None: one of them is an estimate, which declares nothing.
     """
     solvers = [solver for solver in (one, other) if solver is not None]
     if all(solver.meshes == "core" for solver in solvers):
-        return CELL
+        return alike
     declared = [solver.accuracy for solver in solvers]
     known = [accuracy for accuracy in declared if accuracy is not None]
     return sum(known) if len(known) == len(declared) else None
@@ -289,11 +286,7 @@ def train(config: RunConfig, name: str, samples: SharedSamples, console: Console
 def load_libraries(names: tuple[str, ...]) -> None:
     """Load the libraries before the first cell solve, as a run does; a failure shows again in training."""
     for name in names:
-        attempt(_load_libraries, name)
-
-
-def _load_libraries(name: str) -> None:
-    registry().get("surrogate", name).load_libraries()
+        attempt(lambda name=name: registry().get("surrogate", name).load_libraries())  # type: ignore[misc]
 
 
 def held_out_errors(surrogate: Surrogate, samples: SharedSamples) -> dict[str, float]:
@@ -315,19 +308,12 @@ def compare_surrogates(runs: list[SurrogateRun], samples: SharedSamples, seed: i
     for run in runs:
         if run.surrogate is None:
             found.append(Comparison.failure("surrogate", "", "training", run.name, run.failure))
-        for response, error in run.errors.items():
-            allowed = type(run.surrogate).expected_error if run.surrogate is not None else 0.0
-            found.append(
-                Comparison(
-                    "surrogate",
-                    "held-out states",
-                    RESPONSES[response],
-                    run.name,
-                    "cell solves",
-                    error,
-                    allowed,
-                )
-            )
+            continue
+        case, allowed = "held-out states", type(run.surrogate).expected_error
+        found += [
+            Comparison("surrogate", case, RESPONSES[response], run.name, "cell solves", error, allowed)
+            for response, error in run.errors.items()
+        ]
     between = samples.between(seed)
     for one, other in combinations([run for run in runs if run.surrogate is not None], 2):
         found += _compare_surrogates(one, other, between, samples)
@@ -471,9 +457,7 @@ def _compare_pair(case: str, one: BodyRun, other: BodyRun) -> list[Comparison]:
     assert a is not None
     assert b is not None
 
-    solvers = [run.solver for run in (one, other) if run.solver is not None]
-    alike = all(solver.meshes == "core" for solver in solvers)
-    allowed = BODY if alike else sum(solver.accuracy for solver in solvers)
+    allowed = tolerance(one.solver, other.solver, BODY) or 0.0
 
     def line(quantity: str, difference: float) -> Comparison:
         return Comparison("body", case, quantity, one.backend, other.backend, difference, allowed)

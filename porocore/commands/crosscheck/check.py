@@ -1,11 +1,14 @@
-"""The whole crosscheck: cell solvers, samples, surrogates, macro solvers, one after another."""
+"""The whole crosscheck: cell solvers, samples, surrogates, macro solvers, one after another; its JSON document."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, fields
+from typing import Any
 
 from porocore.commands.backends import Backends
 from porocore.commands.crosscheck.bodies import (
+    DERIVATIVES,
+    RESPONSES,
     BodyRun,
     CellRun,
     SurrogateRun,
@@ -19,15 +22,13 @@ from porocore.commands.crosscheck.bodies import (
     run_cell,
     train,
 )
-from porocore.commands.crosscheck.comparison import (
-    Comparison,
-    SharedSamples,
-    failures_of,
-    share_samples,
-)
+from porocore.commands.crosscheck.comparison import Comparison, SharedSamples, failures_of, share_samples
 from porocore.core.console import Console
+from porocore.core.files.plain_data import json_ready
 from porocore.interfaces.law import MacroLaw
+from porocore.states import CellResponse, Status
 from porocore.study.config.config import RunConfig
+from porocore.study.run.folder import versions
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +39,6 @@ class CrossCheck:
     ----------
     config
         The case.
-    selection
-        Backends that took part.
     comparisons
         Line by line, failures first within each part.
     cells, samples, surrogates, bodies
@@ -47,7 +46,6 @@ class CrossCheck:
     """
 
     config: RunConfig
-    selection: Backends
     comparisons: tuple[Comparison, ...]
     cells: tuple[CellRun, ...]
     samples: SharedSamples | None
@@ -102,4 +100,85 @@ def crosscheck(config: RunConfig, who: Backends, *, console: Console) -> CrossCh
                 continue
             bodies += [run_body(config, backend, name, law, console) for backend in who.names["macro solver"]]
         found += compare_bodies(bodies)
-    return CrossCheck(config, who, tuple(found), tuple(cells), samples, tuple(surrogates), tuple(bodies))
+    return CrossCheck(config, tuple(found), tuple(cells), samples, tuple(surrogates), tuple(bodies))
+
+
+FORMAT, VERSION = "porocore-crosscheck", 1
+
+
+def document(result: CrossCheck) -> dict[str, Any]:
+    """Everything, ready for JSON; what is not finite is null."""
+    samples = result.samples
+    found = {
+        "format": FORMAT,
+        "version": VERSION,
+        "passed": result.passed,
+        "failed": len(result.failed),
+        "worst": _line(result.worst) if result.comparisons else None,
+        "comparisons": [_line(line) for line in result.comparisons],
+        "cells": {run.backend: _cell(run) for run in result.cells},
+        "samples": None
+        if samples is None
+        else {
+            "backend": samples.backend,
+            "learned_from": len(samples.training.states),
+            "held_out": len(samples.states),
+            "span": {
+                name: samples.span(name) for name in RESPONSES if getattr(samples.solved, name) is not None
+            },
+            "porosity": samples.reference.porosity,
+            "mesh": samples.reference.mesh,
+            "seconds": samples.seconds,
+        },
+        "surrogates": {
+            run.name: {
+                "held_out_error": run.errors,
+                "failure": run.failure or None,
+                "seconds": run.seconds,
+            }
+            for run in result.surrogates
+        },
+        "bodies": [_body(run) for run in result.bodies],
+        "versions": versions(),
+        "configuration": result.config.model_dump(mode="json"),
+    }
+    ready: dict[str, Any] = json_ready(found)
+    return ready
+
+
+def _line(line: Comparison) -> dict[str, Any]:
+    return asdict(line) | {"passed": line.passed}
+
+
+def _cell(run: CellRun) -> dict[str, Any]:
+    return {
+        "states": {name: _response(response) for name, response in run.responses.items()},
+        "conductivity": run.conductivity,
+        "failures": run.failures,
+        "seconds": run.seconds,
+    }
+
+
+def _response(response: CellResponse) -> dict[str, Any]:
+    values = {name: getattr(response, name) for name in RESPONSES}
+    values |= {name: getattr(response.tangent, name, None) for name in DERIVATIVES}
+    return {"status": Status(int(response.status[0])).name} | {
+        name: None if value is None else value[0] for name, value in values.items()
+    }
+
+
+def _body(run: BodyRun) -> dict[str, Any]:
+    history = None if run.solution is None else run.solution.history
+    return {
+        "backend": run.backend,
+        "law": run.law,
+        "failure": run.failure or None,
+        "seconds": run.seconds,
+        "history": None if history is None else {f.name: getattr(history, f.name) for f in fields(history)},
+        "profiles": None
+        if run.solution is None
+        else [
+            {"time": profile.time, "points": run.solution.points, "u": profile.u, "p": profile.p}
+            for profile in run.solution.profiles
+        ],
+    }

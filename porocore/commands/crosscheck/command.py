@@ -43,7 +43,7 @@ def crosscheck(
     with interruptible():
         from porocore.commands.crosscheck.check import crosscheck as check
         from porocore.commands.crosscheck.comparison import select_backends
-        from porocore.commands.crosscheck.files import write
+        from porocore.commands.crosscheck.page import write
         from porocore.core.files.atomic import new_folder
 
         who = select_backends(fem or (), surrogate or ())

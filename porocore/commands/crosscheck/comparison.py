@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Generic, Literal, ParamSpec, TypeVar
+from typing import Literal
 
 import numpy as np
 
-from porocore.commands.backends import FEM, Backends, advice, find_backends
+from porocore.commands.backends import FEM, Backends, advice, attempt, find_backends
 from porocore.core.console import Console
 from porocore.errors import DataError, PluginError
 from porocore.interfaces.surrogate import MORE_STATES, TrainingSet
@@ -113,30 +113,6 @@ class Comparison:
         return f"{where}, {self.pair}: differs by {self.difference:.2e}, tolerance {self.tolerance:.0e}"
 
 
-T = TypeVar("T")
-P = ParamSpec("P")
-
-
-@dataclass(frozen=True)
-class TimedOutcome(Generic[T]):
-    """Value of a call, or the reason of its failure, and the wall time [s]."""
-
-    value: T | None
-    reason: str
-    seconds: float
-
-
-def attempt(what: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> TimedOutcome[T]:
-    """Call foreign code; whatever it raises is the reason."""
-    began = time.perf_counter()
-    try:
-        value = what(*args, **kwargs)
-    except (Exception, SystemExit) as error:  # noqa: BLE001 - foreign code, kept and shown
-        text = " ".join(str(error).split()) or "no message"
-        return TimedOutcome(None, f"{type(error).__name__}: {text}", time.perf_counter() - began)
-    return TimedOutcome(value, "", time.perf_counter() - began)
-
-
 _SHEAR = np.array([[0, 0.1, 0], [0, -0.05, 0], [0, 0, 0]])
 #: The states at which cell solvers are compared; the last needs the whole cell.
 STATES: dict[str, MacroState] = {
@@ -179,10 +155,6 @@ class SharedSamples:
         # A state whose walls touch has no conductivity, and its other responses.
         both = both[np.isfinite(both.reshape(len(both), -1)).all(axis=1)]
         return float(np.ptp(both, axis=0).max()) or 1.0 if len(both) else 1.0
-
-    def has(self, response: str) -> bool:
-        """Tell whether the states hold a response."""
-        return getattr(self.solved, response) is not None
 
     def between(self, seed: int) -> MacroState:
         """Return the :data:`BETWEEN` random states of the sampled box at which surrogates are compared."""
@@ -262,15 +234,8 @@ def select_backends(fem: Sequence[str] = (), surrogates: Sequence[str] = ()) -> 
 
 def failures_of(backends: Backends) -> list[Comparison]:
     """Return a failure for each plugin that cannot be used."""
-    return list(
-        dict.fromkeys(
-            Comparison.failure(
-                "plugin",
-                row.kind,
-                row.name,
-                row.distribution,
-                f"{row.distribution} is {row.state}: {row.advice}",
-            )
-            for row in backends.broken
-        )
-    )
+    found = []
+    for row in backends.broken:
+        reason = f"{row.distribution} is {row.state}: {row.advice}"
+        found.append(Comparison.failure("plugin", row.kind, row.name, row.distribution, reason))
+    return list(dict.fromkeys(found))

@@ -1,18 +1,20 @@
-"""The crosscheck as one HTML page with its figure: worst lines, times, sections."""
+"""Files of a crosscheck: the JSON document, and one HTML page with its figure, worst lines, times, sections."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from itertools import combinations
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from porocore.commands.crosscheck.bodies import BodyRun, history_difference
-from porocore.commands.crosscheck.check import CrossCheck
+from porocore.commands.crosscheck.check import CrossCheck, document
 from porocore.commands.crosscheck.comparison import BODY, Comparison, Part
+from porocore.core.files.atomic import atomic_path
+from porocore.core.files.plain_data import write_json
 from porocore.report.figures.style import DASHED, DOTTED, GREY, TIME_COLOURS, legend_above, new_figure, styled
 from porocore.report.page import Picture, Pictures, environment
 from porocore.study.run.folder import versions
@@ -113,27 +115,19 @@ PARTS: dict[Part, tuple[str, str, str]] = {
 }
 
 
-@dataclass(frozen=True)
-class PageSection:
-    """One part on the page."""
+def write(folder: Path, result: CrossCheck) -> tuple[Path, Path]:
+    """Write crosscheck.json and crosscheck.html in the place of older ones, and return their paths.
 
-    part: Part
-    title: str
-    case: str
-    text: str
-    lines: list[Comparison]
-    pictures: list[Picture]
-
-
-@dataclass(frozen=True)
-class Summary:
-    """One part and pair in one line."""
-
-    title: str
-    pair: str
-    count: int
-    failed: int
-    worst: Comparison
+    Raises
+    ------
+    RunFolderError
+        The folder cannot be written.
+    """
+    data, page = folder / "crosscheck.json", folder / "crosscheck.html"
+    write_json(data, document(result), allow_nan=False)
+    with atomic_path(page) as part:
+        part.write_text(render(result), encoding="utf-8")
+    return data, page
 
 
 def render(result: CrossCheck) -> str:
@@ -155,19 +149,19 @@ def render(result: CrossCheck) -> str:
     )
 
 
-def summarise(comparisons: tuple[Comparison, ...]) -> list[Summary]:
-    """The worst line of each part and pair."""
+def summarise(comparisons: tuple[Comparison, ...]) -> list[dict[str, Any]]:
+    """Return a line for each part and pair: their number, how many failed, and the worst."""
     groups: dict[tuple[Part, str], list[Comparison]] = {}
     for line in comparisons:
         groups.setdefault((line.part, line.pair), []).append(line)
     return [
-        Summary(
-            PARTS[part][0],
-            pair,
-            len(lines),
-            sum(not line.passed for line in lines),
-            max(lines, key=lambda line: line.excess),
-        )
+        {
+            "title": PARTS[part][0],
+            "pair": pair,
+            "count": len(lines),
+            "failed": sum(not line.passed for line in lines),
+            "worst": max(lines, key=lambda line: line.excess),
+        }
         for (part, pair), lines in groups.items()
     ]
 
@@ -185,12 +179,19 @@ def times(result: CrossCheck) -> list[tuple[str, str, float]]:
     return rows
 
 
-def _sections(result: CrossCheck) -> Any:
+def _sections(result: CrossCheck) -> Iterator[dict[str, Any]]:
     for part, (title, case, text) in PARTS.items():
         lines = [line for line in result.comparisons if line.part == part]
         pictures = _pictures(result) if part == "body" else []
         if lines or pictures:
-            yield PageSection(part, title, case, text, lines, pictures)
+            yield {
+                "part": part,
+                "title": title,
+                "case": case,
+                "text": text,
+                "lines": lines,
+                "pictures": pictures,
+            }
 
 
 def _pictures(result: CrossCheck) -> list[Picture]:
