@@ -14,7 +14,7 @@ from scipy.ndimage import gaussian_filter
 
 import porocore
 from porocore.commands.representative.plan import SubvolumePlan
-from porocore.commands.representative.tables import verdict
+from porocore.commands.representative.results import verdict
 
 IMAGE = Path(__file__).parent / "images" / "representative-volume.png"
 PLAN = SubvolumePlan(sizes=(12, 16, 24, 32), count=8, element=3.0, tolerance=0.1)

@@ -1,6 +1,7 @@
 """Sub-volumes of a periodic image are its cell; places, refusals, interruptions, failures and the choice of a size."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,19 +9,24 @@ from invoked import invoke
 from scipy.ndimage import gaussian_filter
 
 import porocore
-from porocore.commands.representative import outlook
-from porocore.commands.representative.plan import SubvolumePlan
+from porocore.commands.representative import plan as outlook
+from porocore.commands.representative.plan import Scan, SubvolumePlan
 from porocore.commands.representative.results import (
+    FAILED,
     FILE,
     JUDGED,
+    LOOSE,
+    LOST,
     QUANTITIES,
+    SHAPES,
+    SOLVED,
     SizeStatistics,
+    Subvolume,
     judge,
     typical,
+    verdict,
 )
-from porocore.commands.representative.scan import FAILED, LOOSE, LOST, SHAPES, SOLVED, Scan, Subvolume
 from porocore.commands.representative.study import SubvolumeSeries
-from porocore.commands.representative.tables import verdict
 from porocore.core.parallel.calls import ProcessEnded
 from porocore.errors import ConfigurationError, DataError, PorocoreError, RunFolderError
 from porocore.study.config.loading import load_config
@@ -117,10 +123,9 @@ def solves(monkeypatch):
     """Sub-volumes are made up; the list holds those that were asked for."""
     asked = []
 
-    def solve(tell, job, fem, store, took=None):
-        asked.append((job.size, job.corner))
-        made = made_up(job.size, job.corner)
-        return Subvolume(**{**vars(made), "cell": job.identity})
+    def solve(tell, empty, cell, edge, fem, store):
+        asked.append((empty.size, empty.corner))
+        return replace(made_up(empty.size, empty.corner), cell=empty.cell)
 
     monkeypatch.setattr(SubvolumeSeries, "function", solve)
     monkeypatch.setattr("matplotlib.figure.Figure.draw", lambda figure, renderer: None)
@@ -184,10 +189,10 @@ def test_a_sub_volume_that_is_lost_is_tried_again_by_the_next_run(tmp_path, solv
     config = configuration(tmp_path, np.tile(tile(), (2, 2, 2)))
     plan, solve = SubvolumePlan((6, 8), count=2, element=2.0), SubvolumeSeries.function
 
-    def ends(tell, job, *others):
-        if job.size == 6:
+    def ends(tell, empty, *others):
+        if empty.size == 6:
             raise ProcessEnded("a process ended without a message")
-        return solve(tell, job, *others)
+        return solve(tell, empty, *others)
 
     monkeypatch.setattr(SubvolumeSeries, "function", ends)
     found = run(config, tmp_path / "out", plan)
@@ -274,7 +279,7 @@ def test_sizes_that_the_machine_cannot_solve_are_left_out_and_named(tmp_path, mo
     small, large = (outlook.foresee(scan, plan, size, 2) for size in plan.sizes)
     assert small.left_out == ""
     assert len(small.corners) == 4
-    assert large.corners == ()
+    assert large.corners == []
     assert "GB of memory, but this machine has 1 GB" in large.line(2)
     assert "side by side" in small.line(2)
     monkeypatch.setattr(outlook, "memory_here", lambda: 1e12)

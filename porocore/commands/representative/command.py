@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from porocore.cli import options
 from porocore.cli.common import (
     check_workers,
     chosen_store,
@@ -18,21 +19,11 @@ from porocore.cli.common import (
     plain_table,
     read_config,
 )
-from porocore.cli.options import (
-    ConfigArgument,
-    FemOption,
-    JsonOption,
-    NoStoreOption,
-    ResumeOption,
-    StoreOption,
-    WorkersOption,
-)
 from porocore.cli.states import CellOption, named_cell
 from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
 
 if TYPE_CHECKING:
-    from porocore.commands.representative.plan import SubvolumePlan
     from porocore.commands.representative.results import RepresentativeVolume
 
 #: Columns of a page where standard output is no terminal.
@@ -73,7 +64,7 @@ FolderOption = Annotated[
 
 
 def rev(
-    config: ConfigArgument = None,
+    config: options.ConfigArgument = None,
     sizes: SizesOption = None,
     count: CountOption = 4,
     seed: SeedOption = 0,
@@ -83,13 +74,13 @@ def rev(
     tolerance: ToleranceOption = 0.05,
     porosity_only: PorosityOption = False,
     cell: CellOption = None,
-    fem: FemOption = None,
-    workers: WorkersOption = None,
+    fem: options.FemOption = None,
+    workers: options.WorkersOption = None,
     out: FolderOption = Path("runs/rev"),
-    resume: ResumeOption = False,
-    as_json: JsonOption = False,
-    store: StoreOption = None,
-    no_store: NoStoreOption = False,
+    resume: options.ResumeOption = False,
+    as_json: options.JsonOption = False,
+    store: options.StoreOption = None,
+    no_store: options.NoStoreOption = False,
 ) -> None:
     """Find the size of a representative volume: solve sub-volumes of an image, larger and larger.
 
@@ -101,11 +92,23 @@ def rev(
     path, settings = read_config(config, fem, cell_only=True)
     settings = named_cell(settings, cell)
     with located(path), in_units_of(settings.result_units):
+        from porocore.commands.representative.plan import SubvolumePlan
+        from porocore.commands.representative.results import summary, verdict
         from porocore.commands.representative.study import study_representative_volume
-        from porocore.commands.representative.tables import summary, verdict
 
         check_workers(workers)
-        plan = _plan(sizes, count, seed, overlapping, within_crop, element, tolerance, not porosity_only)
+        try:
+            edges = None if sizes is None else tuple(map(int, sizes.split(",")))
+        except ValueError:
+            raise ConfigurationError(
+                f"--sizes: expected edges in voxels such as 16,32,64, got {echo(sizes)}"
+            ) from None
+        try:
+            plan = SubvolumePlan(
+                edges, count, seed, overlapping, within_crop, element, tolerance, not porosity_only
+            )
+        except ConfigurationError as error:
+            raise ConfigurationError(f"--{error}") from None
         found = study_representative_volume(
             settings, out, plan, workers=workers, resume=resume, store=kept or False, progress=True
         )
@@ -119,35 +122,9 @@ def rev(
         typer.echo(written)
 
 
-def _plan(
-    sizes: str | None,
-    count: int,
-    seed: int,
-    overlapping: bool,
-    within_crop: bool,
-    element: float | None,
-    tolerance: float,
-    solve: bool,
-) -> SubvolumePlan:
-    """Return what the options ask for."""
-    from porocore.commands.representative.plan import SubvolumePlan
-
-    try:
-        edges = None if sizes is None else tuple(int(size) for size in sizes.split(","))
-    except ValueError:
-        raise ConfigurationError(
-            f"--sizes: expected edges in voxels such as 16,32,64, got {echo(sizes)}"
-        ) from None
-    try:
-        return SubvolumePlan(edges, count, seed, overlapping, within_crop, element, tolerance, solve)
-    except ConfigurationError as error:
-        raise ConfigurationError(f"--{error}") from None
-
-
 def _print(found: RepresentativeVolume) -> None:
     """Print the means of each size with the standard deviation of single sub-volumes."""
-    from porocore.commands.representative.results import QUANTITIES
-    from porocore.commands.representative.tables import edge_columns, factor, titled
+    from porocore.commands.representative.results import QUANTITIES, edge_columns, factor, titled
     from porocore.report.format import number
 
     def text(mean: float, deviation: float) -> str:
@@ -156,20 +133,21 @@ def _print(found: RepresentativeVolume) -> None:
         share = abs(deviation / mean) if mean else math.inf
         return f"{number(mean, 3)} ± {100 * share:.2g} %"
 
-    unit, edges = edge_columns(found.scan, [each.size for each in found.outlooks])
+    unit, edges = edge_columns(found.scan, found.sizes)
     voxel, names = found.scan.voxel, list(QUANTITIES) if found.subvolumes else []
     headings = ["voxels", *(f"{name} [{unit}]" for name in edges), "φ of voxels"]
     headings += ["solved"] if names else []
     headings += [titled(name, voxel, SHORT.get(name)) for name in names]
     table = plain_table(headings, range(len(headings)))
-    for each in found.outlooks:
-        _, mean, deviation = found.voxels.at(each.size)
-        row = [str(each.size), *(f"{each.size * by:.4g}" for by in edges.values()), text(mean, deviation)]
+    for size in found.sizes:
+        statistics = found.statistics(size)
+        row = [str(size), *(f"{size * by:.4g}" for by in edges.values())]
+        row.append(text(*statistics["porosity of voxels"][1:]))
         if names:
-            solved, tried = found.solved(each.size)
+            solved, tried = found.solved(size)
             row.append(f"{solved} of {tried}" if tried else "–")
         for name in names:
-            _, mean, deviation = found.settling.scatter[name].at(each.size)
+            _, mean, deviation = statistics[name]
             by = factor(name, voxel)
             row.append(number(mean, 3) if name == "anisotropy" else text(by * mean, by * deviation))
         table.add_row(*row)

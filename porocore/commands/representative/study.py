@@ -1,41 +1,115 @@
-"""The study of sub-volumes as a whole, solved in parallel processes as the memory allows."""
+"""The study of sub-volumes as a whole: one of them solved, all in parallel processes as the memory allows."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
-from porocore.commands.representative.outlook import SizeOutlook, foresee
-from porocore.commands.representative.plan import SubvolumePlan
+import numpy as np
+
+from porocore.cell.cell import Cell
+from porocore.commands.representative.plan import Corner, Scan, SizeOutlook, SubvolumePlan, foresee
 from porocore.commands.representative.results import (
+    FAILED,
     FILE,
+    LOOSE,
+    LOST,
+    SOLVED,
     RepresentativeVolume,
+    Subvolume,
     holds_results,
     identity_of,
     judge,
     load,
     save,
+    summary,
+    write_tables,
 )
-from porocore.commands.representative.scan import (
-    LOOSE,
-    LOST,
-    SOLVED,
-    Corner,
-    Scan,
-    Subvolume,
-    SubvolumeJob,
-    solve_subvolume,
-)
-from porocore.commands.representative.tables import summary, write_tables
 from porocore.core.console import Console
+from porocore.core.echo import cut
 from porocore.core.files.store import ResultStore
+from porocore.core.parallel.calls import Tell
 from porocore.core.units import speaking
 from porocore.errors import PluginError, PorocoreError
-from porocore.study.config.config import RunConfig, cell_identity
+from porocore.macro.laws.linear import LinearCoefficients
+from porocore.plugins.border import conductivity_of
+from porocore.states import Array
+from porocore.study.config.config import FemSettings, RunConfig, cell_identity
 from porocore.study.notes.checks import find_backends
+from porocore.study.run.composition import prepare_cell
+from porocore.study.run.reference import undeformed
 from porocore.study.series import Case, RunSeries, claim_record
 from porocore.study.store import cell_key, chosen_store
+
+#: Characters of a message that are kept.
+LONGEST = 300
+
+
+def solve_subvolume(
+    tell: Tell, empty: Subvolume, cell: Cell, edge: int, fem: FemSettings, store: ResultStore | None
+) -> Subvolume:
+    """Solve one sub-volume at rest; what cannot be solved is recorded.
+
+    Parameters
+    ----------
+    tell
+        Not called: a sub-volume is one solve.
+    empty
+        The sub-volume without results.
+    cell, edge
+        Its cell, and the edge of that [voxels].
+    fem, store
+        Backend, and results that studies share.
+
+    Raises
+    ------
+    PluginError
+        The backend is missing or returns what it may not.
+    """
+    began = time.perf_counter()
+
+    def permeability(K: Array) -> Array:
+        # K is in units of the edge of the cell, squared.
+        return np.asarray((K + K.T) / 2 * cell.viscosity * edge**2)
+
+    try:
+        reference = undeformed(cell, fem, "piola", store)
+        found = LinearCoefficients.from_reference(
+            reference.response, reference.solid_fraction, cell.solid, reference.conductivity
+        )
+    except PluginError:
+        raise
+    except PorocoreError as error:
+        status, reason, known = FAILED, str(error), empty.permeability
+        try:
+            # A solid that is not connected has a permeability all the same.
+            if disconnected := cell.disconnected:
+                K = conductivity_of(*prepare_cell(fem.backend, fem.options, cell))
+                status, reason, known = LOOSE, disconnected, permeability(K)
+        except PluginError:
+            raise
+        except PorocoreError as another:
+            reason = str(another)
+        return replace(unsolved(empty, status, reason, time.perf_counter() - began), permeability=known)
+    return replace(
+        empty,
+        status=SOLVED,
+        seconds=time.perf_counter() - began,
+        porosity=np.array(reference.porosity),
+        permeability=permeability(found.conductivity),
+        stiffness=found.stiffness,
+        biot=found.biot,
+        storage=np.array(found.storage),
+        M=found.mean_grad_grad_u,
+        Q=found.mean_grad_p,
+    )
+
+
+def unsolved(empty: Subvolume, status: str, message: str, seconds: float = 0.0) -> Subvolume:
+    """Return a sub-volume with the reason why it has no results."""
+    return replace(empty, status=status, message=cut(" ".join(message.split()), LONGEST), seconds=seconds)
 
 
 class SubvolumeSeries(RunSeries[Subvolume]):
@@ -66,22 +140,20 @@ class SubvolumeSeries(RunSeries[Subvolume]):
 
     def cases(self, outlooks: Iterable[SizeOutlook]) -> list[Case]:
         """Return the sub-volumes that are solved, in the order of their memory."""
-        return [
-            Case(
-                job.identity,
-                (job, self._fem, self._store),
-                f"{list(corner)} of {job.size} voxels",
-                work=outlook.seconds,
-                side_by_side=outlook.side_by_side,
-            )
-            for outlook in outlooks
-            for corner in outlook.corners
-            for job in (self._job(outlook.size, corner),)
-        ]
+        return [self._case(outlook, corner) for outlook in outlooks for corner in outlook.corners]
 
-    def _job(self, size: int, corner: Corner) -> SubvolumeJob:
+    def _case(self, outlook: SizeOutlook, corner: Corner) -> Case:
+        size = outlook.size
         cell = self._scan.subvolume(corner, size)
-        return SubvolumeJob(cell, cell_identity(cell, self._fem), size, corner, self._scan.edge(size))
+        key = cell_identity(cell, self._fem)
+        empty = Subvolume.unsolved(size, corner, key)
+        return Case(
+            key,
+            (empty, cell, self._scan.edge(size), self._fem, self._store),
+            f"{list(corner)} of {size} voxels",
+            work=outlook.seconds,
+            side_by_side=outlook.side_by_side,
+        )
 
     def save(self, case: Case, result: Subvolume) -> None:
         """Write the record."""
@@ -89,21 +161,22 @@ class SubvolumeSeries(RunSeries[Subvolume]):
 
     def stored(self, case: Case) -> tuple[Subvolume, float] | None:
         """Return a sub-volume whose cell the store holds."""
-        job, fem, store = case.arguments
-        key = cell_key(fem.backend, fem.options, job.cell, "piola")
-        kept = None if store is None else store.find("cells", key)
+        if self._store is None:
+            return None
+        kept = self._store.find(
+            "cells", cell_key(self._fem.backend, self._fem.options, case.arguments[1], "piola")
+        )
         if kept is None:
             return None
         took = float(kept.facts["seconds"])
-        return solve_subvolume(lambda told: None, job, fem, store, took), took
+        return replace(solve_subvolume(lambda told: None, *case.arguments), seconds=took), took
 
     def lost(self, case: Case, error: Exception) -> Subvolume:
         """Return a sub-volume without results; only a plugin that cannot be used ends the others."""
         if isinstance(error, PluginError):
             raise error
         kind = "" if isinstance(error, PorocoreError) else f"{type(error).__name__}: "
-        unsolved: Subvolume = case.arguments[0].unsolved(LOST, f"{kind}{error}")
-        return unsolved
+        return unsolved(case.arguments[0], LOST, f"{kind}{error}")
 
     def failed(self, result: Subvolume) -> bool:
         """Return whether results are missing."""
@@ -152,6 +225,8 @@ def study_representative_volume(
     PluginError, PorocoreError
         The backend is missing, or all sub-volumes failed.
     """
+    from porocore.commands.representative.figure import write_figure
+
     folder, plan = Path(folder), SubvolumePlan() if plan is None else plan
     if plan.solve:
         find_backends(config, ["cell solver"])
@@ -172,19 +247,11 @@ def study_representative_volume(
     settling = judge(solved, plan.tolerance)
     found = RepresentativeVolume(plan, scan, tuple(outlooks), tuple(solved), settling, record)
     save(record, series.identity, series.known.values(), **summary(found))
-    return _shown(found, config)
-
-
-def _shown(found: RepresentativeVolume, config: RunConfig) -> RepresentativeVolume:
-    """Write tables and picture, and refuse results of nothing."""
-    from porocore.commands.representative.figure import write_figure
-
-    folder, solved = found.record.parent, found.subvolumes
     with speaking(config.result_units):
-        tables = write_tables(folder, found)
-        pictures = write_figure(folder, found)
+        write_tables(found)
+        write_figure(found)
     if solved and not any(each.status in (SOLVED, LOOSE) for each in solved):
         raise PorocoreError(
             f"none of {len(solved)} sub-volumes could be solved, the first one because: {solved[0].message}"
         )
-    return replace(found, tables=tables, pictures=pictures)
+    return found
