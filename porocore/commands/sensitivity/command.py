@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from porocore.cli import options
 from porocore.cli.common import (
     MINUS,
     check_workers,
@@ -16,14 +17,6 @@ from porocore.cli.common import (
     parse_pressure,
     plain_table,
     read_config,
-)
-from porocore.cli.options import (
-    ConfigArgument,
-    FemOption,
-    NoStoreOption,
-    ResumeOption,
-    StoreOption,
-    WorkersOption,
 )
 from porocore.core.echo import comma_within, echo
 from porocore.errors import ConfigurationError
@@ -37,8 +30,8 @@ _ALL = "uniaxial,volumetric,shear,pressure"
 
 
 def sensitivity(
-    config: ConfigArgument = None,
-    fem: FemOption = None,
+    config: options.ConfigArgument = None,
+    fem: options.FemOption = None,
     loads: Annotated[
         str,
         typer.Option(
@@ -55,13 +48,13 @@ def sensitivity(
             help="Width of the interval in which the last solvable state is found; of p a multiple of E.",
         ),
     ] = 0.01,
-    workers: WorkersOption = None,
+    workers: options.WorkersOption = None,
     out: Annotated[
         Path, typer.Option("--out", metavar="DIR", help="Folder of data, table and figures.")
     ] = Path("runs/sensitivity"),
-    resume: ResumeOption = False,
-    store: StoreOption = None,
-    no_store: NoStoreOption = False,
+    resume: options.ResumeOption = False,
+    store: options.StoreOption = None,
+    no_store: options.NoStoreOption = False,
 ) -> None:
     """Study the cell under one load at a time, both signs, as far as it can be solved.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -15,40 +15,26 @@ from matplotlib.lines import Line2D
 from porocore.commands.sensitivity.plan import load_quantity, quantity_of
 from porocore.commands.sensitivity.results import LoadResponses, Sensitivity, line_name
 from porocore.core.units import spoken
-from porocore.report.figures.style import (
-    BLACK,
-    BLUE,
-    DASHED,
-    DOTTED,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILLION,
-    new_figure,
-    styled,
-    write_pictures,
-)
+from porocore.report.figures import style
 from porocore.states import Status
 
-TITLES = {
-    "uniaxial": "uniaxial, $H_{11}$",
-    "volumetric": "volumetric, $H_{11} = H_{22} = H_{33}$",
-    "shear": "shear, $H_{12}$",
-    "pressure": "pore pressure $p$",
-}
 AXES = {
     "uniaxial": "$H_{11}$",
     "volumetric": "$H_{11} = H_{22} = H_{33}$",
     "shear": "$H_{12}$",
     "pressure": "$p$",
 }
+TITLES = {load: f"{load}, {symbol}" for load, symbol in AXES.items()} | {"pressure": "pore pressure $p$"}
 #: Units of figures without scales.
 _MULTIPLES = {"pressure": "$E$", "stress": "$E$", "energy-density": "$E$", "compliance": "$1/E$"}
-COLOURS = {"uniaxial": BLUE, "volumetric": VERMILLION, "shear": GREEN, "pressure": PURPLE}
-SEVERAL = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY, BLACK)
-STROKES = ("-", DASHED, DOTTED, (0, (5, 1.5, 1, 1.5)))
+COLOURS = {
+    "uniaxial": style.BLUE,
+    "volumetric": style.VERMILLION,
+    "shear": style.GREEN,
+    "pressure": style.PURPLE,
+}
+SEVERAL = (style.BLUE, style.VERMILLION, style.GREEN, style.PURPLE, style.ORANGE, style.SKY, style.BLACK)
+STROKES = ("-", style.DASHED, style.DOTTED, (0, (5, 1.5, 1, 1.5)))
 
 #: Of each load the quantities to draw, with the name and the stroke of each.
 Curves: TypeAlias = dict[str, tuple[tuple[str, str, Any], ...]]
@@ -88,7 +74,7 @@ def write_figures(folder: Path, study: Sensitivity, names: Sequence[str] | None 
     paths = {}
     for name in known_figures(study) if names is None else names:
         paths[name] = folder / f"{name}.png"
-        write_pictures(FIGURES[name](study), paths[name])
+        style.write_pictures(FIGURES[name](study), paths[name])
     return paths
 
 
@@ -113,10 +99,10 @@ def _label_all_loads(study: Sensitivity) -> str:
     return f"load: components of $H$ [–]{p}"
 
 
-@styled
+@style.styled
 def _together(label: str, curves: Curves, study: Sensitivity) -> Figure:
     """All loads in one panel: for each the quantities with their names and strokes."""
-    figure = new_figure(7.0, 4.7)
+    figure = style.new_figure(7.0, 4.7)
     axes = figure.subplots()
     for load, along in study.loads.items():
         for quantity, name, stroke in curves[load]:
@@ -130,14 +116,14 @@ def _together(label: str, curves: Curves, study: Sensitivity) -> Figure:
     return figure
 
 
-@styled
+@style.styled
 def _panels(
     label: str, quantity: str, symbol: str, components: dict[str, tuple[str, ...]], study: Sensitivity
 ) -> Figure:
     """Each load in its own panel, several components in each."""
     count = len(study.loads)
     rows, columns = (count + 1) // 2, min(count, 2)
-    figure = new_figure(8.8 if columns > 1 else 5.4, 0.5 + 3.6 * rows)
+    figure = style.new_figure(8.8 if columns > 1 else 5.4, 0.5 + 3.6 * rows)
     panels = list(np.ravel(figure.subplots(rows, columns, squeeze=False)))
     for spare in panels[count:]:
         spare.set_axis_off()
@@ -190,7 +176,7 @@ _END: dict[str, Any] = {"marker": "x", "ms": 8.0, "mew": 1.8}
 def _finish(figure: Figure, panels: Sequence[Axes], study: Sensitivity) -> None:
     """Zero lines, and what the marks mean, below."""
     for axes in panels:
-        axes.axvline(0.0, color=GREY, lw=0.8)
+        axes.axvline(0.0, color=style.GREY, lw=0.8)
         axes.margins(x=0.03)
     found = np.concatenate([along.status for along in study.loads.values()])
     meanings = [
@@ -199,7 +185,9 @@ def _finish(figure: Figure, panels: Sequence[Axes], study: Sensitivity) -> None:
         ("not solved beyond", not np.isin(found, _WITH_VALUES).all(), _END),
     ]
     handles = [
-        Line2D([], [], ls="", color=BLACK, label=name, **mark) for name, there, mark in meanings if there
+        Line2D([], [], ls="", color=style.BLACK, label=name, **mark)
+        for name, there, mark in meanings
+        if there
     ]
     if handles:
         figure.legend(handles=handles, loc="outside lower right", ncols=len(handles), columnspacing=1.4)
@@ -209,30 +197,28 @@ def _each(*curves: tuple[str, str, Any]) -> Curves:
     return dict.fromkeys(TITLES, curves)
 
 
-def _gradient(quantity: str, symbol: str) -> Curves:
+def _components(quantity: str, symbol: str, components: Mapping[str, tuple[str, ...]]) -> Curves:
     return {
-        load: tuple((f"{quantity}_{ij}", symbol.format(*ij), "-") for ij in components)
-        for load, components in CORRESPONDING.items()
+        load: tuple((f"{quantity}_{ij}", symbol.format(*ij), STROKES[k]) for k, ij in enumerate(each))
+        for load, each in components.items()
     }
 
 
 _AVERAGE = r"$\overline{{\partial u^1_{0}/\partial Y_{1}}}$"
 _LARGEST = r"$|\partial u^1_{0}/\partial Y_{1}|$"
-_Q: Curves = {
-    load: tuple((f"Q_{ij}", f"$Q_{{{ij}}}$", STROKES[k]) for k, ij in enumerate(components))
-    for load, components in SECOND.items()
-}
 
 #: Figures by the names that the paper's source gives them; an average is that of the solid.
 FIGURES: dict[str, Callable[[Sensitivity], Figure]] = {
     "dyu1_Av_1": partial(
         _together,
         r"average $\overline{\nabla_Y u^1}$, component of the load",
-        _gradient("avg_grad", _AVERAGE),
+        _components("avg_grad", _AVERAGE, CORRESPONDING),
     ),
     "dyu1_Av_2": partial(_panels, r"average $\overline{\nabla_Y u^1}$", "avg_grad", _AVERAGE, OTHERS),
     "dyu1_max_1": partial(
-        _together, r"maximum of $|\nabla_Y u^1|$, component of the load", _gradient("max_grad", _LARGEST)
+        _together,
+        r"maximum of $|\nabla_Y u^1|$, component of the load",
+        _components("max_grad", _LARGEST, CORRESPONDING),
     ),
     "dyu1_max_2": partial(_panels, r"maximum of $|\nabla_Y u^1|$", "max_grad", _LARGEST, OTHERS),
     "psi_Av": partial(_together, r"average $\overline{\Psi}$", _each(("avg_energy", "", "-"))),
@@ -243,11 +229,11 @@ FIGURES: dict[str, Callable[[Sensitivity], Figure]] = {
     "Mijkl_deformed": partial(
         _panels, r"$\hat J\,\langle M \rangle_s$", "M_hat", r"$\hat J M_{{{0}{1}{2}{3}}}$", FOURTH
     ),
-    "Q_11": partial(_together, r"$\langle Q \rangle_s$", _Q),
+    "Q_11": partial(_together, r"$\langle Q \rangle_s$", _components("Q", "$Q_{{{0}{1}}}$", SECOND)),
     "Biot_Modulus": partial(
         _together,
         r"$M = -1/\mathrm{tr}\,Q$ and $\tilde M = M/\hat J$",
-        _each(("biot", r"$M$", "-"), ("biot_hat", r"$\tilde M$", DASHED)),
+        _each(("biot", r"$M$", "-"), ("biot_hat", r"$\tilde M$", style.DASHED)),
     ),
 }
 #: Figures of what is optional for a cell solver.

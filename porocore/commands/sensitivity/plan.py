@@ -194,41 +194,38 @@ def quantities(
     assert response.tangent.mean_grad_p is not None
     solid = 1 - porosity
     average = response.mean_grad / solid
-    normalised, J_bar = _normalised_conductivity(states, response, solid, conductivity, law)
-    J_hat = determinant(np.eye(3) + average)
-    M, Q = response.tangent.mean_grad_grad_u, response.tangent.mean_grad_p
-    biot = -1 / np.trace(Q, axis1=1, axis2=2)
-    found = _by_component("mean_grad", response.mean_grad) | _by_component("avg_grad", average)
-    found |= _extrema(response, solid)
-    found |= {"J_bar": J_bar, "J_hat": J_hat}
-    found |= {f"Kt_{i + 1}{i + 1}": normalised[:, i] for i in range(3)}
-    found |= _by_component("M", M)
-    found |= _by_component("M_hat", J_hat[:, None, None, None, None] * M)
-    found |= _by_component("Q", Q) | _by_component("Q_hat", J_hat[:, None, None] * Q)
-    found |= {"biot": biot, "biot_hat": biot / J_hat}
-    return found
-
-
-def _normalised_conductivity(
-    states: MacroState, response: CellResponse, solid: float, conductivity: Array, law: ConductivityLaw
-) -> tuple[Array, Array]:
-    """Return (K_t)_ii/K_ii (n, 3) and det F̄ (n,)."""
-    no_flow = np.zeros((len(states), 3))
     pulled = PulledBack.from_states(
-        states, response.mean_grad, no_flow, solid, conductivity, law, response.conductivity
+        states,
+        response.mean_grad,
+        np.zeros((len(states), 3)),
+        solid,
+        conductivity,
+        law,
+        response.conductivity,
     )
     K_ii = np.diag(conductivity)
     K_ii = np.where(K_ii > NO_FLOW * K_ii.max(), K_ii, np.nan)
-    return np.diagonal(pulled.conductivity, axis1=1, axis2=2) / pulled.J[:, None] / K_ii, pulled.J
-
-
-def _extrema(response: CellResponse, solid: float) -> dict[str, Array]:
-    """Return the largest values and the mean energy, NaN where the cell solver does not provide them."""
+    normalised = np.diagonal(pulled.conductivity, axis1=1, axis2=2) / pulled.J[:, None] / K_ii
+    J_hat = determinant(np.eye(3) + average)
+    M, Q = response.tangent.mean_grad_grad_u, response.tangent.mean_grad_p
+    biot = -1 / np.trace(Q, axis1=1, axis2=2)
     extrema, unknown = response.extrema, np.full(len(response), np.nan)
-    grad = np.full_like(response.mean_grad, np.nan) if extrema is None else extrema.grad
-    return _by_component("max_grad", grad) | {
+    largest = np.full_like(response.mean_grad, np.nan) if extrema is None else extrema.grad
+    return {
+        **_by_component("mean_grad", response.mean_grad),
+        **_by_component("avg_grad", average),
+        **_by_component("max_grad", largest),
         "avg_energy": unknown if extrema is None else extrema.energy_mean / solid,
         "max_energy": unknown if extrema is None else extrema.energy,
+        "J_bar": pulled.J,
+        "J_hat": J_hat,
+        **{f"Kt_{i + 1}{i + 1}": normalised[:, i] for i in range(3)},
+        **_by_component("M", M),
+        **_by_component("M_hat", J_hat[:, None, None, None, None] * M),
+        **_by_component("Q", Q),
+        **_by_component("Q_hat", J_hat[:, None, None] * Q),
+        "biot": biot,
+        "biot_hat": biot / J_hat,
     }
 
 

@@ -194,23 +194,19 @@ def load(path: Path) -> Sensitivity:
             raise DataError(
                 f"{path}: expected a sensitivity study of version {VERSION}; choose another --out"
             )
+        # A file that names no law was written when there was only the paper's.
+        law = file.attribute("law", str) if "law" in file.attributes else "piola-unrotated"
+        if law not in CONDUCTIVITY_LAWS:
+            raise ValueError(f"law '{law[:40]}'")
         return Sensitivity(
             plan=StudyPlan.from_description(json.loads(file.attribute("plan", str))),
             identity=file.attribute("identity", str),
             rest=_sound_response(file, "rest"),
             conductivity=file.array("conductivity", 3, 3),
             lines={name: _read_line(file, name) for name in file.members("lines")},
-            law=_read_law(file),
+            law=cast(ConductivityLaw, law),
             provenance={name: file.text(f"provenance/{name}") for name in file.members("provenance")},
         )
-
-
-def _read_law(file: Contents) -> ConductivityLaw:
-    """Return the law of the flux; a file that names none was written when there was only the paper's."""
-    law = file.attribute("law", str) if "law" in file.attributes else "piola-unrotated"
-    if law not in CONDUCTIVITY_LAWS:
-        raise ValueError(f"law '{law[:40]}'")
-    return cast(ConductivityLaw, law)
 
 
 def _write_response(group: Any, response: CellResponse) -> None:

@@ -31,14 +31,7 @@ from porocore.states import CellResponse, Status
 from porocore.study.config.config import FemSettings, RunConfig
 from porocore.study.notes.checks import find_backends
 from porocore.study.run.composition import prepare_stored
-from porocore.study.series import (
-    Case,
-    CaseProgress,
-    FromStore,
-    RunSeries,
-    claim_record,
-    require_own,
-)
+from porocore.study.series import Case, CaseProgress, FromStore, RunSeries, claim_record, require_own
 from porocore.study.store import chosen_store, taken
 
 FILE = "sensitivity.h5"
@@ -104,7 +97,9 @@ def study_sensitivity(
     from porocore.commands.sensitivity.figures import write_figures
 
     folder, plan = Path(folder), StudyPlan() if plan is None else plan
-    _require_possible(config, plan)
+    for name, _, goal in plan.half_lines():
+        state, where = states_of(name, goal), f"--loads: {name} = {value_text(LOADS[name][0], goal)}"
+        require_possible(state.grad_u[0], float(state.p[0]), config.cell.modulus, where)
     find_backends(config, ["cell solver"])
     claim_record(folder / FILE, "study", resume=resume)
     with speaking(config.result_units):
@@ -115,13 +110,6 @@ def study_sensitivity(
             console=Console.shown(progress),
         )  # fmt: skip
         return SensitivityFiles(study, write_table(folder, study), write_figures(folder, study))
-
-
-def _require_possible(config: RunConfig, plan: StudyPlan) -> None:
-    """Refuse goals at which no cell can be."""
-    for name, _, goal in plan.half_lines():
-        state, where = states_of(name, goal), f"--loads: {name} = {value_text(LOADS[name][0], goal)}"
-        require_possible(state.grad_u[0], float(state.p[0]), config.cell.modulus, where)
 
 
 def run_study(
@@ -152,33 +140,19 @@ def run_study(
         The undeformed cell cannot be solved, or a worker process died.
     """
     plan, path = StudyPlan() if plan is None else plan, folder / FILE
-    study = _load_or_begin(path, cell, fem, plan, conductivity, dict(provenance or {}), store)
-    series = SensitivitySeries(study, path, (fem.backend, fem.options, cell, conductivity), store)
-    series.run(series.cases(), console or Console.shown(False), workers)
-    return study
-
-
-def _load_or_begin(
-    path: Path,
-    cell: Cell,
-    fem: FemSettings,
-    plan: StudyPlan,
-    conductivity: ConductivityLaw,
-    provenance: dict[str, str],
-    store: ResultStore | None,
-) -> Sensitivity:
-    """Return the study that the file holds, or a new one with the undeformed cell alone."""
     identity = study_identity(cell, fem, plan, conductivity)
     if path.exists():
         study = load(path)
         require_own(path, study.identity, identity, "the study of another cell, backend or plan")
-        return study
-    # As one of the states, since the file of an undeformed cell has no extrema.
-    solver, prepared, _ = prepare_stored(store, fem.backend, fem.options, cell, conductivity)
-    reference = CellReference.compute(solver, prepared, cell, identity)
-    rest = reference.resting(conductivity)
-    study = Sensitivity(plan, identity, rest, reference.conductivity, {}, provenance, conductivity)
-    save(path, study)
+    else:
+        # As one of the states, since the file of an undeformed cell has no extrema.
+        solver, prepared, _ = prepare_stored(store, fem.backend, fem.options, cell, conductivity)
+        reference = CellReference.compute(solver, prepared, cell, identity)
+        rest, texts = reference.resting(conductivity), dict(provenance or {})
+        study = Sensitivity(plan, identity, rest, reference.conductivity, {}, texts, conductivity)
+        save(path, study)
+    series = SensitivitySeries(study, path, (fem.backend, fem.options, cell, conductivity), store)
+    series.run(series.cases(), console or Console.shown(False), workers)
     return study
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from porocore.cli import options
 from porocore.cli.common import (
     check_workers,
     chosen_store,
@@ -18,14 +19,6 @@ from porocore.cli.common import (
     parse_pressure,
     plain_table,
     read_config,
-)
-from porocore.cli.options import (
-    ConfigArgument,
-    FemOption,
-    NoStoreOption,
-    ResumeOption,
-    StoreOption,
-    WorkersOption,
 )
 from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
@@ -38,8 +31,8 @@ if TYPE_CHECKING:
 
 
 def stability(
-    config: ConfigArgument = None,
-    fem: FemOption = None,
+    config: options.ConfigArgument = None,
+    fem: options.FemOption = None,
     along: Annotated[
         str,
         typer.Option(
@@ -65,10 +58,10 @@ def stability(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder of tables and figure.")] = Path(
         "runs/stability"
     ),
-    workers: WorkersOption = None,
-    resume: ResumeOption = False,
-    store: StoreOption = None,
-    no_store: NoStoreOption = False,
+    workers: options.WorkersOption = None,
+    resume: options.ResumeOption = False,
+    store: options.StoreOption = None,
+    no_store: options.NoStoreOption = False,
 ) -> None:
     """Map where the cell creases and touches itself, and where it becomes unstable.
 

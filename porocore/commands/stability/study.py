@@ -103,7 +103,10 @@ def map_stability(
     from porocore.report.figures.style import write_pictures
 
     folder = Path(folder)
-    _require_possible(config, plan)
+    for value in plan.values:
+        _, goal = plan.ends(value)
+        where = f"--along and --across: {plan.across} = {value_text(plan.across, value)}"
+        require_possible(goal[:9], goal[9], config.cell.modulus, where)
     find_backends(config, ["cell solver"])
     claim_record(folder / FILE, "map", resume=resume)
     series = StabilitySeries(config, plan, folder / FILE, chosen_store(store))
@@ -113,14 +116,6 @@ def map_stability(
         picture = folder / PICTURE
         write_pictures(stability_figure(plan, lines), picture)
         return StabilityMap(plan, lines, write_tables(folder, plan, lines), picture)
-
-
-def _require_possible(config: RunConfig, plan: MapPlan) -> None:
-    """Refuse goals at which no cell can be."""
-    for value in plan.values:
-        _, goal = plan.ends(value)
-        where = f"--along and --across: {plan.across} = {value_text(plan.across, value)}"
-        require_possible(goal[:9], goal[9], config.cell.modulus, where)
 
 
 def follow(
