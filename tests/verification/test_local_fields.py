@@ -243,7 +243,7 @@ def test_pictures_are_drawn_without_a_display(monkeypatch, tmp_path, capfd):
 def test_views_of_a_deformed_cell_hold_all_of_it():
     points = affine(LINEAR, np.zeros((3, 3)))
     nodal = NodalFields(points)
-    box, bounds = pictures._box(nodal, deformed=True)
+    box, bounds = pictures.box_of(points.mesh.points, np.eye(3) + points.grad_u, nodal.displacement)
     np.testing.assert_allclose(bounds, [-0.55, 0.55, -0.5, 0.5, -0.45, 0.45])
     edges = np.array(box).reshape(12, 2, 3)
     lengths = np.linalg.norm(edges[:, 1] - edges[:, 0], axis=1)

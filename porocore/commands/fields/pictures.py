@@ -116,11 +116,13 @@ def render(vtu: Path, nodal: NodalFields, folder: Path, name: str, title: str) -
     found, views = {}, []
     with TemporaryDirectory() as scratch:
         for kind, (scalars, _, _, quantity) in PICTURES.items():
-            box, bounds = _box(nodal, deformed=kind == "disp")
+            mesh, deformed = nodal.points.mesh, kind == "disp"
+            moved = (np.eye(3) + nodal.points.grad_u, nodal.displacement) if deformed else ()
+            box, bounds = box_of(mesh.points, *moved)
             for cut in (False, True):
                 png = str(Path(scratch) / f"{kind}-{int(cut)}.png")
                 shown = units.titled(scalars, quantity)
-                views.append(View(png, shown, (0.0, tops[kind]), kind == "disp", cut, box, bounds))
+                views.append(View(png, shown, (0.0, tops[kind]), deformed, cut, box, bounds))
         draw_views(vtu, views, Path(scratch))
         for kind, (scalars, head, plain, quantity) in PICTURES.items():
             shown = units.titled(scalars, quantity)
@@ -149,31 +151,20 @@ def require_pyvista() -> None:
         )
 
 
-def _box(nodal: NodalFields, *, deformed: bool) -> tuple[list[list[float]], tuple[float, ...]]:
-    """Edges of the cell, moved by H alone where the cell is deformed, and bounds around all that is shown."""
-    points = nodal.points.mesh.points
-    if not deformed:
-        return box_of(points)
-    return box_of(points, np.eye(3) + nodal.points.grad_u, nodal.displacement)
-
-
 def box_of(
-    points: Array, shape: Array | None = None, displacement: Array | None = None
+    points: Array, shape: Array | None = None, displacement: Array | float = 0.0
 ) -> tuple[list[list[float]], tuple[float, ...]]:
-    """Edges of the box around points (n, 3), deformed by a matrix; and bounds around them and the moved points."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    form = np.eye(3) if shape is None else shape
-    corner = {c: (np.where(c, high, low) @ form.T) for c in product((False, True), repeat=3)}
-    edges = []
-    for c in corner:
-        for axis in range(3):
-            if not c[axis]:
-                other = tuple(k == axis or on for k, on in enumerate(c))
-                edges += [corner[c].tolist(), corner[other].tolist()]
-    moved = points if displacement is None else points + displacement
-    shown = np.concatenate([moved, np.array(list(corner.values()))])
-    lows, highs = shown.min(axis=0), shown.max(axis=0)
-    return edges, tuple(float(x) for pair in zip(lows, highs, strict=True) for x in pair)
+    """Return the edges of the box around points (n, 3), deformed by a matrix, and bounds of it and the moved points.
+
+    The box has 12 edges, each with two ends.
+    """
+    ends = np.stack([points.min(axis=0), points.max(axis=0)], axis=1)
+    corners = np.array(list(product(*ends))) @ (np.eye(3) if shape is None else shape).T
+    # The three axes are the bits of a corner's number.
+    edges = [(i, i | bit) for i in range(8) for bit in (1, 2, 4) if not i & bit]
+    shown = np.concatenate([points + displacement, corners])
+    bounds = np.stack([shown.min(axis=0), shown.max(axis=0)], axis=1)
+    return corners[np.ravel(edges)].tolist(), tuple(bounds.ravel().tolist())
 
 
 def draw_views(vtu: Path, views: list[View], scratch: Path) -> None:

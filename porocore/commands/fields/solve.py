@@ -14,7 +14,7 @@ from porocore.commands.fields.points import NodalFields, PointFields
 from porocore.core.files.atomic import new_folder
 from porocore.core.files.store import ResultStore
 from porocore.core.inputs import named_state, require_possible, value_text
-from porocore.core.units import ResultUnits, speaking, spoken
+from porocore.core.units import speaking, spoken
 from porocore.errors import ConfigurationError, PorocoreError
 from porocore.plugins.border import solution_of
 from porocore.report.text import MEANINGS
@@ -44,6 +44,12 @@ def write_fields(path: Path, nodal: NodalFields) -> Path:
     points = nodal.points
     share = points.volume / points.volume.sum(axis=1, keepdims=True)
     units = spoken()
+
+    def measured(quantity: str, fields: Mapping[str, Array]) -> dict[str, Array]:
+        return {
+            units.titled(name, quantity): units.factor(quantity) * values for name, values in fields.items()
+        }
+
     at_nodes = {
         "u1": points.u,
         "u1_magnitude": np.linalg.norm(points.u, axis=1),
@@ -51,21 +57,12 @@ def write_fields(path: Path, nodal: NodalFields) -> Path:
         "grad_u1": nodal.grad,
         "F": nodal.F,
         "J": nodal.J,
-        **_measured({"energy": nodal.energy}, "energy-density", units),
-        **_measured(
-            {"P": nodal.stress, "cauchy": nodal.cauchy, "von_mises": nodal.von_mises}, "stress", units
-        ),
     }
+    at_nodes |= measured("energy-density", {"energy": nodal.energy})
+    at_nodes |= measured("stress", {"P": nodal.stress, "cauchy": nodal.cauchy, "von_mises": nodal.von_mises})
     energies = {"mean_energy": (share * points.energy).sum(axis=1), "max_energy": points.energy.max(axis=1)}
-    in_elements = {
-        "mean_J": (share * points.J).sum(axis=1),
-        **_measured(energies, "energy-density", units),
-    }
+    in_elements = {"mean_J": (share * points.J).sum(axis=1), **measured("energy-density", energies)}
     return write_vtu(path, points.mesh.points, points.mesh.cells, at_nodes, in_elements)
-
-
-def _measured(fields: Mapping[str, Array], quantity: str, units: ResultUnits) -> dict[str, Array]:
-    return {units.titled(name, quantity): units.factor(quantity) * values for name, values in fields.items()}
 
 
 #: The loads of the paper's figures disp_pressure to energy_shear. It does not give their magnitudes; these lie within
@@ -193,16 +190,9 @@ def write_local_fields(
         if name is None:
             name = ",".join(f"{key}={value_text(key, value)}" for key, value in state.items()) or "rest"
         name = re.sub(r"[^A-Za-z0-9.+-]+", "_", name.strip())[:LONGEST_NAME]
-        folder = new_folder(Path(folder))
+        folder, kept = new_folder(Path(folder)), chosen_store(store)
         return solve_and_write(
-            config.cell,
-            config.fem,
-            folder,
-            state,
-            name=name,
-            pictures=pictures,
-            store=chosen_store(store),
-            tell=tell,
+            config.cell, config.fem, folder, state, name=name, pictures=pictures, store=kept, tell=tell
         )
 
 
