@@ -9,29 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from porocore.cli.common import (
-    chosen_store,
-    claim,
-    in_units_of,
-    located,
-    page,
-    plain_table,
-    read_config,
-)
-from porocore.cli.options import (
-    ClosureOption,
-    ConfigArgument,
-    ExecutorOption,
-    FemOption,
-    LawOption,
-    MacroOption,
-    NoStoreOption,
-    OutOption,
-    ResumeOption,
-    SchedulerOption,
-    StoreOption,
-    SurrogateOption,
-)
+from porocore.cli import options
+from porocore.cli.common import chosen_store, claim, in_units_of, located, page, plain_table, read_config
 from porocore.core.console import Console
 from porocore.core.echo import comma_advice, echo
 from porocore.errors import ConfigurationError
@@ -52,7 +31,7 @@ _PRINTED = {
 
 
 def sweep(
-    config: ConfigArgument = None,
+    config: options.ConfigArgument = None,
     over: Annotated[
         list[str] | None,
         typer.Option(
@@ -62,17 +41,17 @@ def sweep(
             show_default=False,
         ),
     ] = None,
-    fem: FemOption = None,
-    macro: MacroOption = None,
-    surrogate: SurrogateOption = None,
-    closure: ClosureOption = None,
-    law: LawOption = None,
-    executor: ExecutorOption = None,
-    scheduler: SchedulerOption = None,
-    out: OutOption = None,
-    resume: ResumeOption = False,
-    store: StoreOption = None,
-    no_store: NoStoreOption = False,
+    fem: options.FemOption = None,
+    macro: options.MacroOption = None,
+    surrogate: options.SurrogateOption = None,
+    closure: options.ClosureOption = None,
+    law: options.LawOption = None,
+    executor: options.ExecutorOption = None,
+    scheduler: options.SchedulerOption = None,
+    out: options.OutOption = None,
+    resume: options.ResumeOption = False,
+    store: options.StoreOption = None,
+    no_store: options.NoStoreOption = False,
 ) -> None:
     """Solve the body for each value of a number of its cell, such as the radius of its pores.
 

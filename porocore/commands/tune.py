@@ -87,7 +87,7 @@ def _print(console: Console, config: RunConfig, found: Tuning, margin: float) ->
     typer.echo(f"  backend: {config.surrogate.backend}")
     typer.echo(f"  model: {config.surrogate_model}")
     typer.echo("  options:")
-    typer.echo(f"    hidden: {found.chosen.candidate.hidden}")
+    typer.echo(f"    hidden: {found.chosen.hidden}")
     typer.echo(f"    activation: {found.chosen.activation}")
 
 

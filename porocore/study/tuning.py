@@ -61,7 +61,7 @@ class Candidate:
         """Name of the candidate's file."""
         return f"{self.depth}x{self.width}-{self.activation}"
 
-    def parameters(self, inputs: int, outputs: int) -> int:
+    def size(self, inputs: int, outputs: int) -> int:
         """Return the number of weights and biases."""
         widths = [inputs, *self.hidden, outputs]
         return sum((a + 1) * b for a, b in itertools.pairwise(widths))
@@ -100,9 +100,10 @@ def candidates(
             )
     for option, values in (("--depths", depths), ("--widths", widths)):
         most = MOST_LAYERS if option == "--depths" else MOST_WIDTH
+        given = ",".join(map(str, values)) or "nothing"
         if not values or min(values) < 1 or max(values) > most:
             raise ConfigurationError(
-                f"{option}: expected whole numbers from 1 to {most}, such as 1,2,3, got {cut(_listed(values))}"
+                f"{option}: expected whole numbers from 1 to {most}, such as 1,2,3, got {cut(given)}"
             )
     if (count := len(set(depths)) * len(set(widths)) * len(set(chosen))) > MOST_CANDIDATES:
         raise ConfigurationError(
@@ -132,12 +133,8 @@ def _takes(config: RunConfig, candidate: Candidate) -> bool:
     return True
 
 
-def _listed(values: Sequence[int]) -> str:
-    return ",".join(map(str, values)) or "nothing"
-
-
 @dataclass(frozen=True)
-class Result:
+class Result(Candidate):
     """A trained candidate.
 
     Attributes
@@ -153,18 +150,10 @@ class Result:
         Training time [s].
     """
 
-    depth: int
-    width: int
-    activation: str
     parameters: int
     error: float | None
     errors: dict[str, float]
     seconds: float
-
-    @property
-    def candidate(self) -> Candidate:
-        """The architecture that was trained."""
-        return Candidate(self.depth, self.width, self.activation)
 
 
 def train_candidate(
@@ -184,11 +173,14 @@ def train_candidate(
         predicted = surrogate.predict(states, tangent=False)
         errors = held_out_errors(predicted, truth, data)
     worst = max(errors.values())
-    outputs = 1 if predicted.potential is not None else _learned_outputs(truth)
-    size = candidate.parameters(len(data.inputs), outputs)
+    # An output of the network is W, or a component that is learned.
+    spread: Array = np.ptp(truth.mean_grad.reshape(len(truth), -1), axis=0)
+    learned = int((spread > 1e-6 * spread.max()).sum()) or 1
+    outputs = 1 if predicted.potential is not None else learned
+    size = candidate.size(len(data.inputs), outputs)
     finite = {name: value for name, value in errors.items() if math.isfinite(value)}
-    return Result(**asdict(candidate), parameters=size, error=worst if math.isfinite(worst) else None,
-                  errors=finite, seconds=round(seconds, 3))  # fmt: skip
+    error = worst if math.isfinite(worst) else None
+    return Result(**asdict(candidate), parameters=size, error=error, errors=finite, seconds=round(seconds, 3))
 
 
 def held_out_errors(predicted: CellResponse, truth: CellResponse, data: TrainingSet) -> dict[str, float]:
@@ -211,11 +203,6 @@ def held_out_errors(predicted: CellResponse, truth: CellResponse, data: Training
         if spread > 0:
             errors[name] = float(np.sqrt(((found - known) ** 2).mean(axis=0)).max() / spread)
     return errors
-
-
-def _learned_outputs(truth: CellResponse) -> int:
-    spread: Array = np.ptp(truth.mean_grad.reshape(len(truth), -1), axis=0)
-    return int((spread > 1e-6 * spread.max()).sum()) or 1
 
 
 #: Kind of these results in the store.
@@ -249,7 +236,7 @@ class TuningSeries(RunSeries[Result]):
 
     def cases(self, grid: Sequence[Candidate]) -> list[Case]:
         """Return the candidates as cases, those first that take longest."""
-        longest_first = sorted(grid, key=lambda each: -each.parameters(len(self._data.inputs), 1))
+        longest_first = sorted(grid, key=lambda each: -each.size(len(self._data.inputs), 1))
         return [
             Case(
                 each.key,
@@ -322,10 +309,10 @@ def write_tables(
     with atomic_path(paths[1]) as part, open(part, "w", newline="", encoding="utf-8") as file:
         rows = csv.writer(file)
         rows.writerow(["depth", "width", "activation", "parameters", "error", *names, "seconds"])
-        for r in results:
-            rows.writerow(
-                [r.depth, r.width, r.activation, r.parameters, r.error, *map(r.errors.get, names), r.seconds]
-            )
+        rows.writerows(
+            [r.depth, r.width, r.activation, r.parameters, r.error, *map(r.errors.get, names), r.seconds]
+            for r in results
+        )
     points = [(r.activation, r.parameters, r.error) for r in results if r.error is not None]
     assert chosen.error is not None
     limit = (1 + margin) * min(error for _, _, error in points)
@@ -339,8 +326,7 @@ def text_table(results: Sequence[Result], chosen: Result) -> Iterator[str]:
     for r in results:
         error = "diverged" if r.error is None else f"{100 * r.error:.3g} %"
         mark = "  <- chosen" if r == chosen else ""
-        hidden = str(r.candidate.hidden)
-        yield f"{hidden:<16}{r.activation:<12}{r.parameters:>11}{error:>11}{r.seconds:>9.1f} s{mark}"
+        yield f"{r.hidden!s:<16}{r.activation:<12}{r.parameters:>11}{error:>11}{r.seconds:>9.1f} s{mark}"
 
 
 @dataclass(frozen=True)

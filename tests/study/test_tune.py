@@ -306,7 +306,7 @@ def test_the_grid(folder):
     grid = candidates(folder.config)
     assert len(grid) == 3 * 4 * 2
     assert Candidate(3, 40, "sigmoid") in grid
-    assert Candidate(3, 40, "sigmoid").parameters(2, 3) == 3 * 40 + 2 * 41 * 40 + 41 * 3
+    assert Candidate(3, 40, "sigmoid").size(2, 3) == 3 * 40 + 2 * 41 * 40 + 41 * 3
     with pytest.raises(ConfigurationError):
         candidates(folder.config, [1], [])
 

@@ -16,21 +16,7 @@ from matplotlib.ticker import MaxNLocator
 
 from porocore.core.files.plain_data import write_csv
 from porocore.interfaces.solution import MacroSolution
-from porocore.report.figures.style import (
-    BLACK,
-    BLUE,
-    DASHED,
-    GREEN,
-    GREY,
-    LINEAR,
-    NONLINEAR,
-    ORANGE,
-    axis_label,
-    named,
-    new_figure,
-    styled,
-    write_pictures,
-)
+from porocore.report.figures import style
 from porocore.states import Array
 from porocore.study.run.folder import LINEAR as LINEAR_LAW
 from porocore.study.sweep.results import ParameterSweep
@@ -68,7 +54,7 @@ SAME = 1e-6
 LEVELS = 12
 
 
-@styled
+@style.styled
 def sweep_figure(sweep: ParameterSweep) -> Figure:
     """Draw a sweep, of several loads that which is largest in size."""
     return _over_both(sweep) if len(sweep.names) > 1 else _along(sweep)
@@ -77,7 +63,7 @@ def sweep_figure(sweep: ParameterSweep) -> Figure:
 def parameter_label(sweep: ParameterSweep, k: int) -> str:
     """Return the label of the axis of a parameter."""
     swept = sweep.plan.swept[k]
-    return sweep.units.titled(named(swept.name.replace("_", " ")), swept.quantity)
+    return sweep.units.titled(style.named(swept.name.replace("_", " ")), swept.quantity)
 
 
 def _places(sweep: ParameterSweep, k: int) -> Array:
@@ -101,11 +87,11 @@ def _rows(sweep: ParameterSweep) -> list[tuple[str, ...]]:
 
 
 def _label(sweep: ParameterSweep, figure: str) -> str:
-    return axis_label(LABELS[figure.rpartition(": ")[2]], sweep.quantity(figure), sweep.units)
+    return style.axis_label(LABELS[figure.rpartition(": ")[2]], sweep.quantity(figure), sweep.units)
 
 
 def _along(sweep: ParameterSweep) -> Figure:
-    figure = new_figure(12.0, 6.6)
+    figure = style.new_figure(12.0, 6.6)
     panels = figure.subplots(2, 3)
     places = _places(sweep, 0)
     scale = ScalarMappable(Normalize(places.min(), places.max()), _colours())
@@ -142,14 +128,11 @@ def _histories(sweep: ParameterSweep, panels: Sequence[Axes], places: Array, sca
         first = moved * units.factor("displacement") if settles else _force(sweep, solution)
         panels[0].plot(time, first, color=colour, lw=1.4)
         panels[1].plot(time, solution.history.pressure_max * units.factor("pressure"), color=colour, lw=1.4)
-    panels[0].set_ylabel(
-        axis_label(MOVED[kind], "displacement", units)
-        if settles
-        else axis_label(f"force on {sweep.loading_mode.displaced[0]}", "force", units)
-    )
-    panels[1].set_ylabel(axis_label("largest pore pressure $p$", "pressure", units))
+    words = MOVED[kind] if settles else f"force on {sweep.loading_mode.displaced[0]}"
+    panels[0].set_ylabel(style.axis_label(words, "displacement" if settles else "force", units))
+    panels[1].set_ylabel(style.axis_label("largest pore pressure $p$", "pressure", units))
     for axes in panels:
-        axes.set_xlabel(axis_label("time $t$", "time", units))
+        axes.set_xlabel(style.axis_label("time $t$", "time", units))
         axes.set_xlim(left=0)
         _from_zero(axes)
 
@@ -173,12 +156,12 @@ def _cells(sweep: ParameterSweep, axes: Axes, places: Array) -> None:
     if all(np.allclose(values, first, rtol=SAME) for values in curves.values()):
         curves = {"K_11": first}
     label = "$K$" if len(curves) == 1 else ""
-    for (name, values), colour in zip(curves.items(), (BLUE, GREEN, ORANGE), strict=False):
+    for (name, values), colour in zip(curves.items(), (style.BLUE, style.GREEN, style.ORANGE), strict=False):
         axes.plot(places, values, color=colour, marker=".", label=label or LABELS[name])
-    axes.set_ylabel(axis_label("conductivity $K$", "conductivity", sweep.units))
+    axes.set_ylabel(style.axis_label("conductivity $K$", "conductivity", sweep.units))
     axes.set_ylim(bottom=0)
     other = axes.twinx()
-    other.plot(places, sweep.figures["porosity"], color=GREY, ls=DASHED, label=LABELS["porosity"])
+    other.plot(places, sweep.figures["porosity"], color=style.GREY, ls=style.DASHED, label=LABELS["porosity"])
     other.set_ylabel(LABELS["porosity"])
     other.set_ylim(bottom=0)
     other.grid(visible=False)
@@ -189,7 +172,8 @@ def _cells(sweep: ParameterSweep, axes: Axes, places: Array) -> None:
 
 
 def _look(law: str) -> dict[str, Any]:
-    return {"color": LINEAR, "ls": DASHED} if law == LINEAR_LAW else {"color": NONLINEAR, "ls": "-"}
+    colour, stroke = (style.LINEAR, style.DASHED) if law == LINEAR_LAW else (style.NONLINEAR, "-")
+    return {"color": colour, "ls": stroke}
 
 
 def _against(sweep: ParameterSweep, axes: Axes, places: Array, names: Sequence[str]) -> None:
@@ -206,9 +190,10 @@ def _against(sweep: ParameterSweep, axes: Axes, places: Array, names: Sequence[s
         axes.set_ylabel(_label(sweep, names[0]))
     else:
         quantity = sweep.quantity(names[0])
-        axes.set_ylabel(axis_label("time $t$" if quantity == "time" else "force", quantity, sweep.units))
+        title = "time $t$" if quantity == "time" else "force"
+        axes.set_ylabel(style.axis_label(title, quantity, sweep.units))
         words = [LABELS[name.rpartition(": ")[2]] for name in names]
-        shown = [Line2D([], [], color=GREY, ls="", marker=marker, ms=4.5) for marker in markers]
+        shown = [Line2D([], [], color=style.GREY, ls="", marker=marker, ms=4.5) for marker in markers]
         _legend_above(axes, shown, words)
     _from_zero(axes)
 
@@ -220,7 +205,8 @@ def _legend_of_laws(sweep: ParameterSweep, figure: Figure) -> None:
         for law in sweep.laws
     }
     if sweep.flagged.any():
-        shown["flagged somewhere"] = Line2D([], [], ls="", marker="o", ms=4.5, mfc="white", color=NONLINEAR)
+        hollow: dict[str, Any] = {"ls": "", "marker": "o", "ms": 4.5, "mfc": "white"}
+        shown["flagged somewhere"] = Line2D([], [], color=style.NONLINEAR, **hollow)
     figure.legend([*shown.values()], [*shown], loc="outside lower center", ncols=len(shown))
 
 
@@ -250,7 +236,7 @@ def _over_both(sweep: ParameterSweep) -> Figure:
     names = [sweep.named(name) for row in _rows(sweep) for name in row]
     names += [name for name in ("porosity", "K_22") if name in sweep.figures] or [sweep.named("drained")]
     names = [name for name in names if _varies(sweep.figures.get(name, np.zeros(1)))] or names[:1]
-    figure = new_figure(12.0, 3.5 * -(-len(names) // 3))
+    figure = style.new_figure(12.0, 3.5 * -(-len(names) // 3))
     panels = figure.subplots(-(-len(names) // 3), min(3, len(names)), squeeze=False).ravel()
     for axes, name in zip(panels, names, strict=False):
         plane(sweep, figure, axes, name)
@@ -282,18 +268,10 @@ def plane(sweep: ParameterSweep, figure: Figure, axes: Axes, name: str) -> None:
     norm = LogNorm(low, high) if wide else None
     filled = axes.contourf(x, y, values, levels=levels, cmap="viridis", norm=norm, extend="neither")
     axes.contour(x, y, values, levels=levels, colors="white", linewidths=0.5)
-    for rows, face in ((~sweep.flagged, BLACK), (sweep.flagged, "white")):
-        look: dict[str, Any] = {
-            "marker": "o",
-            "ms": 3.0,
-            "mew": 0.6,
-            "mfc": face,
-            "mec": BLACK,
-            "clip_on": False,
-            "zorder": 4,
-        }
+    edge: dict[str, Any] = {"ms": 3.0, "mew": 0.6, "mec": style.BLACK, "clip_on": False, "zorder": 4}
+    for rows, face in ((~sweep.flagged, style.BLACK), (sweep.flagged, "white")):
         if rows.any():  # what is empty and not clipped leaves the layout no room
-            axes.plot(x.ravel()[rows], y.ravel()[rows], ls="", **look)
+            axes.plot(x.ravel()[rows], y.ravel()[rows], ls="", marker="o", mfc=face, **edge)
     bar = figure.colorbar(filled, ax=axes, pad=0.02)
     if wide:
         bar.set_ticks(list(levels[::3]), labels=[f"{level:.2g}" for level in levels[::3]])
@@ -319,4 +297,4 @@ def write_sweep(sweep: ParameterSweep) -> None:
     columns += [column.tolist() for column in sweep.figures.values()]
     rows = zip(*columns, strict=True)
     write_csv(sweep.table, header, ([x if np.isfinite(x) else "" for x in row] for row in rows))
-    write_pictures(sweep_figure(sweep), *sweep.pictures)
+    style.write_pictures(sweep_figure(sweep), *sweep.pictures)
