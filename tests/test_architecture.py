@@ -222,7 +222,7 @@ BEFORE_THE_BORDER = (
     "plugins.border",
     "testing",
     "commands.verify",
-    "commands.reproduce.calls",
+    "commands.reproduce.study",
     "study.tuning",
     "surrogates",
     "interfaces",

@@ -9,10 +9,9 @@ from browser import too_wide
 from typer.testing import CliRunner
 
 from porocore.cli.entry import app
-from porocore.commands.reproduce.catalogue import FIGURES, SKETCHES, select_figures
 from porocore.commands.reproduce.claims import CheckedClaim, Finding, compare_number, judge_statement
-from porocore.commands.reproduce.make import CLAIMS, RECORD, claim_results, draw, write_pages
-from porocore.commands.reproduce.page import html, markdown
+from porocore.commands.reproduce.figures import FIGURES, SKETCHES, select_figures
+from porocore.commands.reproduce.make import CLAIMS, RECORD, claim_results, draw, html, markdown, write_pages
 from porocore.commands.reproduce.study import Results
 from porocore.core.console import Console
 from porocore.errors import ConfigurationError, DataError, RunFolderError

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from porocore.commands.reproduce.catalogue import select_figures
 from porocore.core.console import Console
 from porocore.core.echo import echo
 from porocore.core.files.atomic import new_folder
 from porocore.errors import ConfigurationError
 from porocore.plugins.kinds import OF_A_STUDY
-from porocore.study.config.config import RunConfig
 from porocore.study.config.loading import as_stated_path, benchmark_path, load_config
 from porocore.study.notes.checks import find_backends
 
@@ -63,6 +61,7 @@ def reproduce(
         The folder cannot be written, or holds something else.
     """
     from porocore.commands.fields.pictures import require_pyvista
+    from porocore.commands.reproduce.figures import select_figures
     from porocore.commands.reproduce.make import claim_results, draw, write_pages
     from porocore.commands.reproduce.study import Results
 
@@ -71,7 +70,12 @@ def reproduce(
     wanted = select_figures(figures)
     if pictures and any(figure.stage == "fields" for figure in wanted):
         require_pyvista()
-    config, stated = _configurations(fem, surrogate, workers)
+    config, stated = (
+        load_config(path).with_backends(fem, surrogate) for path in (benchmark_path(), as_stated_path())
+    )
+    if workers is not None:
+        sampling = config.sampling.model_copy(update={"workers": workers})
+        config = config.model_copy(update={"sampling": sampling})
     find_backends(config, OF_A_STUDY if any(f.stage == "column" for f in wanted) else ["cell solver"])
     place = new_folder(Path(folder or f"runs/reproduce-{paper}"))
     console, processes = console or Console.shown(False), config.sampling.worker_count()
@@ -79,16 +83,3 @@ def reproduce(
     claim_results(results, resume=resume)
     paths = draw(results, wanted)
     return paths if figures else [write_pages(results, wanted, f"porocore reproduce {paper}")]
-
-
-def _configurations(
-    fem: str | None, surrogate: str | None, workers: int | None
-) -> tuple[RunConfig, RunConfig]:
-    """Return the benchmark, and the one with the channel radius of the paper's text."""
-    config, stated = (
-        load_config(path).with_backends(fem, surrogate) for path in (benchmark_path(), as_stated_path())
-    )
-    if workers is not None:
-        sampling = config.sampling.model_copy(update={"workers": workers})
-        config = config.model_copy(update={"sampling": sampling})
-    return config, stated

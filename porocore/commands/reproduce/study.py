@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
+import time
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from porocore.commands.fields.solve import PAPER_STATES, LocalFields, solve_and_write
-from porocore.commands.reproduce.calls import CallTimes, call_times
 from porocore.commands.sensitivity.results import Sensitivity, write_table
 from porocore.commands.sensitivity.study import run_study
 from porocore.core.console import Console
+from porocore.core.files.plain_data import write_json
+from porocore.core.files.reading import complete, read_json
 from porocore.interfaces.solution import Profile
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.laws.linear import LinearCoefficients
@@ -20,12 +23,11 @@ from porocore.macro.reference import CellReference
 from porocore.plugins.border import prediction_of
 from porocore.report.context import ReportContext
 from porocore.report.metrics import LoadCase
-from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Array, MacroState
 from porocore.study.config.config import RunConfig, with_closure
 from porocore.study.run import pipeline
 from porocore.study.run.composition import prepare_cell
-from porocore.study.run.folder import RunFolder, StageClock, timed
+from porocore.study.run.folder import RunFolder, timed
 from porocore.study.run.reporting import figures_of_merit
 from porocore.study.run.results import RunResults
 from porocore.study.run.summary import report_context
@@ -49,25 +51,20 @@ class Column:
 
     Attributes
     ----------
-    config
-        Configuration of the run, with the paper's closure.
+    results
+        Results of the run, shown with the paper's closure.
     context, metrics
-        What its report shows.
-    dataset, held_out
-        Solved states.
-    surrogate
-        Of the paper's closure.
-    timings
-        Seconds by stage.
+        Contents of its report.
     """
 
-    config: RunConfig
+    results: RunResults
     context: ReportContext
     metrics: dict[str, Any]
-    dataset: Dataset
-    held_out: Dataset
-    surrogate: Surrogate
-    timings: dict[str, float]
+
+    @property
+    def surrogate(self) -> Surrogate:
+        """Surrogate of the paper's closure."""
+        return self.results.surrogates[self.results.config.closure]
 
     def case(self, load: float) -> LoadCase:
         """Solutions under one load."""
@@ -81,7 +78,7 @@ class Column:
     @cached_property
     def times(self) -> tuple[float, float, float]:
         """Times of an early, a middle and a late profile."""
-        early, middle, late = sorted(self.config.macro.time.profiles)[:3]
+        early, middle, late = sorted(self.results.config.macro.time.profiles)[:3]
         return early, middle, late
 
     def tangent(self, name: str, profile: Profile) -> Array:
@@ -90,6 +87,39 @@ class Column:
         found = prediction_of(self.surrogate, MacroState(profile.grad_u, profile.element_p)).tangent
         values: Array = getattr(found, field)[:, *component]
         return values
+
+
+#: Calls in one time increment of the paper's example.
+POINTS = 2250
+REPEATS = 30
+
+
+def call_seconds(path: Path, surrogate: Surrogate, states: MacroState) -> float:
+    """Return the seconds of a call for :data:`POINTS` states with all derivatives, the best of several times.
+
+    Parameters
+    ----------
+    path
+        File with the time; it is measured and written where it does not exist.
+    states
+        Some in the sampled range; they are repeated until there are :data:`POINTS`.
+
+    Raises
+    ------
+    DataError
+        The file is damaged.
+    """
+    if path.exists():
+        with complete(path, "record of call times", "start again"):
+            return float(read_json(path)["seconds"])
+    asked = states[np.resize(np.arange(len(states)), POINTS)]
+    best = np.inf
+    for _ in range(REPEATS):
+        began = time.perf_counter()
+        surrogate.predict(asked)
+        best = min(best, time.perf_counter() - began)
+    write_json(path, {"points": POINTS, "seconds": best}, indent=1)
+    return best
 
 
 #: The paper's closure first; the report is about it.
@@ -129,7 +159,7 @@ class Results:
         first, second = (with_closure(self.config, closure) for closure in CLOSURES)
         run = RunFolder.claim(self.folder / "column", first, resume=True)
         with run:
-            with self._stage("column"):
+            with timed(self.timings, "column"):
                 pipeline.solve_reference(run, console=self.console)
                 pipeline.sample(run, console=self.console)
                 for config in (first, second):
@@ -139,27 +169,20 @@ class Results:
                     pipeline.report(run, console=self.console)
             results = RunResults.load(run)
             context = report_context(results)
-        return Column(
-            config=first,
-            context=context,
-            metrics=figures_of_merit(results, context),
-            dataset=results.dataset,
-            held_out=results.held_out,
-            surrogate=results.surrogates[first.closure],
-            timings=results.seconds,
-        )
+        return Column(results, context, figures_of_merit(results, context))
 
     @cached_property
     def sensitivity(self) -> Sensitivity:
         """One load of the cell at a time."""
-        folder = self.folder / "sensitivity"
-        with self._stage("sensitivity"):
+        config, folder = self.config, self.folder / "sensitivity"
+        provenance = {"config": config.resolved_yaml()}
+        with timed(self.timings, "sensitivity"):
             study = run_study(
-                self.config.cell,
-                self.config.fem,
+                config.cell,
+                config.fem,
                 folder,
                 workers=self.workers,
-                provenance={"config": self.config.resolved_yaml()},
+                provenance=provenance,
                 console=self.console,
             )
             write_table(folder, study)
@@ -168,37 +191,36 @@ class Results:
     @cached_property
     def fields(self) -> dict[str, LocalFields]:
         """Local fields under the loads of figures 2 to 4."""
-        found = {}
-        with self._stage("local fields"), self.console.task("local fields", "states") as task:
+        config, folder, found = self.config, self.folder / "fields", {}
+        with timed(self.timings, "local fields"), self.console.task("local fields", "states") as task:
             for i, (name, state) in enumerate(PAPER_STATES.items()):
                 task.update(i, len(PAPER_STATES), detail=name)
-                folder = self.folder / "fields"
                 drawn = all((folder / f"{kind}_{name}.png").exists() for kind in ("disp", "energy"))
                 found[name] = solve_and_write(
-                    self.config.cell,
-                    self.config.fem,
-                    folder,
-                    state,
-                    name=name,
-                    pictures=self.pictures and not drawn,
+                    config.cell, config.fem, folder, state, name=name, pictures=self.pictures and not drawn
                 )
             task.update(len(PAPER_STATES), len(PAPER_STATES))
         return found
 
-    @cached_property
+    @property
     def reference(self) -> CellReference:
         """The undeformed cell of the benchmark."""
-        return self._cell(self.config, "cell.json")
+        return self.column.results.reference
 
     @cached_property
     def as_stated(self) -> CellReference:
         """Undeformed cell of the paper's text."""
-        return self._cell(self.as_stated_config, "cell-as-stated.json")
+        config, path = self.as_stated_config, self.folder / "cell-as-stated.json"
+        if not path.exists():
+            with timed(self.timings, f"undeformed cell, {path.name}"):
+                solver, prepared = prepare_cell(config.fem.backend, config.fem.options, config.cell)
+                CellReference.compute(solver, prepared, config.cell, config.stages.cell).save(path)
+        return CellReference.load(path, config.stages.cell)
 
     @property
     def linear(self) -> LinearCoefficients:
         """Linear poroelasticity of the benchmark's cell."""
-        return self.reference.coefficients(self.config.cell, self.config.conductivity)
+        return self.column.results.coefficients
 
     @property
     def linear_as_stated(self) -> LinearCoefficients:
@@ -212,23 +234,12 @@ class Results:
         return float(getattr(self.linear, field)[component])
 
     @cached_property
-    def calls(self) -> CallTimes:
-        """Time of a call of the surrogate."""
-        column = self.column
-        return call_times(self.folder / "calls.json", column.surrogate, column.held_out.states())
+    def call_seconds(self) -> float:
+        """Seconds of a call of the surrogate for :data:`POINTS` states."""
+        states = self.column.results.held_out.states()
+        return call_seconds(self.folder / "calls.json", self.column.surrogate, states)
 
     @property
     def timings(self) -> Path:
-        """Seconds that each part took."""
+        """File with the seconds that each part took."""
         return self.folder / "timings.json"
-
-    def _cell(self, config: RunConfig, name: str) -> CellReference:
-        path = self.folder / name
-        if not path.exists():
-            with self._stage(f"undeformed cell, {name}"):
-                solver, prepared = prepare_cell(config.fem.backend, config.fem.options, config.cell)
-                CellReference.compute(solver, prepared, config.cell, config.stages.cell).save(path)
-        return CellReference.load(path, config.stages.cell)
-
-    def _stage(self, name: str) -> AbstractContextManager[StageClock]:
-        return timed(self.timings, name)
