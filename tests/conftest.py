@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from functools import cache
-from pathlib import Path
 
 import pytest
 import typer.main
 
 from porocore.interfaces.solution import MacroSolution
-
-sys.path.insert(0, str(Path(__file__).parent / "helpers"))
-
-from made_up_column import make_column
+from tests.helpers.made_up_column import make_column
 
 # A process has one command line; here it serves a thousand, and building it takes longer than what most of them do.
 typer.main.get_command = cache(typer.main.get_command)

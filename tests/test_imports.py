@@ -54,7 +54,7 @@ def loaded(code: str) -> set[str]:
     ],
     ids=["import", "everything", "--help", "run --help", "--version", "plugins", "plugins --json", "units"],
 )
-def test_it_is_light(code, too_much):
+def test_a_light_command_loads_no_heavy_library(code, too_much):
     found = loaded(code)
     assert "porocore" in found
     assert not too_much & found

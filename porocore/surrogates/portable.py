@@ -122,7 +122,7 @@ class ModelSurrogate(Surrogate):
         flagged: those whose error is estimated to exceed the tolerance, and those far from all training states. The
         conductivity of the deformed pore is there if it was trained on, and its error counts too.
         """
-        response = self._fitted().predict(states, tangent=tangent)
+        response = self.fitted.predict(states, tangent=tangent)
         if self.conductivity is None:
             return response
         K, by_H, by_p = self.conductivity.predict(states, tangent=tangent)
@@ -151,7 +151,7 @@ class ModelSurrogate(Surrogate):
         That of the conductivity is of K_ref of the deformed pore if this was trained on, else of K of the undeformed
         one; None where neither is known.
         """
-        model, rest = self._fitted(), self._members()
+        model, rest = self.fitted, self._members()
         if rest is None or not isinstance(model, PotentialModel):
             return super().slopes(states)
         found = slopes_by_parameters(model, states)
@@ -162,13 +162,13 @@ class ModelSurrogate(Surrogate):
 
     def _members(self) -> RestModel | None:
         """Return the undeformed members of a family; None for a cell without parameters."""
-        model = self._fitted()
+        model = self.fitted
         rest = model.rest if isinstance(model, PotentialModel) else None
         return rest if isinstance(rest, RestModel) else None
 
     def reasons(self, states: MacroState) -> list[str]:
         """Return the component that drives each flagged state out, with its value."""
-        model = self._fitted()
+        model = self.fitted
         if isinstance(model, PotentialModel):
             states = self.inputs.without_rotation(states)
         found = reasons(self.inputs, states, None if model.estimate is None else self._error)
@@ -181,7 +181,7 @@ class ModelSurrogate(Surrogate):
 
     def _named(self, found: list[str], states: MacroState, tolerance: float) -> list[str]:
         """Return the reasons with the quantities whose estimated errors exceed the tolerance, and what stays good."""
-        model, mechanics = self._fitted(), MECHANICS[self.model]
+        model, mechanics = self.fitted, MECHANICS[self.model]
         errors, strange = model.error(states), model.predict(states, tangent=False).flagged
         flows = errors * np.nan if self.conductivity is None else self.conductivity.error(states)
         named = []
@@ -201,12 +201,12 @@ class ModelSurrogate(Surrogate):
 
     def _error(self, states: MacroState) -> Array:
         """Return the estimated error (n,), a share of the range of whatever is worst."""
-        error = self._fitted().error(states)
+        error = self.fitted.error(states)
         return error if self.conductivity is None else np.fmax(error, self.conductivity.error(states))
 
     def save(self, path: Path) -> None:
         """Write one HDF5 file, atomically."""
-        model = self._fitted()
+        model = self.fitted
         metadata = file.SurrogateMetadata(
             self.backend, self.settings, self.identity, self.provenance, self.accuracy, self.conductivity
         )
@@ -230,7 +230,15 @@ class ModelSurrogate(Surrogate):
         self.parameters = self.inputs.parameters
         self.identity, self.provenance = identity, dict(provenance)
 
-    def _fitted(self) -> file.Model:
+    @property
+    def fitted(self) -> file.Model:
+        """The trained model.
+
+        Raises
+        ------
+        RuntimeError
+            There is none yet.
+        """
         if self._fitted_model is None:
             raise RuntimeError("this surrogate has not been trained; call fit or load first")
         return self._fitted_model

@@ -13,7 +13,8 @@ from functools import cache
 from pathlib import Path
 
 import h5py
-from bad_row import CONFIG, study
+
+from tests.bad_input.bad_row import CONFIG, study
 
 #: The names of a finished run's files that are read back.
 SAMPLES, HELD_OUT, SURROGATE = "samples.h5", "test.h5", "surrogate.h5"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bad_row import faulty
+from tests.bad_input.bad_row import faulty
 
 WEDGE = {"kind": "wedge", "radius": 1, "height": 0.7, "elements": [1, 1, 1], "angle": 60}
 #: Conditions that leave motions of the whole body free, and all of these.

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from bad_files import fifo, folder
-from bad_row import CONFIG, Content, Row, study
+from tests.bad_input.bad_files import fifo, folder
+from tests.bad_input.bad_row import CONFIG, Content, Row, study
 
 CURVE = {"quantity": "settlement", "file": "creep.csv", "deviation": 0.01}
 RADIUS = {"lower": 0.2, "upper": 0.3}

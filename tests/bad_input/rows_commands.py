@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from bad_files import fifo, folder, from_run, holes, link
-from bad_row import CONFIG, Content, Row, commands, study
+from tests.bad_input.bad_files import fifo, folder, from_run, holes, link
+from tests.bad_input.bad_row import CONFIG, Content, Row, commands, study
 
 #: Commands that read a configuration, with what else they need.
 WITH_CONFIG = {

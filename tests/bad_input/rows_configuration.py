@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import meshio
 import numpy as np
-from bad_row import CONFIG, Row
 
 from porocore.study.config.loading import benchmark_path
+from tests.bad_input.bad_row import CONFIG, Row
 
 TEXT = benchmark_path().read_text(encoding="utf-8")
 BOX = "kind: box\n    size: [0.1, 7.5, 0.1]\n    elements: [1, 106, 1]"

@@ -9,11 +9,22 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from bad_files import SAMPLES, SOLUTION, SURROGATE, Edit, fifo, folder, from_run, hdf5, holes, link
-from bad_row import Content, Row
 
 from porocore.surrogates.file import file as surrogate_file
 from porocore.surrogates.file.file import read_archive, write_archive
+from tests.bad_input.bad_files import (
+    SAMPLES,
+    SOLUTION,
+    SURROGATE,
+    Edit,
+    fifo,
+    folder,
+    from_run,
+    hdf5,
+    holes,
+    link,
+)
+from tests.bad_input.bad_row import Content, Row
 
 
 def replaced(name: str, value: object, **how: object) -> Edit:

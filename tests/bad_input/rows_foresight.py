@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bad_row import Row, faulty
+from tests.bad_input.bad_row import Row, faulty
 
 #: Counts that no machine could solve, keep or hold.
 COUNTS = (10**9, 10**15, 10**30, 10**50)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bad_row import Row, faulty
+from tests.bad_input.bad_row import Row, faulty
 
 SCALES = {"modulus": "1 MPa", "length": "1 mm", "pore": "10 um", "viscosity": "1 Pa*s"}
 VOXELS = {"kind": "voxels", "path": "scan.npy"}

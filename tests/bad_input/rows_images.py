@@ -7,8 +7,9 @@ import struct
 from pathlib import Path
 
 import numpy as np
-from bad_files import fifo, folder, holes, link
-from bad_row import Content, Row, faulty
+
+from tests.bad_input.bad_files import fifo, folder, holes, link
+from tests.bad_input.bad_row import Content, Row, faulty
 
 HALF = np.zeros((8, 8, 8), dtype=np.uint8)
 HALF[:4] = 1

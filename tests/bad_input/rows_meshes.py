@@ -6,8 +6,9 @@ import itertools
 import struct
 
 import numpy as np
-from bad_files import fifo, folder, holes, link
-from bad_row import Content, Row, faulty
+
+from tests.bad_input.bad_files import fifo, folder, holes, link
+from tests.bad_input.bad_row import Content, Row, faulty
 
 #: Tetrahedra and triangles of gmsh's format 2.2, with their numbers of nodes.
 TETRAHEDRON, TRIANGLE, PYRAMID, HEXAHEDRON, LINE = 4, 2, 7, 5, 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bad_row import CONFIG, Content, Row, faulty, study
+from tests.bad_input.bad_row import CONFIG, Content, Row, faulty, study
 
 SCALES = {
     "scales": {"modulus": "3 kPa", "length": "1 mm", "pore": "1 um", "viscosity": "1 mPa*s"},

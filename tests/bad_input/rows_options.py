@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
-from bad_row import CONFIG, Row, commands, study
-
 from porocore.cli.entry import whole_program
+from tests.bad_input.bad_row import CONFIG, Row, commands, study
 
 #: Values that no numeric option takes.
 NUMBERS = ("many", "", "--", "1e999999x", "0x10", "１２３x")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from bad_files import fifo, folder, from_run, link
-from bad_row import CONFIG, Content, Row, study
+from tests.bad_input.bad_files import fifo, folder, from_run, link
+from tests.bad_input.bad_row import CONFIG, Content, Row, study
 
 LONG = "x" * 300
 #: Commands that make a folder, with what else they need.

@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from bad_files import fifo, folder, link
-from bad_row import CONFIG, Content, Row, study
+
+from tests.bad_input.bad_files import fifo, folder, link
+from tests.bad_input.bad_row import CONFIG, Content, Row, study
 
 HALF = np.zeros((8, 8, 12), dtype=np.uint8)
 HALF[:, 4:] = 1

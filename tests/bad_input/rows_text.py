@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from bad_files import fifo, link
-from bad_row import CONFIG, Content, Row, faulty, study
+from tests.bad_input.bad_files import fifo, link
+from tests.bad_input.bad_row import CONFIG, Content, Row, faulty, study
 
 LONG = 4000
 #: Whole files that are no configuration, and a part of the message.

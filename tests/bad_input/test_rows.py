@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import importlib
 import re
-import sys
 from collections import Counter
 from pathlib import Path
 from zlib import crc32
 
 import pytest
 
-sys.path.insert(0, str(Path(__file__).parent))
-from bad_row import CONFIG, Row, commands
-from command_run import fingerprint, run_apart, run_here
-from message_words import assert_says_all
+from tests.bad_input.bad_row import CONFIG, Row, commands
+from tests.helpers.command_run import fingerprint, run_apart, run_here
+from tests.helpers.message_words import assert_says_all
 
 HERE = Path(__file__).parent
 ROWS: list[Row] = [
-    row for path in sorted(HERE.glob("rows_*.py")) for row in importlib.import_module(path.stem).ROWS
+    row
+    for path in sorted(HERE.glob("rows_*.py"))
+    for row in importlib.import_module(f"tests.bad_input.{path.stem}").ROWS
 ]
 #: Characters of what came that an answer may repeat in one piece, with what stands around them in both.
 ECHOED = 90

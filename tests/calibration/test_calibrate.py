@@ -14,10 +14,6 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from calibration_models import Formula
-from curve_experiment import planned
-from invoked import invoke
-from report_page import Page
 
 import porocore
 from porocore.commands.calibration.calibrate import _identity, _with_made_up_data
@@ -29,6 +25,10 @@ from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
 from porocore.errors import RunFolderError, SolveError
 from porocore.macro.laws.linear import EffectiveProperties
+from tests.helpers.calibration_models import Formula
+from tests.helpers.curve_experiment import planned
+from tests.helpers.invoked import invoke
+from tests.helpers.report_page import Page
 
 pytest.importorskip("porocore_fem_skfem")
 
@@ -235,7 +235,7 @@ def test_a_killed_calibration_ends_at_the_same_answer(done: porocore.Calibration
 
 @pytest.mark.slow
 @pytest.mark.parametrize("evaluations", [0, 1, 5, 12])
-def test_it_may_be_killed_at_any_evaluation(
+def test_a_calibration_killed_at_any_evaluation_ends_the_same(
     evaluations: int, done: porocore.Calibration, tmp_path: Path
 ) -> None:
     folder = killed(done, tmp_path / "killed", evaluations)
@@ -273,7 +273,9 @@ def test_a_graded_radius_lies_in_the_intervals(base: Path) -> None:
 
 
 @pytest.mark.slow
-def test_it_may_be_killed_among_the_cells(done: porocore.Calibration, base: Path, tmp_path: Path) -> None:
+def test_a_calibration_killed_among_its_cells_ends_the_same(
+    done: porocore.Calibration, base: Path, tmp_path: Path
+) -> None:
     folder = tmp_path / "killed"
     (folder / "cells").mkdir(parents=True)
     shutil.copy(done.path / "calibrate.json", folder)

@@ -9,19 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from curve_experiment import (
-    ACCURACY,
-    BOUNDARY,
-    CURVE,
-    MACRO,
-    OBSERVATIONS,
-    TIMES,
-    UNKNOWNS,
-    law,
-    model_of,
-    planned,
-    starts,
-)
 
 import porocore.commands.calibration.experiment as forward
 from porocore.commands.calibration.cells import _noise, further_data
@@ -38,6 +25,19 @@ from porocore.core.parallel.memory import exactly_one_blas_thread
 from porocore.errors import ConfigurationError
 from porocore.macro.laws.composed import BoundLaw
 from porocore.macro.problem import MacroProblem
+from tests.helpers.curve_experiment import (
+    ACCURACY,
+    BOUNDARY,
+    CURVE,
+    MACRO,
+    OBSERVATIONS,
+    TIMES,
+    UNKNOWNS,
+    law,
+    model_of,
+    planned,
+    starts,
+)
 
 pytest.importorskip("skfem")
 

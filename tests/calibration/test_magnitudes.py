@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from calibrated_column import STUDY as COLUMN
 from typer.testing import CliRunner
 
 from porocore.cli.entry import app
@@ -20,6 +19,7 @@ from porocore.commands.calibration.plan import CalibrationPlan
 from porocore.commands.calibration.problem import CurveModel, CurvePrediction
 from porocore.errors import SolveError
 from porocore.states import Array
+from tests.helpers.calibrated_column import STUDY as COLUMN
 
 #: A column of 0.1 mm × 0.1 mm under 25 kPa carries 0.25 mN, whatever its cell is; in long steps.
 STUDY: dict[str, Any] = copy.deepcopy(COLUMN)

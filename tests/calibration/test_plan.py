@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from calibrated_column import STUDY
 
 from porocore.commands.calibration.calibrate import _identity
 from porocore.commands.calibration.loading import read_plan
 from porocore.commands.calibration.plan import CalibrationFolder, CalibrationPlan
 from porocore.errors import ConfigurationError, RunFolderError
 from porocore.study.config.loading import load_config
+from tests.helpers.calibrated_column import STUDY
 
 SECTION: dict[str, Any] = {
     "unknowns": {

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from curve_experiment import ACCURACY, MACRO, UNKNOWNS, law, model_of, planned, starts
 
 from porocore.commands.calibration.experiment import ExperimentModel, StudiesModel
 from porocore.commands.calibration.fit import fit
@@ -16,6 +15,7 @@ from porocore.commands.calibration.problem import CurveData, Misfit
 from porocore.commands.calibration.settings import FitSettings
 from porocore.core.console import Console
 from porocore.macro.laws.composed import BoundLaw
+from tests.helpers.curve_experiment import ACCURACY, MACRO, UNKNOWNS, law, model_of, planned, starts
 
 pytest.importorskip("skfem")
 

@@ -57,7 +57,7 @@ def test_the_wall_of_the_whole_cell_is_periodic_and_near_a_smooth_field(geometry
 
 
 @pytest.mark.parametrize("domain", ["eighth", "whole"])
-def test_it_keeps_planes_wall_and_periodicity(domain):
+def test_the_extension_keeps_planes_wall_and_periodicity(domain):
     solid, fluid = meshes(OrthogonalChannels(radius=0.25), "quadratic-curved", domain)
     X = solid.points
     u = 0.02 * np.sin(2 * np.pi * X) * (1 + np.cos(2 * np.pi * X[:, [1, 2, 0]]))

@@ -1,8 +1,5 @@
 """A factorised tangent is a value, also with a backend whose factors displace each other."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -11,9 +8,7 @@ from porocore.cell.meshing.mesh import MeshSettings
 from porocore.cell.stability.modes import lowest_eigenvalues, negative_pivots
 from porocore.interfaces.records import flatten_response
 from porocore.states import MacroState, Status
-
-sys.path.insert(0, str(Path(__file__).parent))
-from dense_solid import DenseCellSolver, DenseSolid, StaleFactor
+from tests.cell.dense_solid import DenseCellSolver, DenseSolid, StaleFactor
 
 CELL = Cell(mesh=MeshSettings(size=0.4, fluid_size=0.4, element="linear"), contact={"kind": "none"})
 H = np.diag([0.02, -0.05, 0.0])

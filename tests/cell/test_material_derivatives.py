@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from solids import LAM, MATERIALS, MU, deformations, make
 
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.cell.materials.invariants import (
@@ -15,6 +14,7 @@ from porocore.cell.materials.invariants import (
     ramp_derivative,
 )
 from porocore.cell.materials.material import voigt_moduli
+from tests.helpers.solids import LAM, MATERIALS, MU, deformations, make
 
 #: By differences only: eigenvalues of complex tensors are another matter.
 SPECTRAL = ("ogden",)

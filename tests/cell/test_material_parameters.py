@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from solids import MATERIALS, deformations, make
 
 from porocore.cell.cell import Cell
 from porocore.cell.family.family import parameter_quantities
 from porocore.cell.materials.hyperelastic import PlacedMaterials
 from porocore.cell.materials.material import Swollen
 from porocore.core.models.strict import is_number, walk, with_number
+from tests.helpers.solids import MATERIALS, deformations, make
 
 FIBRES = {"kind": "holzapfel-gasser-ogden", "shear_modulus": 0.3, "bulk_modulus": 1, "k1": 0.5, "k2": 2}
 ALL = {

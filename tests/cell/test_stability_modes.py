@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
-from stability_blocks import block
 
 from porocore.cell.cell import Cell
 from porocore.cell.contact.wall_contact import ContactSettings
@@ -30,6 +29,7 @@ from porocore.cell.symmetry import (
     odd_axes,
 )
 from porocore.states import Status
+from tests.helpers.stability_blocks import block
 
 SkfemSolid = pytest.importorskip("porocore_fem_skfem.solid").SkfemSolid
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cube_symmetry import symmetry_error
 from scipy.stats import qmc
 
 from porocore.cell.cell import Cell
@@ -27,6 +26,7 @@ from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.testing.cell_checks.identities import cubic_symmetry
 from porocore.testing.synthetic.response import confined_column
 from porocore_fem_skfem.macro import SkfemMacroSolver
+from tests.helpers.cube_symmetry import symmetry_error
 
 pytestmark = pytest.mark.slow
 

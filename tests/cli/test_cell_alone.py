@@ -7,11 +7,11 @@ from dataclasses import fields
 import numpy as np
 import pytest
 import yaml
-from invoked import BENCHMARK, invoke, refusal
 from numpy.testing import assert_allclose
 
 from porocore import CellProblem
 from porocore.macro.laws.linear import PROPERTIES, EffectiveProperties
+from tests.helpers.invoked import BENCHMARK, invoke, refusal
 
 MESH = {"size": 0.5, "fluid_size": 0.5}
 CHANNELS = {"geometry": {"kind": "orthogonal-channels", "radius": 0.25}, "mesh": MESH}

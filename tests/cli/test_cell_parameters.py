@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from invoked import invoke, refusal
 
 import porocore
+from tests.helpers.invoked import invoke, refusal
 
 pytest.importorskip("porocore_fem_skfem")
 

@@ -4,10 +4,10 @@ import json
 
 import numpy as np
 import pytest
-from invoked import BENCHMARK, invoke, refusal
 
 from porocore.cli.cell import BELONGS, as_text
 from porocore.study.run import pipeline
+from tests.helpers.invoked import BENCHMARK, invoke, refusal
 
 BRAIN = BENCHMARK.with_name("brain-indentation.yaml")
 

@@ -12,7 +12,6 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from fake_cell import IDENTITY, INPUTS, response
 from typer.testing import CliRunner
 
 from porocore.cli.data import _input_range, data
@@ -23,6 +22,7 @@ from porocore.interfaces.records import SolvedState, flatten_response
 from porocore.sampling.datasets.check import check_file, table
 from porocore.sampling.datasets.dataset import Block, Dataset, Header, parts_folder, write_block
 from porocore.states import CellTangent, Status
+from tests.helpers.fake_cell import IDENTITY, INPUTS, response
 
 rng = np.random.default_rng(0)
 

@@ -1,9 +1,9 @@
 """Help of every command: its own, and none for a word that is no command."""
 
 import pytest
-from invoked import invoke
 
 from porocore.cli.entry import whole_program
+from tests.helpers.invoked import invoke
 
 
 def commands(command, path=()):

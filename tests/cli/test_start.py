@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 import yaml
-from invoked import BENCHMARK, EXAMPLES, invoke, refusal
 
 from porocore.study.config.config import RunConfig
 from porocore.study.config.loading import MODELINE, examples, load_config
 from porocore.study.config.schema import configuration_schema, field_docstrings
 from porocore.study.notes.checks import place
+from tests.helpers.invoked import BENCHMARK, EXAMPLES, invoke, refusal
 
 # ---- init ---------------------------------------------------------------------------------------
 

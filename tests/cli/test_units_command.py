@@ -1,10 +1,10 @@
 """``porocore units`` with the scales of a configuration."""
 
 import pytest
-from invoked import BENCHMARK, invoke, refusal
 
 from porocore.core.units import QUANTITIES
 from porocore.study.config.loading import load_config
+from tests.helpers.invoked import BENCHMARK, invoke, refusal
 
 BRAIN = BENCHMARK.with_name("brain-indentation.yaml")
 

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import yaml
-from levels import study
 
 from porocore.errors import ConfigurationError
 from porocore.interfaces.solution import History, MacroSolution, Profile
@@ -21,6 +20,7 @@ from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import CellResponse
 from porocore.study.api.study import Study
 from porocore.study.run.composition import prepare_cell
+from tests.combinations.levels import study
 
 #: Of the largest value of each field.
 SAME = 1e-7

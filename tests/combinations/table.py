@@ -13,9 +13,10 @@ import traceback
 from pathlib import Path
 
 import numpy as np
-from levels import FACTORS
-from pairs import all_pairs
-from row_runs import Outcome, run_row
+
+from tests.combinations.levels import FACTORS
+from tests.combinations.pairs import all_pairs
+from tests.combinations.row_runs import Outcome, run_row
 
 PAGE = Path(__file__).parents[2] / "docs" / "combinations.md"
 FIGURES = ("cells", "bodies", "two processes")

@@ -9,10 +9,11 @@ from collections import Counter
 from itertools import combinations
 
 import pytest
-from levels import FACTORS
-from pairs import all_pairs, pairs_of
-from row_runs import SAME, run_row
-from table import FIGURES, PAGE, cells_of, factors
+
+from tests.combinations.levels import FACTORS
+from tests.combinations.pairs import all_pairs, pairs_of
+from tests.combinations.row_runs import SAME, run_row
+from tests.combinations.table import FIGURES, PAGE, cells_of, factors
 
 #: Of the slow test: how long it draws further rows, and by which seed; CI may turn to other rows by the variable.
 MINUTES, SEED = 12, int(os.environ.get("POROCORE_COMBINATIONS_SEED", "1"))

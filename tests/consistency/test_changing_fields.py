@@ -9,10 +9,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import anisotropic_cell as cell
 import numpy as np
 import pytest
-from anisotropic_cell import (
+from scipy.spatial.transform import Rotation
+
+from porocore.macro.laws.composed import BoundLaw, NearestMemberLaw, RegionLaw
+from porocore.macro.laws.linear import LinearisedLaw
+from porocore.macro.laws.macro_law import AdaptiveLaw
+from porocore.macro.problem import MacroProblem
+from porocore.plugins.registry import registry
+from tests.helpers import anisotropic_cell as cell
+from tests.helpers.anisotropic_cell import (
     ABOUT,
     AXES,
     FIELDS,
@@ -23,13 +30,6 @@ from anisotropic_cell import (
     block,
     linear_law,
 )
-from scipy.spatial.transform import Rotation
-
-from porocore.macro.laws.composed import BoundLaw, NearestMemberLaw, RegionLaw
-from porocore.macro.laws.linear import LinearisedLaw
-from porocore.macro.laws.macro_law import AdaptiveLaw
-from porocore.macro.problem import MacroProblem
-from porocore.plugins.registry import registry
 
 
 @pytest.fixture(params=["skfem", pytest.param("dolfinx", marks=pytest.mark.slow)])

@@ -55,7 +55,7 @@ def failure(solver, flagged):
     return str(error.value)
 
 
-def test_it_names_a_flagged_component(macro_solver, load):
+def test_a_failed_step_names_a_flagged_component(macro_solver, load):
     solver = load("macro solver", macro_solver)
     said = failure(solver, flagged=True)
     assert "points are flagged, one of them for H22 = -0.0" in said

@@ -8,9 +8,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from anisotropic_cell import AXES, FIELDS, anisotropic_law, block
-from anisotropic_cell import linear_law as anisotropic_linear_law
-from sensitivity_bodies import LAYERS, UNKNOWNS, column, law, layers, pressed
 
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.errors import ConfigurationError
@@ -32,6 +29,9 @@ from porocore.macro.laws.macro_law import AdaptiveLaw
 from porocore.plugins.registry import registry
 from porocore.testing.synthetic.porous_family import PorousFamilyLaw
 from porocore.testing.synthetic.response import linear_law
+from tests.helpers.anisotropic_cell import AXES, FIELDS, anisotropic_law, block
+from tests.helpers.anisotropic_cell import linear_law as anisotropic_linear_law
+from tests.helpers.sensitivity_bodies import LAYERS, UNKNOWNS, column, law, layers, pressed
 
 #: Difference of gradients from sensitivities, as a share of the largest of a sum.
 ALIKE = 1e-9

@@ -1,15 +1,10 @@
 """Followers, oblique planes and plates beside them: both backends, large and small, and boxes that are turned."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from porocore.testing.macro_checks.runs import NONLINEAR
-
-sys.path.insert(0, str(Path(__file__).parent))
-from planes import NAMES, isotropic_law, problem, turned_box
+from tests.consistency.planes import NAMES, isotropic_law, problem, turned_box
 
 #: Beyond 3,000 unknowns other solvers are chosen than below.
 LARGE = 3_000

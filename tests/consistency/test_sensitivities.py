@@ -8,9 +8,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from anisotropic_cell import AXES, anisotropic_law, block
-from anisotropic_cell import linear_law as anisotropic_linear_law
-from sensitivity_bodies import LAYERS, TIME, UNKNOWNS, column, law, layers, pressed
 
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.core.inputs import InputSpace
@@ -31,6 +28,9 @@ from porocore.macro.laws.macro_law import AdaptiveLaw, ClosedLaw
 from porocore.plugins.registry import registry
 from porocore.testing.synthetic.porous_family import PorousFamilyLaw, porous_training_set
 from porocore.testing.synthetic.response import linear_law, mean_gradient_law
+from tests.helpers.anisotropic_cell import AXES, anisotropic_law, block
+from tests.helpers.anisotropic_cell import linear_law as anisotropic_linear_law
+from tests.helpers.sensitivity_bodies import LAYERS, TIME, UNKNOWNS, column, law, layers, pressed
 
 #: Difference from central differences, as a share of the largest derivative of a series.
 ACCURACY = 1e-6

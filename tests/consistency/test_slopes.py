@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from moved_cell import equilibrium, moved, quotient, velocity
 
 from porocore.cell.cell import Cell
 from porocore.cell.conductivity.pore import Pore
@@ -16,6 +15,7 @@ from porocore.cell.equilibrium.slopes import ExplicitDependence, hessian_slopes_
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.cell.meshing.mesh import MeshSettings, block, tiled
 from porocore.core.tensors import cofactor, determinant
+from tests.helpers.moved_cell import equilibrium, moved, quotient, velocity
 
 NU = 0.35
 COARSE = {"size": 0.35, "fluid_size": 0.25}

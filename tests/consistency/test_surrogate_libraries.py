@@ -6,8 +6,6 @@ from functools import cache
 
 import numpy as np
 import pytest
-from cube_symmetry import symmetry_error
-from grouped_cell import GroupedCell
 
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.core.inputs import NAMES, InputSpace
@@ -23,6 +21,8 @@ from porocore.surrogates.portable import NumpySurrogate
 from porocore.testing.expect import RESPONSES, with_derivatives
 from porocore.testing.synthetic.cell import respond, synthetic_training_set
 from porocore.testing.synthetic.porous_family import porous_training_set
+from tests.helpers.cube_symmetry import symmetry_error
+from tests.helpers.grouped_cell import GroupedCell
 
 LIBRARIES = ("torch", "jax")
 TOLERANCE = 1e-10
@@ -90,7 +90,7 @@ def trained(library):
 
 
 def network_of(surrogate):
-    model = surrogate._fitted()
+    model = surrogate.fitted
     return model.network if isinstance(model, AnchoredModel) else model.network.network
 
 

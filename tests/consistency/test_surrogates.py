@@ -45,7 +45,7 @@ def errors(surrogate, data):
     }
 
 
-def test_it_learns_what_it_offers(surrogate, fitted):
+def test_a_surrogate_learns_the_responses_that_it_offers(surrogate, fitted):
     found = errors(fitted(surrogate), UNSEEN)
     assert found
     assert max(found.values()) < Surrogate.expected_error, found
@@ -82,14 +82,14 @@ def test_the_trained_range_is_the_same_for_all(surrogate, fitted):
     assert found.tangent is None
 
 
-def test_it_knows_what_it_was_trained_on(surrogate, fitted, tmp_path):
+def test_a_trained_surrogate_has_the_identity_of_its_data(surrogate, fitted, tmp_path):
     trained = fitted(surrogate)
     trained.save(tmp_path / "surrogate.h5")
     for each in (trained, type(trained).load(tmp_path / "surrogate.h5")):
         assert (each.identity, each.inputs) == (DATA.identity, DATA.inputs)
 
 
-def test_it_serves_a_closure(surrogate, fitted):
+def test_a_trained_surrogate_serves_a_closure(surrogate, fitted):
     """At least one of the closures can be made with what it offers, and answers with an exact tangent."""
     usable = []
     for name, closure in CLOSURES.items():

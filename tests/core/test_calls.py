@@ -6,11 +6,11 @@ import sys
 import time
 from multiprocessing import active_children
 
-import called
 import pytest
 
 from porocore.core.parallel.calls import CallProcesses
 from porocore.errors import PorocoreError, SolveError, UnexpectedError
+from tests.helpers import called
 
 
 def test_what_is_told_and_returned_comes_in_the_order_of_asking():
@@ -79,7 +79,7 @@ def test_an_interrupted_block_ends_its_processes_at_once():
 #: What the command line does after Ctrl-C: it ends with nothing unloaded.
 INTERRUPTED = """
 import os, signal
-import called
+from tests.helpers import called
 from porocore.core.parallel.calls import CallProcesses
 try:
     with CallProcesses(1) as processes:

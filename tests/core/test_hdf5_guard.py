@@ -10,12 +10,12 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from invoked import invoke
 
 from porocore.core import hdf5 as guard
 from porocore.core.hdf5 import atomic_hdf5, opened
 from porocore.core.hdf5_trial import SECONDS
 from porocore.errors import DataError
+from tests.helpers.invoked import invoke
 
 TEXT = h5py.string_dtype()
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from hdf5_samples import KINDS as SAMPLES
 
 from porocore.cell.stability import map as stability
 from porocore.commands.sensitivity import results as sensitivity
@@ -15,6 +14,7 @@ from porocore.macro.integration import checkpoint
 from porocore.sampling.datasets import dataset
 from porocore.surrogates.file import file as surrogate
 from porocore.surrogates.network import training
+from tests.helpers.hdf5_samples import KINDS as SAMPLES
 
 
 def test_every_format_is_known() -> None:

@@ -15,12 +15,12 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from hdf5_samples import KINDS, flat, same, unsealed
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from porocore.core.hdf5 import seal_of
 from porocore.errors import PorocoreError
+from tests.helpers.hdf5_samples import KINDS, flat, same, unsealed
 
 Damage = Callable[[bytes], bytes]
 #: Longer than a message beside the name of its file.

@@ -20,7 +20,7 @@ def test_the_undeformed_cell_is_always_known():
     assert not few.outside(MacroState.zeros(1))[0]
 
 
-def test_it_ends_half_a_difference_of_neighbours_beyond_the_samples():
+def test_the_range_ends_half_a_difference_of_neighbours_beyond_the_samples():
     side = np.linspace(0.2, 0.8, 7)  # 0.1 apart; the undeformed cell lies on the lower edge of the box
     grid = np.array(np.meshgrid(side, np.linspace(0, 0.6, 7))).reshape(2, -1).T
     around = SampledRange.around(INPUTS, unit(*grid))
@@ -33,7 +33,7 @@ def test_it_ends_half_a_difference_of_neighbours_beyond_the_samples():
 
 
 @pytest.mark.parametrize("count", [2, 40])
-def test_it_does_not_leave_the_box_unless_samples_do(count):
+def test_the_range_does_not_leave_the_box_unless_samples_do(count):
     """Two samples span nothing: their bounding box stands in for the hull."""
     points = np.concatenate([[[0, 0], [1, 1]], np.random.default_rng(0).random((count - 2, 2))])
     around = SampledRange.around(INPUTS, unit(*points))

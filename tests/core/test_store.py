@@ -20,7 +20,7 @@ def put(store: ResultStore, number: int, size: int = 1000) -> str:
     return key
 
 
-def test_it_returns_what_it_was_given(tmp_path):
+def test_the_store_returns_what_it_was_given(tmp_path):
     store = ResultStore(tmp_path / "store")
     assert store.find("states", KEY) is None
     store.keep("states", KEY, b"\x00\n\xff", {"seconds": 0.25})

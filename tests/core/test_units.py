@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from nested_settings import config_from
 
 from porocore.core.files.yaml_document import YamlDocument
 from porocore.core.units import Scales, UnitError, has_unit, in_si, speaking
@@ -14,6 +13,7 @@ from porocore.errors import ConfigurationError
 from porocore.study.config.config import differences
 from porocore.study.config.loading import load_config
 from porocore.study.notes import checks
+from tests.helpers.nested_settings import config_from
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "brain-indentation.yaml"
 

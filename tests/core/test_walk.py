@@ -2,12 +2,12 @@
 
 import pytest
 import yaml
-from nested_settings import config_from
 
 from porocore.core.formulas import TimeFunction
 from porocore.core.models.strict import walk
 from porocore.study.config.config import RunConfig
 from porocore.study.config.loading import benchmark_path
+from tests.helpers.nested_settings import config_from
 
 
 @pytest.fixture

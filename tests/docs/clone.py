@@ -6,14 +6,14 @@ import shutil
 import sys
 from pathlib import Path
 
-from pages import ROOT
+from tests.docs.pages import ROOT
 
 _CACHES = shutil.ignore_patterns("__pycache__", "*.egg-info", "images", "_build", ".pytest_cache")
 _PORO = """#!{python}
 import os, sys
 sys.path.insert(0, {here!r})
 import pytest
-from coarse import begin, make_coarse
+from tests.docs.coarse import begin, make_coarse
 make_coarse(pytest.MonkeyPatch())
 begin(sys.argv[1] if len(sys.argv) > 1 else "")
 from porocore.cli import main
@@ -36,8 +36,7 @@ class Clone:
         (self.folder / ".venv").symlink_to(sys.prefix)
         (self.site / "sitecustomize.py").write_text(_STARTUP.format(site=str(self.site)), encoding="utf-8")
         command = self.bin / "porocore"
-        here = str(Path(__file__).parent)
-        command.write_text(_PORO.format(python=sys.executable, here=here), encoding="utf-8")
+        command.write_text(_PORO.format(python=sys.executable, here=str(ROOT)), encoding="utf-8")
         command.chmod(0o755)
 
     def place(self, page: str) -> Path:

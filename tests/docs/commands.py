@@ -8,7 +8,7 @@ import subprocess
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pages import Block, all_blocks
+from tests.docs.pages import Block, all_blocks
 
 #: What only a shell can make sense of.
 _SHELL = re.compile(r"[$`|<>;&*?(){}~]")

@@ -4,5 +4,4 @@ import sys
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "docs"))
-sys.path.insert(0, str(Path(__file__).parent))
-from services import service  # noqa: F401
+from tests.docs.services import service  # noqa: F401

@@ -7,7 +7,8 @@ import re
 from typing import Any
 
 import yaml
-from pages import ROOT, Block
+
+from tests.docs.pages import ROOT, Block
 
 #: A remark for tests above a block, which readers do not see; see :func:`role`.
 _REMARK = re.compile(r"tests: (?P<role>file|in|continues)\b ?(?P<name>\S*)")

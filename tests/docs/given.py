@@ -9,10 +9,10 @@ from pathlib import Path
 
 import meshio
 import numpy as np
-from clone import Clone
 
 from porocore.cell.geometry.channels import OrthogonalChannels
 from porocore.cell.meshing.mesh import MeshSettings, make_mesh
+from tests.docs.clone import Clone
 
 #: Words after which a name is one of something to be made.
 _MADE = r"(?:--out|--to|-o|>|out=)\s*[\"']?"

@@ -15,7 +15,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from commands import all_commands
+
+from tests.docs.commands import all_commands
 
 #: The address that the pages give, and how their worker and scheduler say that they are ready.
 ADDRESS, PORT, WORKERS = "tcp://node17:8786", "--port 8786", "--nworkers auto"

@@ -17,13 +17,13 @@ from pathlib import Path
 from unittest import mock
 
 import pytest
-from clone import Clone
-from coarse import begin
-from commands import Command
-from services import Service
 
 from porocore.cli import main
 from porocore.plugins.registry import registry
+from tests.docs.clone import Clone
+from tests.docs.coarse import begin
+from tests.docs.commands import Command
+from tests.docs.services import Service
 
 PIP = (sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check")
 #: Seconds that a command of the shell may take.

@@ -11,11 +11,11 @@ import tomllib
 
 import pytest
 import typer
-from commands import all_commands, commands_of
-from not_run import REASONS, reason
-from pages import PAGES, ROOT, all_blocks, blocks_of, name_of, page
 
 from porocore.cli.entry import whole_program
+from tests.docs.commands import all_commands, commands_of
+from tests.docs.not_run import REASONS, reason
+from tests.docs.pages import PAGES, ROOT, all_blocks, blocks_of, name_of, page
 
 COMMANDS = list(all_commands())
 #: Commands of porocore within a sentence, without those that leave something out or only ask for help.

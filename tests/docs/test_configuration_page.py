@@ -11,8 +11,6 @@ import yaml
 from configuration_tables.models import all_keys, keys_by_kind, keys_of
 from configuration_tables.parameters import options_of
 from configuration_tables.words import default_words, type_words
-from nested_settings import config_from
-from pages import page, rows
 from pydantic import BaseModel, Field
 from pydantic.fields import FieldInfo
 
@@ -20,6 +18,8 @@ from porocore.core.units import Dimension, Unit
 from porocore.plugins.registry import registry
 from porocore.study.config.schema import configuration_schema
 from porocore.surrogates.network.options import MlpOptions, PotentialOptions
+from tests.docs.pages import page, rows
+from tests.helpers.nested_settings import config_from
 
 PAGE = "docs/configuration.md"
 

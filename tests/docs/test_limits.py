@@ -14,7 +14,7 @@ from porocore.study.config.schema import configuration_schema
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT / "tests" / "bad_input"))
-from bad_row import study  # noqa: E402
+from tests.bad_input.bad_row import study  # noqa: E402
 
 CLAY = {
     "geometry": {"kind": "orthogonal-channels", "radius": 0.2},

@@ -6,7 +6,8 @@ import re
 from pathlib import Path
 
 import pytest
-from pages import PAGES, ROOT, name_of
+
+from tests.docs.pages import PAGES, ROOT, name_of
 
 
 def anchors(path: Path) -> set[str]:

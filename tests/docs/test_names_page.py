@@ -7,9 +7,9 @@ import sys
 from enum import Enum
 
 import pytest
-from pages import ROOT
 
 import porocore
+from tests.docs.pages import ROOT
 
 PAGE = (ROOT / "docs/reference/names.md").read_text(encoding="utf-8")
 #: Page and rows of each group.

@@ -7,7 +7,8 @@ import re
 
 import make_notebook
 import pytest
-from pages import name_of
+
+from tests.docs.pages import name_of
 
 NOTEBOOK = json.loads(make_notebook.NOTEBOOK.read_text(encoding="utf-8"))
 CODE = [cell for cell in NOTEBOOK["cells"] if cell["cell_type"] == "code"]
@@ -22,7 +23,7 @@ def pictures(cell):
     return [o for o in cell["outputs"] if "image/png" in o.get("data", {})]
 
 
-def test_it_runs_and_prints_what_is_stored(tmp_path, monkeypatch):
+def test_the_notebook_runs_and_prints_what_is_stored(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for stored, now in zip(CODE, make_notebook.executed(NOTEBOOK), strict=True):
         assert NUMBER.sub("#", printed(now)) == NUMBER.sub("#", printed(stored))
@@ -32,14 +33,14 @@ def test_it_runs_and_prints_what_is_stored(tmp_path, monkeypatch):
     assert (tmp_path / "runs/notebook/run.json").is_file()
 
 
-def test_it_is_short_and_stored_with_its_outputs():
+def test_the_notebook_is_short_and_stored_with_its_outputs():
     assert sum(len(cell["source"]) for cell in CODE) < 60
     assert [cell["execution_count"] for cell in CODE] == list(range(1, len(CODE) + 1))
     assert all(printed(cell) for cell in CODE[:-1])
     assert pictures(CODE[-1])
 
 
-def test_it_needs_porocore_and_matplotlib_alone():
+def test_the_notebook_needs_porocore_and_matplotlib_alone():
     source = "".join("".join(cell["source"]) + "\n" for cell in CODE)
     assert set(re.findall(r"^(?:import|from) (\w+)", source, flags=re.MULTILINE)) == {
         "porocore",

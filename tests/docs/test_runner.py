@@ -6,15 +6,15 @@ import re
 from pathlib import Path
 
 import pytest
-from clone import Clone
-from coarse import HOLDERS
-from commands import Command, commands_of
-from fragments import role, with_fragment
-from pages import Block, blocks_of
-from services import Service
-from shell import Shell
 
 import porocore
+from tests.docs.clone import Clone
+from tests.docs.coarse import HOLDERS
+from tests.docs.commands import Command, commands_of
+from tests.docs.fragments import role, with_fragment
+from tests.docs.pages import Block, blocks_of
+from tests.docs.services import Service
+from tests.docs.shell import Shell
 
 PAGE = """# Title
 
@@ -69,7 +69,7 @@ def test_an_unknown_remark_is_told():
         ("porocore init   # lists; the examples", True, False),
     ],
 )
-def test_it_is_known_what_needs_a_shell(text, plain, piped):
+def test_commands_that_need_a_shell_are_known(text, plain, piped):
     command = Command("page.md", 1, text)
     assert command.is_porocore
     assert (command.plain, command.piped and not plain) == (plain, piped)

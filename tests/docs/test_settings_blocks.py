@@ -10,16 +10,16 @@ from typing import Any
 
 import pytest
 import yaml
-from fragments import example, role, with_fragment
-from given import provide
-from nested_settings import config_from
-from pages import ROOT, all_blocks
 
 from porocore.plugins.registry import registry
 from porocore.study.config.config import RunConfig
 from porocore.study.config.loading import MODELINE, load_config
 from porocore.study.notes.checks import place as place_body
 from porocore.study.notes.outline import outline
+from tests.docs.fragments import example, role, with_fragment
+from tests.docs.given import provide
+from tests.docs.pages import ROOT, all_blocks
+from tests.helpers.nested_settings import config_from
 
 BLOCKS = list(all_blocks("yaml", "yml"))
 

@@ -10,11 +10,11 @@ import sys
 from importlib.util import find_spec
 
 import pytest
-from pages import ROOT
 
 import porocore
 import porocore.testing
 from porocore.cli.entry import whole_program
+from tests.docs.pages import ROOT
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def text_of(site, name):
     return re.sub(r"\s+", " ", html.unescape(text))
 
 
-def test_it_opens_at_the_front_page(site):
+def test_the_site_opens_at_the_front_page(site):
     (address,) = re.findall(r"url=([^\"]+)", (site / "index.html").read_text(encoding="utf-8"))
     assert "porocore" in (site / address).read_text(encoding="utf-8")
 

@@ -15,14 +15,15 @@ from unittest import mock
 
 import pytest
 import yaml
-from clone import Clone
-from coarse import make_coarse
-from commands import Command, all_commands, commands_of
-from fragments import example, role, with_fragment
-from given import provide
-from not_run import reason
-from pages import PAGES, Block, blocks_of, name_of, page
-from shell import Shell, as_before
+
+from tests.docs.clone import Clone
+from tests.docs.coarse import make_coarse
+from tests.docs.commands import Command, all_commands, commands_of
+from tests.docs.fragments import example, role, with_fragment
+from tests.docs.given import provide
+from tests.docs.not_run import reason
+from tests.docs.pages import PAGES, Block, blocks_of, name_of, page
+from tests.docs.shell import Shell, as_before
 
 SHELL = ("sh", "bash", "console", "shell")
 RUN = (*SHELL, "python")

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from pages import page, rows
-
 from porocore.plugins.kinds import KINDS
 from porocore.report.text import MEANINGS
 from porocore.states import Status
+from tests.docs.pages import page, rows
 
 
 def test_every_status_is_explained():

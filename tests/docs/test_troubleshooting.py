@@ -14,7 +14,6 @@ from functools import cache
 from unittest import mock
 
 import pytest
-from pages import ROOT, page
 
 from porocore.cli import main
 from porocore.core.files.atomic import atomic_path
@@ -33,6 +32,7 @@ from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Status
 from porocore.study.config.loading import load_config
 from porocore.study.run.folder import RunFolder
+from tests.docs.pages import ROOT, page
 
 #: Stands for what differs from case to case.
 GAP = "…"

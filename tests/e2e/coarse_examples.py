@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from study import porocore, succeeded, write_study
 
 from porocore.interfaces.solution import MacroSolution
+from tests.e2e.study import porocore, succeeded, write_study
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 #: Few states of a coarse cell, and a polynomial, which is the same on every machine.

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shutil
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -15,9 +14,7 @@ from porocore.sampling.datasets.dataset import Dataset
 from porocore.study.config.loading import load_config
 from porocore.study.run.folder import RunFolder
 from porocore.surrogates.portable import NumpySurrogate
-
-sys.path.insert(0, str(Path(__file__).parent))
-from study import Running, porocore, succeeded, write_study
+from tests.e2e.study import Running, porocore, succeeded, write_study
 
 
 @pytest.fixture(scope="session")

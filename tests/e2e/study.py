@@ -22,10 +22,10 @@ import h5py
 import numpy as np
 import pytest
 import yaml
-from warm import WarmCommand
 
 from porocore.errors import DataError
 from porocore.sampling.datasets.dataset import Dataset, parts_folder
+from tests.e2e.warm import WarmCommand
 
 POROCORE = Path(sys.executable).with_name("porocore")
 #: The same number of threads everywhere, so that results can be compared bit by bit.

@@ -5,7 +5,8 @@ import math
 
 import numpy as np
 import pytest
-from study import porocore, succeeded, write_study
+
+from tests.e2e.study import porocore, succeeded, write_study
 
 SHAPES = {
     "porosity": (),

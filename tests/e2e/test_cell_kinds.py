@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from study import message, porocore, succeeded, write_study
+
+from tests.e2e.study import message, porocore, succeeded, write_study
 
 COARSE = {"size": 0.25, "fluid_size": 0.25, "element": "linear"}
 

@@ -10,9 +10,9 @@ import signal
 import h5py
 import numpy as np
 import pytest
-from study import ONE_LOAD, Running, contents, message, porocore, seconds, succeeded, write_study
 
 from porocore.interfaces.solution import MacroSolution
+from tests.e2e.study import ONE_LOAD, Running, contents, message, porocore, seconds, succeeded, write_study
 
 #: Two elements and five steps, so that direct FE² takes seconds.
 SHORT = ONE_LOAD | {

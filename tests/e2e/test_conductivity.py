@@ -6,10 +6,10 @@ import json
 
 import numpy as np
 import pytest
-from study import message, porocore, succeeded, write_study
 
 from porocore.interfaces.solution import MacroSolution
 from porocore.sampling.datasets.dataset import Dataset
+from tests.e2e.study import message, porocore, succeeded, write_study
 
 pytestmark = pytest.mark.slow
 DEFORMED = {
@@ -59,7 +59,7 @@ def test_its_error_is_reported(runs):
     assert max(errors[name] for name in ("K₁₁", "K₂₂", "K₃₃")) < 0.5
 
 
-def test_it_slows_consolidation_down_and_leaves_the_end_alone(runs):
+def test_the_deformed_pore_slows_consolidation_down_and_leaves_the_end_alone(runs):
     deformed, piola = (history(runs / name, "potential").settlement for name in ("deformed", "piola"))
     assert deformed[3] < 0.99 * piola[3]
     linear = [history(runs / name, "linear").settlement for name in ("deformed", "piola")]

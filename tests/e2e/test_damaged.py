@@ -7,10 +7,10 @@ import shutil
 
 import h5py
 import pytest
-from study import LOADS, contents, fingerprint, message, porocore, succeeded
 
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.study.config.loading import load_config
+from tests.e2e.study import LOADS, contents, fingerprint, message, porocore, succeeded
 
 SOLUTION = "solutions/linear_load-0.04.h5"
 #: Each file with the step that reads it first.

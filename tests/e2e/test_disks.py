@@ -8,9 +8,9 @@ from __future__ import annotations
 import subprocess
 
 import pytest
-from study import ENVIRONMENT, POROCORE, contents, fingerprint, message, seconds, write_study
 
 from porocore.sampling.datasets.dataset import Dataset
+from tests.e2e.study import ENVIRONMENT, POROCORE, contents, fingerprint, message, seconds, write_study
 
 
 def namespace(script, *words):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from coarse_examples import COARSE, run
+
+from tests.e2e.coarse_examples import COARSE, run
 
 #: For bodies whose states need the whole cell.
 GENERAL = COARSE | {"sampling.sampler": "latin-hypercube", "sampling.tolerance": None}

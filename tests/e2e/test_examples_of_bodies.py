@@ -6,11 +6,11 @@ import signal
 
 import numpy as np
 import pytest
-from coarse_examples import COARSE, run, written
-from study import EAGER_SOLVING, PLAIN, assert_tidy, contents, parts, porocore, succeeded
 
 from porocore.interfaces.solution import MacroSolution
 from porocore.sampling.datasets.dataset import Dataset
+from tests.e2e.coarse_examples import COARSE, run, written
+from tests.e2e.study import EAGER_SOLVING, PLAIN, assert_tidy, contents, parts, porocore, succeeded
 
 pytestmark = pytest.mark.slow
 

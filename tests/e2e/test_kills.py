@@ -7,7 +7,9 @@ import signal
 
 import h5py
 import pytest
-from study import (
+
+from porocore.sampling.datasets.dataset import Dataset
+from tests.e2e.study import (
     EAGER_SOLVING,
     EAGER_TRAINING,
     ONE_LOAD,
@@ -26,8 +28,6 @@ from study import (
     succeeded,
     write_study,
 )
-
-from porocore.sampling.datasets.dataset import Dataset
 
 
 @pytest.fixture

@@ -15,7 +15,8 @@ import pytest
 import yaml
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
-from study import porocore, succeeded
+
+from tests.e2e.study import porocore, succeeded
 
 pytestmark = pytest.mark.slow
 FOLDER = Path(__file__).parents[2] / "examples" / "calibrations"

@@ -5,11 +5,11 @@ from __future__ import annotations
 import meshio
 import numpy as np
 import pytest
-from study import ONE_LOAD, message, porocore, succeeded, write_study
 
 from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.interfaces.solution import MacroSolution
+from tests.e2e.study import ONE_LOAD, message, porocore, succeeded, write_study
 
 #: Linear elements, few states, a polynomial, two elements and a few steps.
 SHORT = ONE_LOAD | {

@@ -11,7 +11,11 @@ from importlib.util import find_spec
 
 import numpy as np
 import pytest
-from study import (
+
+from porocore.interfaces.solution import History, MacroSolution, Profile
+from porocore.study.config.loading import load_config
+from porocore.study.run.folder import RunFolder
+from tests.e2e.study import (
     ENVIRONMENT,
     LOADS,
     ONE_LOAD,
@@ -23,10 +27,6 @@ from study import (
     succeeded,
     write_study,
 )
-
-from porocore.interfaces.solution import History, MacroSolution, Profile
-from porocore.study.config.loading import load_config
-from porocore.study.run.folder import RunFolder
 
 MPIRUN = shutil.which("mpirun")
 if not os.environ.get("CI"):

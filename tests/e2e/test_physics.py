@@ -4,9 +4,9 @@ import json
 
 import numpy as np
 import pytest
-from study import HEIGHT, LOADS, porocore, succeeded
 
 from porocore.interfaces.solution import MacroSolution
+from tests.e2e.study import HEIGHT, LOADS, porocore, succeeded
 
 AREA = 0.1 * 0.1
 LARGE, SMALL = LOADS

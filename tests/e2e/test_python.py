@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from study import LOADS, write_study
 
 import porocore
 from porocore.errors import ConfigurationError, RunFolderError
 from porocore.study.run.folder import FinishedRun
+from tests.e2e.study import LOADS, write_study
 
 ROOT = Path(__file__).parents[2]
 #: The finished run was made with one thread; this process may have more, which sum in another order.

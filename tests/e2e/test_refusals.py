@@ -7,7 +7,8 @@ import subprocess
 import sys
 
 import pytest
-from study import ENVIRONMENT, PLAIN, fingerprint, message, porocore, write_study
+
+from tests.e2e.study import ENVIRONMENT, PLAIN, fingerprint, message, porocore, write_study
 
 FAULTS = {
     "unknown key": (

@@ -8,7 +8,11 @@ from xml.etree import ElementTree
 
 import pytest
 import yaml
-from study import (
+
+from porocore.interfaces.solution import MacroSolution
+from porocore.macro.reference import CellReference
+from porocore.sampling.datasets.dataset import Dataset
+from tests.e2e.study import (
     HELD_OUT,
     LOADS,
     ONE_LOAD,
@@ -20,10 +24,6 @@ from study import (
     succeeded,
     write_study,
 )
-
-from porocore.interfaces.solution import MacroSolution
-from porocore.macro.reference import CellReference
-from porocore.sampling.datasets.dataset import Dataset
 
 NAMES = {f"{law}_load{load!r}" for law in ("mean-gradient", "linear") for load in LOADS}
 

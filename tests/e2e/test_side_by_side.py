@@ -7,7 +7,15 @@ import signal
 import sys
 
 import pytest
-from study import (
+
+from porocore.core.console import Console
+from porocore.core.parallel import calls
+from porocore.errors import PorocoreError
+from porocore.study.config.loading import load_config
+from porocore.study.notes import forecast
+from porocore.study.run.folder import RunFolder
+from porocore.study.run.solving import solve
+from tests.e2e.study import (
     LOADS,
     ONE_LOAD,
     Running,
@@ -18,14 +26,6 @@ from study import (
     succeeded,
     write_study,
 )
-
-from porocore.core.console import Console
-from porocore.core.parallel import calls
-from porocore.errors import PorocoreError
-from porocore.study.config.loading import load_config
-from porocore.study.notes import forecast
-from porocore.study.run.folder import RunFolder
-from porocore.study.run.solving import solve
 
 #: Every solve is worth a process.
 SIDE_BY_SIDE = (

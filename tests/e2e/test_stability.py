@@ -6,9 +6,9 @@ import shutil
 import h5py
 import numpy as np
 import pytest
-from study import porocore, succeeded, write_study
 
 from porocore.cell.stability.map import EVENTS, load
+from tests.e2e.study import porocore, succeeded, write_study
 
 PLAN = ("--along", "H22=-0.3", "--across", "p=0,0.1", "--steps", "5", "--tolerance", "0.02")
 

@@ -11,10 +11,10 @@ import subprocess
 import time
 
 import pytest
-from study import ENVIRONMENT, PLAIN, QUICK, contents, porocore, succeeded, write_study
 
 from porocore.core.files.store import ResultStore
 from porocore.sampling.datasets.dataset import Dataset
+from tests.e2e.study import ENVIRONMENT, PLAIN, QUICK, contents, porocore, succeeded, write_study
 
 OTHER_BODY = QUICK | {
     "title": "A shorter body",

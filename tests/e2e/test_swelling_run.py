@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import yaml
 from scipy.optimize import brentq
-from test_family_sample import called
 
 from porocore.interfaces.solution import MacroSolution
 from porocore.study.api.solved import CellProblem
+from tests.e2e.test_family_sample import called
 
 STRETCH, HEIGHT, AREA = 1.06, 2.0, 0.01
 MESH = {"size": 0.5, "fluid_size": 0.5, "element": "linear"}
@@ -62,7 +62,7 @@ def in_time(tmp_path_factory: pytest.TempPathFactory) -> MacroSolution:
 
 
 @pytest.mark.slow
-def test_it_rises_and_takes_up_fluid_as_the_cell_does_that_is_held_sideways(in_time: MacroSolution) -> None:
+def test_a_swelling_body_rises_and_takes_up_fluid_as_a_cell_held_sideways(in_time: MacroSolution) -> None:
     cell = CellProblem({"material": {"swelling": STRETCH}, "mesh": MESH}, store=False)
     dry = CellProblem({"mesh": MESH}, store=False).response(np.zeros((3, 3)), tangent=False)
 

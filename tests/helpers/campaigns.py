@@ -7,13 +7,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from fake_cell import IDENTITY, INPUTS, OPTIONS, Fake, make
-
 from porocore.interfaces.sampler import Sampler
 from porocore.sampling.campaign import CampaignProgress, CampaignSummary, run_campaign
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.samplers.density import DensitySweep
+from tests.helpers.fake_cell import IDENTITY, INPUTS, OPTIONS, Fake, make
 
 SCRIPT = str(Path(__file__).with_name("fake_cell.py"))
 

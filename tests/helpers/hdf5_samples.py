@@ -9,8 +9,6 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from fake_cell import response
-from made_up_column import make_column
 
 from porocore.core.hdf5 import seal_of
 from porocore.core.inputs import InputSpace, SampledRange
@@ -27,6 +25,8 @@ from porocore.states import MacroState, Status
 from porocore.surrogates.file import file as surrogate_file
 from porocore.surrogates.mean_gradient import AnchoredModel
 from porocore.surrogates.network.network import Network
+from tests.helpers.fake_cell import response
+from tests.helpers.made_up_column import make_column
 
 INPUTS = InputSpace(("p", "H22"), (-0.1, -0.4), (0.2, 0.1))
 UNKNOWNS, POINTS = 7, 2

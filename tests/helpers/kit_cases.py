@@ -9,7 +9,7 @@ What a class there says:
 ``slow``
     That the check takes a second or more.
 
-``python tests/helpers/kit_cases.py`` writes ``docs/reference/caught.md``, a table of the checks with what each catches.
+``python -m tests.helpers.kit_cases`` writes ``docs/reference/caught.md``, a table of the checks with what each catches.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ def table() -> str:
         "",
         "Every check of the [conformance kit](testing.md) is tested on implementations that break it, each made of a",
         "right one by spoiling one thing. A check that suites share is listed once.",
-        "`python tests/helpers/kit_cases.py` writes this page.",
+        "`python -m tests.helpers.kit_cases` writes this page.",
     ]
     listed: set[object] = set()
     for suite in sorted(suites(), key=lambda suite: (len(suite.__mro__), suite.__name__)):

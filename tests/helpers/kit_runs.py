@@ -20,7 +20,8 @@ def run_pytest(folder: Path, root: Path, nodes: Iterable[str]) -> Outcomes:
     done = subprocess.run(
         [
             *(sys.executable, "-m", "pytest", "-q", "--tb=line", "-p", "no:cacheprovider", "-c", os.devnull),
-            *("--rootdir", str(root), f"--junitxml={report}", "--import-mode=importlib", *nodes),
+            *("--rootdir", str(root), f"--junitxml={report}", "--import-mode=importlib"),
+            *("-o", f"pythonpath={Path(__file__).parents[2]}", *nodes),
         ],
         env={**os.environ, "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1", "OMP_NUM_THREADS": "1"},
         capture_output=True,

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from command_run import Ended
+from tests.helpers.command_run import Ended
 
 #: One folder of files for each kind of trial, with a README of one line.
 FOLDERS = Path(__file__).parents[1] / "strangers"

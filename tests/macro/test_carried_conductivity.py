@@ -59,7 +59,7 @@ def test_a_rotation_of_the_deformed_body_rotates_the_flux(law):
     assert same == (law == "piola")
 
 
-def test_it_is_K_between_the_inverse_stretches():
+def test_the_carried_conductivity_is_K_between_the_inverse_stretches():
     """K_ref = J Ū⁻¹ K Ū⁻¹, with the decomposition of scipy."""
     F = EYE + 0.2 * MOVING.standard_normal((3, 3))
     V = np.linalg.inv(polar(F)[1])

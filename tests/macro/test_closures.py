@@ -6,7 +6,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-from closure_slopes import INPUTS, assert_slopes
 
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.errors import ConfigurationError
@@ -17,6 +16,7 @@ from porocore.macro.laws.linear import LinearCellLaw, LinearCoefficients
 from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.states import CellResponse, CellTangent, MacroState
 from porocore.testing.synthetic.response import cubic_reference
+from tests.helpers.closure_slopes import INPUTS, assert_slopes
 
 PHI_S, NU = 0.5877, 0.35
 MATERIAL = NeoHookean(poisson_ratio=NU)

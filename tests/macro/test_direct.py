@@ -205,7 +205,7 @@ def test_a_wild_iterate_is_refused_without_a_solve(law, diary, wild):
 
 
 @pytest.mark.parametrize("closure", [PotentialClosure, MeanGradientClosure])
-def test_it_closes_like_any_cell_law(law, closure):
+def test_the_direct_law_closes_like_any_cell_law(law, closure):
     closed = ClosedLaw(law, closure(SOLID_FRACTION, NeoHookean(), CONDUCTIVITY), name="direct")
     states, grad_p = along(-0.1, -0.2, p=0.05), np.ones((2, 3))
 

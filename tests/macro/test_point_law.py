@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_up_conductivity import conductivity
 
 import porocore
 from porocore.cell.family.family import CellParameter
@@ -20,6 +19,7 @@ from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.states import CellResponse, MacroState
 from porocore.testing.synthetic.cell import SOLID_FRACTION, BoundCell, parametric_law, porosity, respond
 from porocore.testing.synthetic.response import cubic_reference
+from tests.helpers.made_up_conductivity import conductivity
 
 MATERIAL = NeoHookean()
 K = np.array([[1.9, 0.2, -0.1], [0.2, 1.5, 0.05], [-0.1, 0.05, 2.2]])
@@ -78,7 +78,7 @@ def macro(request: pytest.FixtureRequest) -> MacroLaw:
     return LAWS[request.param]()
 
 
-def test_it_is_the_law_of_the_macro_solver(macro: MacroLaw) -> None:
+def test_the_point_law_is_that_of_the_macro_solver(macro: MacroLaw) -> None:
     """The second of two steps, with the flux under any gradient of the pressure."""
     law = porocore.Law(macro, POROSITY)
     before = law.response(OLD_H, OLD_P, tangent=False)

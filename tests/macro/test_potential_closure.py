@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from closure_slopes import INPUTS, assert_slopes
-from loading_cycle import elliptic_cycle, work_over_cycle
 
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.errors import ConfigurationError
@@ -18,6 +16,8 @@ from porocore.states import MacroState
 from porocore.surrogates.polynomial.fit import polynomial_model
 from porocore.testing.synthetic.cell import SOLID_FRACTION, STORAGE, respond, synthetic_training_set
 from porocore.testing.synthetic.response import mean_gradient_law
+from tests.helpers.closure_slopes import INPUTS, assert_slopes
+from tests.helpers.loading_cycle import elliptic_cycle, work_over_cycle
 
 MATERIAL = NeoHookean()
 K = np.array([[1.9, 0.2, -0.1], [0.2, 1.5, 0.05], [-0.1, 0.05, 2.2]])

@@ -6,14 +6,14 @@ from contextlib import redirect_stdout
 from importlib import metadata
 
 import pytest
-from bad_offers import LAZY, NOTED, SOURCES, good
-from invoked import invoke
 
 import porocore
 from porocore.errors import PluginError
 from porocore.plugins import registry
 from porocore.plugins import table as plugin_table
 from porocore.plugins.hookspecs import Offer
+from tests.helpers.bad_offers import LAZY, NOTED, SOURCES, good
+from tests.helpers.invoked import invoke
 
 #: Rows that there are for a plugin; all else is one.
 ROWS = {"twice": 2}

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_up_column import make_column
 
 from porocore.core.inputs import InputSpace
 from porocore.errors import PluginError
@@ -26,6 +25,7 @@ from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import MacroState, Status
 from porocore.testing.synthetic.cell import respond
 from porocore.testing.synthetic.response import confined_column
+from tests.helpers.made_up_column import make_column
 
 STATES = MacroState(
     np.array([np.zeros((3, 3)), np.diag([0, -0.1, 0]), np.diag([0.01, 0, 0])]), np.array([0, 0.02, 0.01])
@@ -205,7 +205,7 @@ def test_beyond_its_range_a_surrogate_may_say_anything():
     assert "stress: row 0" in refused(prediction_of, Says(other), STATES)
 
 
-def test_it_costs_nothing_beside_an_evaluation():
+def test_the_border_costs_nothing_beside_an_evaluation():
     """At the points of the benchmark's column, 2,250; with all derivatives."""
     rng = np.random.default_rng(7)
     states = MacroState(0.02 * rng.normal(size=(2250, 3, 3)), 0.01 * rng.normal(size=2250))

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 import yaml
-from invoked import BENCHMARK, invoke
 
 from porocore import Study, load_config
 from porocore.cli.entry import whole_program
@@ -20,6 +19,7 @@ from porocore.plugins.hookspecs import CommandOffer
 from porocore.plugins.kinds import OWN_HOOKS
 from porocore.plugins.registry import Registry, find_command, make_command, own, registry
 from porocore.study.config.schema import configuration_schema
+from tests.helpers.invoked import BENCHMARK, invoke
 
 HOOKS = """
 from porocore import CommandOffer, hookimpl

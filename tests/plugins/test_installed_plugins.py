@@ -14,8 +14,8 @@ import yaml
 from porocore.sampling.datasets.dataset import Dataset
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "e2e"))
-from faulty_plugins import SOURCES, install
-from study import STUDY
+from tests.e2e.study import STUDY
+from tests.helpers.faulty_plugins import SOURCES, install
 
 POROCORE = Path(sys.executable).with_name("porocore")
 INPUTS = {"p": {"range": [-0.02, 0.06]}, "H22": {"range": [-0.1, 0.02]}}

@@ -282,9 +282,9 @@ def pip_install(site, *projects):
 @pytest.mark.slow
 def test_new_projects_work_in_a_study(tmp_path, site):
     """All four in one: cell and sampler sample, the surrogate learns, and the macro solver solves."""
-    sys.path.insert(0, str(ROOT / "tests/e2e"))
     import yaml
-    from study import STUDY
+
+    from tests.e2e.study import STUDY
 
     pip_install(site, *(write_project("my-own", kind, tmp_path / kind) for kind in KIND))
     inputs = {"p": {"range": [-0.02, 0.06]}, "H22": {"range": [-0.1, 0.02]}}

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parents[2]
-sys.path[:0] = [str(Path(__file__).parent), str(ROOT / "tools"), str(ROOT / "tests/e2e")]
-from distributions import build  # noqa: E402
-from environments import CONSTRAINTS, Environment  # noqa: E402
-from study import write_study  # noqa: E402
+from tests.e2e.study import write_study  # noqa: E402
+from tests.release.environments import CONSTRAINTS, Environment  # noqa: E402
+from tools.distributions import build  # noqa: E402
 
 #: A study of seconds.
 COARSE = {

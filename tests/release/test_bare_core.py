@@ -4,9 +4,9 @@ import json
 import shutil
 
 import pytest
-from environments import CONSTRAINTS, Environment
 
 from porocore.cli.entry import whole_program
+from tests.release.environments import CONSTRAINTS, Environment
 
 pytestmark = pytest.mark.slow
 

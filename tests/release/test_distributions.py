@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 import yaml
-from environments import Environment, link_libraries
 
 from porocore.plugins.kinds import FIRST_PARTY, OWN_HOOKS
+from tests.release.environments import Environment, link_libraries
 
 ROOT = Path(__file__).parents[2]
 FOLDERS = {

@@ -3,9 +3,9 @@
 import json
 
 import pytest
-from environments import CONSTRAINTS, Environment, copy_libraries
 
 from porocore.plugins.kinds import FIRST_PARTY
+from tests.release.environments import CONSTRAINTS, Environment, copy_libraries
 
 pytestmark = pytest.mark.slow
 

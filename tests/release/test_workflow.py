@@ -14,7 +14,7 @@ def made(text: str) -> set[str]:
     return set(re.findall(r"^make ([a-z-]+)$", text, re.MULTILINE))
 
 
-def test_it_runs_everything_that_must_pass_before_a_change_lands():
+def test_the_workflow_runs_everything_that_must_pass_before_a_change_lands():
     found = {
         name
         for job in WORKFLOW["jobs"].values()
@@ -25,7 +25,7 @@ def test_it_runs_everything_that_must_pass_before_a_change_lands():
     assert found >= made((ROOT / ".ci/run").read_text(encoding="utf-8")) >= {"lint", "test", "dist"}
 
 
-def test_it_keeps_what_the_makefile_writes():
+def test_the_workflow_keeps_what_the_makefile_writes():
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     kept = [
         step["with"]["path"] for job in WORKFLOW["jobs"].values() for step in job["steps"] if "with" in step

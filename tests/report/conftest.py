@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from report_page import ODD, Page
 
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.core.inputs import InputSpace
@@ -23,6 +22,7 @@ from porocore.report.metrics import LoadCase
 from porocore.report.words.held_out import OutputCheck
 from porocore.states import CellResponse, CellTangent, Status
 from porocore.study.run.summary import DEHGHANI_ZILIAN
+from tests.helpers.report_page import ODD, Page
 
 
 def reference() -> CellResponse:

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from browser import too_wide
 
 from porocore.core.units import SCENARIOS, OutputUnits, ResultUnits, Scales
 from porocore.report.context import AdaptiveSurrogateCost, DirectCost, LoadingMode
 from porocore.report.html import render
+from tests.helpers.browser import too_wide
 
 UNITS = ResultUnits(
     Scales(modulus=2e3, length=1e-2, pore=5e-6), OutputUnits(length="mm", stress="mmHg", time="min")

@@ -12,7 +12,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from report_page import ODD, Page
 
 from porocore.core.files.atomic import file_stem
 from porocore.core.parallel.calls import CallProcesses
@@ -22,6 +21,7 @@ from porocore.report.figures.style import named, new_figure, svg_bytes
 from porocore.report.html import render, write_report
 from porocore.report.metrics import LoadCase
 from porocore.report.page import Pictures
+from tests.helpers.report_page import ODD, Page
 
 
 def test_stands_alone_and_runs_nothing(html, page):

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from report_page import Page
 
 from porocore.core.units import ResultUnits
 from porocore.macro.analytic import Terzaghi
@@ -18,6 +17,7 @@ from porocore.report.html import render
 from porocore.report.metrics import LoadCase, case_metrics
 from porocore.report.words.results import case_sentences, case_warnings
 from porocore.testing.synthetic.response import linear_law
+from tests.helpers.report_page import Page
 
 Solver = pytest.importorskip("porocore_fem_skfem.macro").SkfemMacroSolver
 LAW = linear_law()

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from report_page import Page
 from scipy.spatial.transform import Rotation
 
 from porocore.cell.cell import Cell
@@ -45,6 +44,7 @@ from porocore.report.words.parameters import (
 from porocore.report.words.results import visited_shares
 from porocore.states import Status
 from porocore.study.notes.parameters import parameter_ranges
+from tests.helpers.report_page import Page
 
 RADIUS = ParameterRange("radius", "cell.geometry.radius", 0.1, 0.3)
 MODULUS = ParameterRange("c10", "cell.material.c10", 0.5, 2.0, "stress")

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from report_page import Page
 
 from porocore.report.context import (
     DirectCost,
@@ -23,6 +22,7 @@ from porocore.report.page import citations
 from porocore.report.text import all_warnings
 from porocore.report.words.cell import cell_rows, conductivity_sentence
 from porocore.states import Status
+from tests.helpers.report_page import Page
 
 
 def test_says_the_result_in_numbers_beside_the_publication(page):

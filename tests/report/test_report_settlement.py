@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from report_page import Page
 
 from porocore.core.units import ResultUnits
 from porocore.report.context import LoadingMode, end_words, no_relaxation, relaxation
@@ -16,6 +15,7 @@ from porocore.report.figures import history_figure
 from porocore.report.html import render
 from porocore.report.metrics import LoadCase, case_metrics, time_to_fraction, time_within
 from porocore.report.words.results import case_sentences, case_warnings, largest_rows
+from tests.helpers.report_page import Page
 
 #: When the load is taken away.
 OFF = 50.0

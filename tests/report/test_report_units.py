@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from report_page import Page
 
 from porocore.core.units import OutputUnits, ResultUnits, Scales, value_of
 from porocore.report.context import reactions
@@ -13,6 +12,7 @@ from porocore.report.dimensional import FIGURES, figures_with_units
 from porocore.report.format import number
 from porocore.report.html import render
 from porocore.report.metrics import case_metrics
+from tests.helpers.report_page import Page
 
 
 def test_a_study_with_units_speaks_in_them(context):

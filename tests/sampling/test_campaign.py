@@ -8,8 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from campaigns import gone, sample, solves
-from fake_cell import IDENTITY, INPUTS, OPTIONS, Fake, make, mean_gradient, refuse
 
 from porocore.errors import ConfigurationError, PluginError, PorocoreError
 from porocore.interfaces.sampler import Request, Sampler
@@ -18,6 +16,8 @@ from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.samplers.density import DensitySweep
 from porocore.states import CellResponse, Status
+from tests.helpers.campaigns import gone, sample, solves
+from tests.helpers.fake_cell import IDENTITY, INPUTS, OPTIONS, Fake, make, mean_gradient, refuse
 
 
 @pytest.fixture(scope="module")

@@ -13,14 +13,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from campaigns import SCRIPT, gone, sample, session_gone, solves, state_text
-from fake_cell import INPUTS, Fake, Tree
 
 from porocore.errors import PorocoreError
 from porocore.sampling.campaign import CampaignProgress
 from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution.interrupts import GRACE
 from porocore.states import Status
+from tests.helpers.campaigns import SCRIPT, gone, sample, session_gone, solves, state_text
+from tests.helpers.fake_cell import INPUTS, Fake, Tree
 
 
 @pytest.fixture(scope="module")

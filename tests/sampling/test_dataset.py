@@ -15,7 +15,6 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from fake_cell import response
 
 from porocore.core.inputs import InputSpace
 from porocore.errors import DataError, PluginError, RunFolderError
@@ -24,6 +23,7 @@ from porocore.interfaces.records import SolvedState, build_response, flatten_res
 from porocore.sampling.datasets import dataset as dataset_module
 from porocore.sampling.datasets.dataset import Block, Dataset, Header, parts_folder, write_block
 from porocore.states import CellResponse, MacroState, Status
+from tests.helpers.fake_cell import response
 
 INPUTS = InputSpace(("p", "H22"), (-0.1, -0.4), (0.2, 0.1))
 PROVENANCE = {"configuration": "title: ∇u¹\n" * 9000, "numpy": np.__version__}

@@ -10,8 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from campaigns import SCRIPT, sample, solves
-from fake_cell import IDENTITY, INPUTS, mean_gradient, response
 
 import porocore.sampling.datasets.dataset as dataset_module
 import porocore.sampling.datasets.dataset as parts_module
@@ -19,6 +17,8 @@ from porocore.errors import DataError, RunFolderError
 from porocore.interfaces.records import SolvedState
 from porocore.sampling.datasets.dataset import Dataset, parts_folder
 from porocore.states import Status
+from tests.helpers.campaigns import SCRIPT, sample, solves
+from tests.helpers.fake_cell import IDENTITY, INPUTS, mean_gradient, response
 
 
 def record(key: str, p: float = 0.0) -> SolvedState:

@@ -13,8 +13,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from campaigns import gone, sample, solves, state_text
-from fake_cell import IDENTITY, INPUTS, Fake, Tree, make, make_noted
 
 import porocore.sampling.execution.dask_workers as dask_workers
 from porocore.core.inputs import InputSpace
@@ -24,6 +22,8 @@ from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.states import MacroState, Status
 from porocore.study.config.config import SamplingSettings
+from tests.helpers.campaigns import gone, sample, solves, state_text
+from tests.helpers.fake_cell import IDENTITY, INPUTS, Fake, Tree, make, make_noted
 
 SEVEN = InputSpace(
     ("H11", "H22", "H33", "H12", "H13", "H23", "p"),

@@ -16,8 +16,6 @@ from importlib.metadata import version
 from pathlib import Path
 
 import pytest
-from campaigns import SCRIPT, gone, sample, session_gone, solves, state_text
-from fake_cell import IDENTITY, INPUTS, Fake, Tree, make
 
 from porocore.errors import PluginError, PorocoreError
 from porocore.sampling.campaign import CampaignProgress, run_campaign
@@ -25,6 +23,8 @@ from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.execution.dask_workers import DaskBackend
 from porocore.sampling.execution.tasks import Ready
+from tests.helpers.campaigns import SCRIPT, gone, sample, session_gone, solves, state_text
+from tests.helpers.fake_cell import IDENTITY, INPUTS, Fake, Tree, make
 
 pytestmark = pytest.mark.slow
 

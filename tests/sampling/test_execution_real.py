@@ -24,7 +24,7 @@ from porocore.sampling.execution import CellPool
 from porocore.core.inputs import InputSpace
 from porocore.sampling.campaign import run_campaign
 from porocore.study.run.composition import prepare_cell
-from fake_cell import Tree
+from tests.helpers.fake_cell import Tree
 
 if __name__ == "__main__":
     backend, folder = sys.argv[1:]

@@ -9,7 +9,8 @@ from multiprocessing import Process
 from pathlib import Path
 
 import pytest
-from campaigns import gone, solves
+
+from tests.helpers.campaigns import gone, solves
 
 #: Both kinds of workers; the list of all processes that ran the script stands in a file.
 SCRIPT = """
@@ -19,17 +20,17 @@ with open("begun", "a") as begun:
 if sys.argv[1:]:
     multiprocessing.set_start_method(sys.argv[1])
 from pathlib import Path
-from campaigns import sample
-from fake_cell import Fake
+from tests.helpers.campaigns import sample
+from tests.helpers.fake_cell import Fake
 from porocore.core.console import Console
-from series_cases import Squares, cases
+from tests.helpers.series_cases import Squares, cases
 
 dataset, summary = sample(Path("data.h5"), Fake(log="log"), workers=2, {where})
 os.mkdir("squares")
 squares = Squares("squares").run(cases([2, 3]), Console(io.StringIO()), 2)
 print(summary.solved == len(dataset), squares, __spec__ and __spec__.name)
 """
-HELPERS = Path(__file__).parents[1] / "helpers"
+ROOT = Path(__file__).parents[2]
 WAYS = {
     "spawn": (["plain.py", "spawn"], "None"),
     "forkserver": (["plain.py", "forkserver"], "None"),
@@ -41,7 +42,7 @@ WAYS = {
 
 def run(folder: Path, words: list[str], **settings: str) -> subprocess.CompletedProcess[str]:
     (folder / "plain.py").write_text(SCRIPT.format(where=settings.get("where", "")), encoding="utf-8")
-    paths = os.pathsep.join([str(HELPERS), os.environ.get("PYTHONPATH", "")])
+    paths = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
     with (folder / "plain.py").open() as script:
         return subprocess.run(
             [sys.executable, *words],
@@ -77,10 +78,9 @@ def test_a_plain_script_runs_once_with_dask(tmp_path: Path) -> None:
 
 
 def begin(folder: str) -> None:
-    sys.path.insert(0, str(HELPERS))
-    from campaigns import sample
-
+    sys.path.insert(0, str(ROOT))
     from porocore.errors import PorocoreError
+    from tests.helpers.campaigns import sample
 
     try:
         sample(Path(folder, "data.h5"), workers=2)

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from campaigns import sample
-from fake_cell import INPUTS
 
 from porocore.core.inputs import InputSpace, SampledRange
 from porocore.errors import ConfigurationError, DataError
 from porocore.sampling.samplers.designs import MOST_MISSES, RandomStates, random_requests
 from porocore.states import CellResponse, Status
+from tests.helpers.campaigns import sample
+from tests.helpers.fake_cell import INPUTS
 
 
 def test_random_states_fill_the_box_and_extend_one_another() -> None:

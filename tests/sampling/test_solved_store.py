@@ -7,14 +7,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from campaigns import sample, solves
-from fake_cell import INPUTS, Fake, make
 
 from porocore.core.files.store import ResultStore
 from porocore.sampling.execution import CellPool
 from porocore.sampling.execution.solved_store import SolvedStore
 from porocore.sampling.samplers.density import DensitySweep
 from porocore.states import MacroState, Status
+from tests.helpers.campaigns import sample, solves
+from tests.helpers.fake_cell import INPUTS, Fake, make
 
 COARSE = {"step": {"p": 0.1, "H22": 0.2}, "tolerance": 0.05}
 

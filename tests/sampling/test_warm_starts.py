@@ -6,8 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from campaigns import sample
-from fake_cell import IDENTITY, INPUTS, Fake, FakeCellSolver, make, response
 
 from porocore.interfaces.cell import CellSolution
 from porocore.sampling.campaign import OF_SAMPLES, ONSET, WarmStarts, run_campaign
@@ -16,6 +14,8 @@ from porocore.sampling.datasets.dataset import Dataset
 from porocore.sampling.execution import CellPool
 from porocore.sampling.samplers.designs import RandomStates
 from porocore.states import MacroState, Status
+from tests.helpers.campaigns import sample
+from tests.helpers.fake_cell import IDENTITY, INPUTS, Fake, FakeCellSolver, make, response
 
 #: Every state of this cell is solvable.
 OPEN = Fake(edge=-10.0)

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 import yaml
-from command_run import Ended
-from stranger_case import Case
 
 from porocore.commands.calibration.loading import read_plan
+from tests.helpers.command_run import Ended
+from tests.helpers.stranger_case import Case
 
 #: Values with which the file was made: MPa, nm and min.
 TRUTH = {"modulus": 1.2, "pore": 70.0, "start": -3.0}

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_run import Ended
-from stranger_case import FOLDERS, Case
 
 from porocore.commands.calibration.loading import read_plan
+from tests.helpers.command_run import Ended
+from tests.helpers.stranger_case import FOLDERS, Case
 
 
 def _clean(path: Path, thousands: str = "") -> np.ndarray:

@@ -13,12 +13,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_run import PROGRAM, Ended
-from stranger_case import Case
 
 from porocore import DataError, Study
 from porocore.interfaces.solution import write_series
 from porocore.sampling.datasets.dataset import Dataset
+from tests.helpers.command_run import PROGRAM, Ended
+from tests.helpers.stranger_case import Case
 
 
 def _shell(line: str, folder: Path) -> subprocess.CompletedProcess[str]:

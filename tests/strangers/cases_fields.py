@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from command_run import Ended
-from stranger_case import Case
 
 import porocore
+from tests.helpers.command_run import Ended
+from tests.helpers.stranger_case import Case
 
 STRAIN = 0.002
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from command_run import Ended
-from stranger_case import Case
+from tests.helpers.command_run import Ended
+from tests.helpers.stranger_case import Case
 
 
 def _drawn(folder: Path, ended: Ended | None) -> None:

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import tifffile
-from command_run import Ended
 from PIL import Image, ImageSequence
-from stranger_case import Case
 
 import porocore
+from tests.helpers.command_run import Ended
+from tests.helpers.stranger_case import Case
 
 CHANNELS = {"kind": "orthogonal-channels", "radius": 0.25}
 

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 import yaml
-from command_run import Ended
-from stranger_case import Case
 
 from porocore import Study
+from tests.helpers.command_run import Ended
+from tests.helpers.stranger_case import Case
 
 #: Of the column under its load, which does not depend on its mesh: computed on a box of 8 hexahedra.
 SETTLEMENT = 0.0201628026

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import importlib
-import sys
 from collections import Counter
 from pathlib import Path
 
 import pytest
-from command_run import LATEST, run_apart, run_here
-from message_words import assert_says_all
+
+from tests.helpers.command_run import LATEST, run_apart, run_here
+from tests.helpers.message_words import assert_says_all
 
 HERE = Path(__file__).parent
 #: A slow command that has not ended then is stopped [s].
 LATEST_OF_SLOW = 900.0
-sys.path.insert(0, str(HERE))
 CASES = [
-    case for path in sorted(HERE.glob("cases_*.py")) for case in importlib.import_module(path.stem).CASES
+    case
+    for path in sorted(HERE.glob("cases_*.py"))
+    for case in importlib.import_module(f"tests.strangers.{path.stem}").CASES
 ]
 
 

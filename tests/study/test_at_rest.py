@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from invoked import BENCHMARK
 from scipy.special import jn_zeros
 
 from porocore.core.units import OutputUnits, ResultUnits, Scales
@@ -23,6 +22,7 @@ from porocore.study.notes.at_rest import (
     thin_fluid,
     turned_by,
 )
+from tests.helpers.invoked import BENCHMARK
 
 POISSON = 0.2
 
@@ -117,7 +117,7 @@ ALL_DRAINED = {face: {"pressure": 0} for face in ("x-", "x+", "y-", "y+", "z-", 
 
 
 @pytest.mark.parametrize("shape", ["slender", "cylinder", "layers"])
-def test_it_is_that_of_the_shape_and_of_the_drained_surfaces(shape):
+def test_the_time_to_rest_is_that_of_the_shape_and_of_the_drained_surfaces(shape):
     """A slow part counts with its own share, and parts that are alike as one."""
     c = coefficients((0.0, 2.0, 0.0) if shape == "layers" else (2.0, 2.0, 2.0))
     diffusivity = 2.0 / (c.storage + c.biot[0, 0] ** 2 / c.stiffness[0, 0, 0, 0])

@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from campaigns import sample
-from fake_cell import INPUTS
 
 from porocore.cell.cell import Cell
 from porocore.core.inputs import SampledRange
@@ -17,6 +15,8 @@ from porocore.sampling.samplers.designs import RandomStates
 from porocore.study.config.loading import load_config
 from porocore.study.run.composition import drop_misplaced, held_out_states
 from porocore.study.run.summary import _more_states
+from tests.helpers.campaigns import sample
+from tests.helpers.fake_cell import INPUTS
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import yaml
-from invoked import BENCHMARK
 
 from porocore.core.units import ResultUnits
 from porocore.macro.body.kinds import Box
@@ -13,6 +12,7 @@ from porocore.study.notes import linear_reach
 from porocore.study.notes.linear_reach import predicted_reach
 from porocore.study.notes.reach import visited
 from porocore.testing.macro_checks.bodies import write_tetrahedra
+from tests.helpers.invoked import BENCHMARK
 
 ONE = np.eye(3)
 #: λ = μ = 1 before the confined modulus of 3.

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from fake_cell import Fake, FakeCellSolver
 
 from porocore.cli.cell import as_text
 from porocore.interfaces.cell import CellSolution
 from porocore.study.config.loading import benchmark_path, load_config
 from porocore.study.run import reference
+from tests.helpers.fake_cell import Fake, FakeCellSolver
 
 
 class Plain(FakeCellSolver):

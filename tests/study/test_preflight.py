@@ -7,7 +7,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import yaml
-from invoked import BENCHMARK, invoke
 from pydantic import ValidationError
 
 import porocore
@@ -26,6 +25,7 @@ from porocore.study.notes.outline import outline
 from porocore.study.run import reference
 from porocore.study.run.composition import backends_of, make_backend
 from porocore.study.run.folder import RunFolder
+from tests.helpers.invoked import BENCHMARK, invoke
 
 
 def test_check_tells_what_a_run_would_do():

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import yaml
-from invoked import BENCHMARK
 
 from porocore.core.inputs import InputSpace, components
 from porocore.core.units import ResultUnits, Scales
@@ -23,6 +22,7 @@ from porocore.study.notes import linear_reach
 from porocore.study.notes import linear_reach as reach_notes
 from porocore.study.notes.linear_reach import predicted_reach
 from porocore.study.notes.reach import Reach, beyond, flagged_place, left_out_shear, visited
+from tests.helpers.invoked import BENCHMARK
 
 SHEAR, POISSON = 1 / 6, 0.2
 ONE = np.eye(3)

@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 import pytest
-from invoked import BENCHMARK, invoke
 
 from porocore.study.config.loading import load_config
 from porocore.study.notes.forecast import RunTimes, Workload, as_time, decision_time, expected_steps
 from porocore.study.run.composition import make_backend
+from tests.helpers.invoked import BENCHMARK, invoke
 
 
 def example(name, **macro):

@@ -10,12 +10,12 @@ from multiprocessing import active_children
 
 import numpy as np
 import pytest
-from series_cases import Squares, cases
 
 from porocore.core.console import Console
 from porocore.core.parallel.calls import ProcessEnded
 from porocore.errors import DataError, PorocoreError, RunFolderError, SolveError, UnexpectedError
 from porocore.study.series import CaseProgress, _Progress, claim_record, require_own
+from tests.helpers.series_cases import Squares, cases
 
 WORKERS = pytest.mark.parametrize("workers", [1, 2])
 
@@ -103,7 +103,7 @@ def test_a_process_that_ends_while_it_has_nothing_to_do_is_replaced(tmp_path):
 #: Ends by a signal after the first case was recorded, or goes on.
 SCRIPT = """
 import io, sys
-from series_cases import Squares, cases
+from tests.helpers.series_cases import Squares, cases
 from porocore.core.console import Console
 Squares(sys.argv[1]).run(cases([2, 3, 5, 7], [0.0, 0.6, 0.6, 0.6]), Console(io.StringIO()), int(sys.argv[2]))
 """

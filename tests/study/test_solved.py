@@ -41,18 +41,6 @@ def solution(column):
     )
 
 
-def test_the_shares_that_are_flagged_are_in_files(solution, tmp_path):
-    solution.save(tmp_path / "s.h5")
-    with h5py.File(tmp_path / "s.h5") as file:
-        assert "flagged" in file["profiles/0"]
-        kept = {name for name in file["history"] if name.startswith("flagged")}
-    assert kept == {"flagged", *(f"flagged_{each.name}" for each in porocore.Doubt)}
-    read = type(solution).load_file(tmp_path / "s.h5")
-    for name in kept:
-        np.testing.assert_array_equal(getattr(read.history, name), getattr(solution.history, name))
-    assert kept <= {each.name for each in all_series(solution)}
-
-
 def test_a_file_of_a_solution_knows_the_units_of_its_study(solution, tmp_path):
     path = tmp_path / "s.h5"
     replace(solution, units=UNITS).save(path)
@@ -75,10 +63,10 @@ def test_a_solution_that_stays_takes_the_units_that_the_study_has_now(solution, 
     """Scales and output units are no part of a run, and may change while it goes on."""
     path = tmp_path / "s.h5"
     replace(solution, units=UNITS).save(path)
-    folder = SimpleNamespace(solution=lambda law, load: path)
     for units in (replace(UNITS, units=OutputUnits(length="um")), ResultUnits()):
         config = SimpleNamespace(macro=SimpleNamespace(loads=[solution.load]), result_units=units)
-        found = _kept(folder, config, [solution.law], None)
+        folder = SimpleNamespace(solution=lambda law, load: path, config=config)
+        found = _kept(folder, [solution.law], None)
         assert found[solution.law, solution.load][0]
         assert porocore.MacroSolution.load_file(path).units == units
 

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 import yaml
-from invoked import invoke, refusal
 
 import porocore
 from porocore.core.console import Console
@@ -27,6 +26,7 @@ from porocore.study.sweep import run as sweeping
 from porocore.study.sweep.figure import sweep_figure
 from porocore.study.sweep.plan import SweepPlan
 from porocore.study.sweep.results import ParameterSweep
+from tests.helpers.invoked import invoke, refusal
 
 pytest.importorskip("porocore_fem_skfem")
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from grouped_cell import GroupedCell
 
 from porocore.core.inputs import InputSpace
 from porocore.core.tensors import CUBIC, MIRRORS, TRIVIAL, PointGroup
 from porocore.states import MacroState
 from porocore.study.notes.abilities import broken_by_the_mesh, defect, uncovered, uncovered_shears
+from tests.helpers.grouped_cell import GroupedCell
 
 OBLIQUE = PointGroup.generated([[[0, 1, 0], [1, 0, 0], [0, 0, 1]], np.diag([1, 1, -1])])
 

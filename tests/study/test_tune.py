@@ -151,7 +151,7 @@ def test_the_lines_are_a_configuration(folder, command, tmp_path):
 
 
 def test_tables_and_figure_are_kept(folder, command):
-    tune_fakes = importlib.import_module("tune_fakes")
+    tune_fakes = importlib.import_module("tests.helpers.tune_fakes")
     command(folder.path, *SMALL)
     document = json.loads((folder.path / "tune.json").read_text())
     assert document["format"] == "porocore-tune"

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import pytest
-from invoked import BENCHMARK
 
 from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import MeshSettings
@@ -12,6 +11,7 @@ from porocore.study.config.loading import load_config
 from porocore.study.notes import abilities as limits
 from porocore.study.notes import cost, forecast
 from porocore.testing.cell_checks.base import image_cell
+from tests.helpers.invoked import BENCHMARK
 
 
 def study(tmp_path, size, fluid_size=0.2, **sampling):

@@ -6,8 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flag_studies import FOUR, SEVEN, assert_follows, held_out
-from made_up_conductivity import conductivity, with_conductivity
 from scipy.spatial.transform import Rotation
 
 from porocore.core.inputs import InputSpace
@@ -17,6 +15,8 @@ from porocore.surrogates.conductivity import fit_conductivity
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.surrogates.portable import CLOSED, NumpySurrogate
 from porocore.testing.synthetic.potential_cell import potential_training_set
+from tests.helpers.flag_studies import FOUR, SEVEN, assert_follows, held_out
+from tests.helpers.made_up_conductivity import conductivity, with_conductivity
 
 #: Inputs, training states, tolerance, what is known of the symmetry: some tenths of the held-out states are beyond it.
 STUDIES = {"four": (FOUR, 12, 5e-3, CUBIC), "seven": (SEVEN, 60, 3e-2, TRIVIAL)}
@@ -121,7 +121,7 @@ def test_a_surrogate_flags_by_it_and_its_file_carries_it(tmp_path):
     surrogate, states = PolynomialSurrogate().fit(data, seed=0), held_out(data.inputs)
     flagged = surrogate.predict(states, tangent=False).flagged
     own = surrogate.conductivity.doubt(states) != 0
-    assert (flagged == own | replace(surrogate._fitted_model).predict(states, tangent=False).flagged).all()
+    assert (flagged == own | replace(surrogate.fitted).predict(states, tangent=False).flagged).all()
     assert 0 < own.mean() < 1
     surrogate.save(tmp_path / "surrogate.h5")
     read = NumpySurrogate.load(tmp_path / "surrogate.h5")
@@ -136,7 +136,7 @@ def test_the_reason_names_the_larger_of_the_errors():
     states = held_out(data.inputs)
     worst = states[[int(np.argmax(surrogate.conductivity.error(states)))]]
     error = surrogate.conductivity.error(worst)[0]
-    assert error > surrogate._fitted_model.error(worst)[0]
+    assert error > surrogate.fitted.error(worst)[0]
     (said,) = surrogate.reasons(worst)
     assert f"the estimated error is {100 * error:.2g} % of the range of the conductivity" in said
 
@@ -146,7 +146,7 @@ def test_where_the_conductivity_alone_is_at_fault_stress_is_called_good():
     data = training("four")
     surrogate = PolynomialSurrogate().fit(data, seed=0)
     states = held_out(data.inputs)
-    model, tolerance = surrogate._fitted_model, surrogate.conductivity.estimate.tolerance
+    model, tolerance = surrogate.fitted, surrogate.conductivity.estimate.tolerance
     bad = surrogate.conductivity.error(states) > tolerance
     good = ~model.predict(states, tangent=False).flagged
     assert (bad & good).any()

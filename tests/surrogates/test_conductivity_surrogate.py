@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_up_conductivity import EYE, K0, conductivity, with_conductivity
 from scipy.spatial.transform import Rotation
 
 from porocore.cell.materials.hyperelastic import NeoHookean
@@ -18,6 +17,7 @@ from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.surrogates.portable import NumpySurrogate
 from porocore.testing.synthetic.cell import SOLID_FRACTION, synthetic_training_set
 from porocore.testing.synthetic.potential_cell import potential_training_set
+from tests.helpers.made_up_conductivity import EYE, K0, conductivity, with_conductivity
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +41,7 @@ def states(n, size=0.1, seed=5):
     return MacroState(random.uniform(-size, size, (n, 3, 3)), random.uniform(0, size, n))
 
 
-def test_it_learns(model):
+def test_unseen_conductivities_are_predicted(model):
     there = states(100)
     error = model.predict(there, tangent=False)[0] - conductivity(there)
     assert np.abs(error).max() < 0.02 * K0

@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from flag_studies import FOUR, SEVEN, assert_follows, held_out
 
 from porocore.core.inputs import SampledRange
 from porocore.core.tensors import TRIVIAL
@@ -20,6 +19,7 @@ from porocore.surrogates.network.network import Network
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.surrogates.portable import NumpySurrogate
 from porocore.testing.synthetic.potential_cell import potential_training_set, respond
+from tests.helpers.flag_studies import FOUR, SEVEN, assert_follows, held_out
 
 #: Inputs, training states, tolerance: some tenths of the held-out states are beyond it.
 STUDIES = {"four": (FOUR, 16, 5e-3), "seven": (SEVEN, 24, 2e-2)}
@@ -89,7 +89,7 @@ def test_flags_follow_the_error_of_a_network(study):
 
 def test_in_the_safe_box_no_estimate_is_near_the_tolerance(study):
     data, surrogate = study
-    model = replace(surrogate._fitted_model)
+    model = replace(surrogate.fitted)
     states = held_out(data.inputs)
     asked = replace(model, estimate=replace(model.estimate, safe=np.zeros((2, 7))))
     flagged = surrogate.predict(states, tangent=False).flagged
@@ -119,7 +119,7 @@ def test_the_file_carries_it(study, tmp_path):
     assert read.reasons(states[:5]) == surrogate.reasons(states[:5])
 
 
-def test_it_names_the_component():
+def test_reasons_name_the_component():
     surrogate = PolynomialSurrogate().fit(training("seven"), seed=0)
     H = np.zeros((3, 3, 3))
     H[0, 2, 1], H[1, 1, 1], H[2, 0, 1] = 0.05, -0.2, 0.1
@@ -156,7 +156,7 @@ def pressed(H22):
     return np.diag([0, H22, 0])
 
 
-def test_it_says_where_in_the_body():
+def test_the_flagged_place_in_the_body_is_named():
     surrogate = PolynomialSurrogate().fit(training("four"), seed=0)
     early, late = Profile(1.0, [0.0, 0.5], pressed(-0.16)), Profile(2.0, [0.0, 1.0], pressed(-0.2))
     said = flagged_place(Solution(early, late, Profile(3.0, [0.25, 0.0], pressed(0))), surrogate)
@@ -174,7 +174,7 @@ def test_it_says_where_in_the_body():
     assert flagged_place(Solution(), surrogate) == ""
 
 
-def test_it_names_a_component_that_was_not_sampled():
+def test_the_flagged_place_has_a_component_that_was_not_sampled():
     surrogate = PolynomialSurrogate().fit(training("four"), seed=0)
     turn = np.array([[np.cos(0.3) - 1, -np.sin(0.3), 0], [np.sin(0.3), np.cos(0.3) - 1, 0], [0, 0, 0]])
     turned, both = Profile(1.0, [0.0, 1.0], turn), Profile(2.0, [0.0, 1.0], pressed(-0.2))
@@ -190,7 +190,7 @@ def test_it_names_a_component_that_was_not_sampled():
     assert "Beyond" not in flagged_place(Solution(turned), surrogate, objective=True)
 
 
-def test_it_looks_at_the_points_of_an_element(column):
+def test_the_flagged_place_is_looked_for_at_the_points_of_an_element(column):
     """Its mean lies within all ranges: at the edge of an indenter the state changes within one element."""
     surrogate = PolynomialSurrogate().fit(training("four"), seed=0)
     solution = column(elements=(1, 1, 1))

@@ -59,7 +59,7 @@ def by_differences(function, at, h=1e-3):
 
 
 @pytest.mark.parametrize("name", TERMS)
-def test_it_is_of_third_order_for_every_theta(name):
+def test_the_separable_network_is_of_third_order_for_every_theta(name):
     part, x = separable(TERMS[name]), RANDOM.uniform(-1, 1, (2, 9))
     for found in evaluated(part, np.zeros((7, 9)), x):
         np.testing.assert_allclose(found, 0.0, atol=1e-13)
@@ -127,7 +127,7 @@ def test_the_loss_is_that_of_the_network_which_it_makes(name):
 @pytest.fixture(scope="module")
 def model():
     """A family's polynomial with a random network on top."""
-    fitted = PolynomialSurrogate(degree=4).fit(porous_training_set(30, 1), seed=0)._fitted()
+    fitted = PolynomialSurrogate(degree=4).fit(porous_training_set(30, 1), seed=0).fitted
     part = separable(plain(fitted.active).subset((0, 1)))
     own = part.network
     scaled = replace(own, weights=(*own.weights[:-1], 1e-2 * own.weights[-1]))

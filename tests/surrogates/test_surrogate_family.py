@@ -220,7 +220,7 @@ def _without_parameters():
 def test_the_estimate_of_one_member_or_few_is_that_of_all_together():
     """Its polynomials are bound to the members where these are few."""
     surrogate = PolynomialSurrogate(degree=4).fit(porous_training_set(30, 1, tolerance=0.01), seed=0)
-    model = surrogate._fitted()
+    model = surrogate.fitted
     plain = replace(model, estimate=replace(model.estimate, coordinates=0))
     assert model.estimate.coordinates == 2
     states = porous_training_set(90, 5).states

@@ -9,7 +9,6 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from surrogate_models import MODELS, RECORD, network
 
 from porocore.core.inputs import InputSpace, SampledRange
 from porocore.core.tensors import TRIVIAL
@@ -29,6 +28,7 @@ from porocore.surrogates.rest import SingleRest
 from porocore.testing.expect import assert_identical
 from porocore.testing.synthetic.porous_family import porous_training_set
 from porocore.testing.synthetic.potential_cell import potential_training_set
+from tests.helpers.surrogate_models import MODELS, RECORD, network
 
 
 def entries(path):
@@ -296,7 +296,7 @@ def test_the_documentation_lists_the_file(tmp_path):
         write(tmp_path / "surrogate.h5", model, replace(RECORD, conductivity=conductivity))
         found |= entries(tmp_path / "surrogate.h5")
     family = PolynomialSurrogate(degree=5).fit(porous_training_set(30, 1, tolerance=0.01), seed=0)
-    model = family._fitted()
+    model = family.fitted
     part = SeparableNetwork(network(2, 3), plain(model.active), network(2, 3))
     write(
         tmp_path / "family.h5",

@@ -37,7 +37,7 @@ def surrogate():
     )
 
 
-def test_it_is_exact_at_rest_with_all_derivatives(surrogate):
+def test_a_held_cell_is_exact_at_rest_with_all_derivatives(surrogate):
     found, truth = surrogate.predict(MacroState.zeros(1)), respond(MacroState.zeros(1))
     assert truth.stress[0, 0, 0] < -0.05
     for name in ("potential", "stress", "fluid_volume", "mean_grad"):
@@ -47,7 +47,7 @@ def test_it_is_exact_at_rest_with_all_derivatives(surrogate):
             np.testing.assert_allclose(getattr(found.tangent, name), value, atol=1e-12, err_msg=name)
 
 
-def test_it_follows_the_cell_to_where_that_is_free(surrogate):
+def test_a_held_cell_is_followed_to_where_it_is_free(surrogate):
     states = inside(100, 2)
     found, truth = surrogate.predict(states, tangent=False), respond(states)
     for name, at in (("stress", (1, 1)), ("stress", (0, 0)), ("fluid_volume", ()), ("mean_grad", (1, 1))):

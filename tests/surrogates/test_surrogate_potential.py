@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cube_symmetry import cube_group
 
 from porocore.core.tensors import CUBIC, TRIVIAL
 from porocore.errors import DataError
@@ -23,6 +22,7 @@ from porocore.testing.synthetic.potential_cell import (
     potential_training_set,
     respond,
 )
+from tests.helpers.cube_symmetry import cube_group
 
 SEVEN = (0, 1, 2, 3, 4, 5, 6)
 

@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cube_symmetry import symmetry_error
-from grouped_cell import GroupedCell
 
 from porocore.core.inputs import InputSpace
 from porocore.core.tensors import CUBIC, TRIVIAL, PointGroup
 from porocore.states import MacroState
 from porocore.surrogates.polynomial.monomials import integrity_basis, invariant
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
+from tests.helpers.cube_symmetry import symmetry_error
+from tests.helpers.grouped_cell import GroupedCell
 
 CYCLE = [[0, 1, 0], [0, 0, 1], [1, 0, 0]]
 SWAP = [[0, 1, 0], [1, 0, 0], [0, 0, 1]]

@@ -4,7 +4,6 @@ from math import comb
 
 import numpy as np
 import pytest
-from cube_symmetry import cube_group
 
 from porocore.core.inputs import Coordinates
 from porocore.core.tensors import CUBIC
@@ -12,6 +11,7 @@ from porocore.surrogates.polynomial import varying
 from porocore.surrogates.polynomial.composition import TermDerivatives, TermSum, composed
 from porocore.surrogates.polynomial.fit import RegressionData, fit
 from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to, invariant, plain
+from tests.helpers.cube_symmetry import cube_group
 
 RANDOM = np.random.default_rng(0)
 

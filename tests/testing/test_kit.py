@@ -7,7 +7,6 @@ import subprocess
 import sys
 
 import pytest
-from kit_runs import run_pytest
 
 from porocore.plugins.table import complaint
 from porocore.testing import (
@@ -23,6 +22,7 @@ from porocore.testing import (
     Suite,
     SurrogateSuite,
 )
+from tests.helpers.kit_runs import run_pytest
 
 
 def test_versions_of_the_kit():

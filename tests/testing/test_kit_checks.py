@@ -8,11 +8,23 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from kit_cases import CASES, RIGHT, SUITES, TABLE, WRONG, WRONGS, Case, cases, suites, table, wrong_ones
-from kit_runs import Outcomes, run_pytest
 
 import porocore.testing
 from porocore.testing.suite import checks_of
+from tests.helpers.kit_cases import (
+    CASES,
+    RIGHT,
+    SUITES,
+    TABLE,
+    WRONG,
+    WRONGS,
+    Case,
+    cases,
+    suites,
+    table,
+    wrong_ones,
+)
+from tests.helpers.kit_runs import Outcomes, run_pytest
 
 #: Files whose right implementation is cheap, so that it is held to all checks here; the others are those of a backend,
 #: which is held to all of them by its own tests.

@@ -5,11 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from kit_runs import Outcomes, run_pytest
-from partial import cells, column, kernel
-from partial.cells import SolidCellSolver
-from partial.column import ColumnMacroSolver
-from partial.kernel import KernelSurrogate
 
 from porocore.cell.cell import Cell
 from porocore.errors import ConfigurationError
@@ -19,6 +14,11 @@ from porocore.study.notes.abilities import lacking, require_conductivity, requir
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.testing.suite import checks_of
 from porocore.testing.synthetic.response import confined_column
+from tests.helpers.kit_runs import Outcomes, run_pytest
+from tests.helpers.partial import cells, column, kernel
+from tests.helpers.partial.cells import SolidCellSolver
+from tests.helpers.partial.column import ColumnMacroSolver
+from tests.helpers.partial.kernel import KernelSurrogate
 
 FOLDER = Path(__file__).parents[1] / "helpers" / "partial"
 #: Suite → file, a check that must have been tested, and checks that must be skipped, with a word of the reason.

@@ -9,8 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from browser import too_wide
-from crosscheck_runs import distribution, run, write_case
 
 from porocore.commands.crosscheck import comparison as compared_states
 from porocore.commands.crosscheck.bodies import AVERAGES, DERIVATIVES
@@ -19,6 +17,8 @@ from porocore.plugins import registry
 from porocore.plugins.discovery import Offered, Source
 from porocore.plugins.hookspecs import Offer
 from porocore.study.config.loading import crosscheck_path, load_config
+from tests.helpers.browser import too_wide
+from tests.helpers.crosscheck_runs import distribution, run, write_case
 
 pytest.importorskip("skfem")
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from invoked import invoke
 from scipy.ndimage import gaussian_filter
 
 import porocore
@@ -30,6 +29,7 @@ from porocore.commands.representative.study import SubvolumeSeries
 from porocore.core.parallel.calls import ProcessEnded
 from porocore.errors import ConfigurationError, DataError, PorocoreError, RunFolderError
 from porocore.study.config.loading import load_config
+from tests.helpers.invoked import invoke
 
 #: Voxels of a period.
 PERIOD = 8
@@ -178,7 +178,7 @@ def test_one_failure_does_not_end_the_others(tmp_path):
     np.testing.assert_equal([vars(each) for each in read], [vars(each) for each in found.subvolumes])
 
 
-def test_it_is_an_error_if_all_fail(tmp_path):
+def test_a_study_whose_cells_all_fail_is_an_error(tmp_path):
     config = configuration(tmp_path, np.ones((8, 8, 8), dtype=np.uint8))
     with pytest.raises(PorocoreError, match=r"none of 1 sub-volumes could be solved.*every voxel"):
         run(config, tmp_path / "out", SubvolumePlan((8,), element=2.0))

@@ -5,7 +5,6 @@ import re
 from pathlib import Path
 
 import pytest
-from browser import too_wide
 from typer.testing import CliRunner
 
 from porocore.cli.entry import app
@@ -16,6 +15,7 @@ from porocore.commands.reproduce.study import Results
 from porocore.core.console import Console
 from porocore.errors import ConfigurationError, DataError, RunFolderError
 from porocore.study.config.loading import as_stated_path, benchmark_path, load_config
+from tests.helpers.browser import too_wide
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "reproduction.md"
 

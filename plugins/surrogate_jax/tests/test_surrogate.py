@@ -31,7 +31,7 @@ def data():
     return synthetic_training_set(100, seed=1)
 
 
-def test_it_is_offered_as_jax():
+def test_the_surrogate_is_offered_as_jax():
     (offer,) = hooks.porocore_surrogates()
     assert (offer.name, offer.requires) == ("jax", ("jax",))
     assert offer.load() is JaxSurrogate
@@ -53,7 +53,7 @@ def test_what_is_trained_is_what_is_evaluated(data, activation):
     scaled, shapes = ScaledData.from_training_set(data), [(7, 2), (5, 7), (3, 5)]
     theta = adam.first_weights(shapes, activation, np.random.default_rng(4))
     weights, biases = zip(*unpack_layers(theta, shapes), strict=True)
-    sampled = JaxSurrogate(epochs=1, hidden=[2]).fit(data, seed=0)._fitted().sampled
+    sampled = JaxSurrogate(epochs=1, hidden=[2]).fit(data, seed=0).fitted.sampled
     model = AnchoredModel(
         scaled.linear, scaled.components, scaled.output_scale, Network(activation, weights, biases), sampled
     )
@@ -144,8 +144,8 @@ def test_a_file_trained_for_a_gpu_is_used_without_one(data, tmp_path):
     fitted.settings["device"] = "cuda"
     fitted.save(tmp_path / "surrogate.h5")
     loaded = JaxSurrogate.load(tmp_path / "surrogate.h5")
-    assert isinstance(loaded._fitted().network, JaxNetwork)
-    assert loaded._fitted().network.device == choose_device("auto")
+    assert isinstance(loaded.fitted.network, JaxNetwork)
+    assert loaded.fitted.network.device == choose_device("auto")
     plain = NumpySurrogate.load(tmp_path / "surrogate.h5")
     np.testing.assert_allclose(
         loaded.predict(data.states).mean_grad, plain.predict(data.states).mean_grad, rtol=0, atol=1e-12

@@ -146,7 +146,7 @@ def test_general_states_of_a_cubic_cell():
     unseen = potential_training_set(200, seed=9)
     surrogate = TorchSurrogate(model="potential", iterations=300).fit(potential_training_set(50, 1), seed=0)
     predicted = surrogate.predict(unseen.states)
-    assert surrogate._fitted().network.terms.name == "invariant"
+    assert surrogate.fitted.network.terms.name == "invariant"
     for name in ("stress", "fluid_volume"):
         truth = getattr(unseen.responses, name).reshape(200, -1)
         error = getattr(predicted, name).reshape(200, -1) - truth
@@ -161,8 +161,8 @@ def test_without_symmetry_and_without_slopes():
     surrogate = TorchSurrogate(
         model="potential", iterations=20, hidden=[4], symmetry="none", derivatives=False
     ).fit(data, seed=0)
-    assert surrogate._fitted().network.terms.name == "plain"
-    assert len(surrogate._fitted().network.terms.weights) == 7
+    assert surrogate.fitted.network.terms.name == "plain"
+    assert len(surrogate.fitted.network.terms.weights) == 7
 
 
 def test_a_gpu_that_is_not_there():

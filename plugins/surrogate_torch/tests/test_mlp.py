@@ -44,7 +44,7 @@ def linear_part(data, states):
     )
 
 
-def test_it_is_offered_as_torch():
+def test_the_surrogate_is_offered_as_torch():
     (offer,) = hooks.porocore_surrogates()
     assert (offer.name, offer.requires) == ("torch", ("torch",))
     assert offer.load() is TorchSurrogate
@@ -86,7 +86,7 @@ def test_what_is_trained_is_what_is_evaluated(data, fitted, activation):
     theta = library.first_weights()
     network = layered_network(theta, library.shapes, activation)
     model = AnchoredModel(
-        scaled.linear, scaled.components, scaled.output_scale, network, fitted._fitted().sampled
+        scaled.linear, scaled.components, scaled.output_scale, network, fitted.fitted.sampled
     )
     error = (model.predict(data.states, tangent=False).mean_grad - data.responses.mean_grad).reshape(-1, 9)
     expected = ((error[:, scaled.components] / scaled.output_scale) ** 2).mean()

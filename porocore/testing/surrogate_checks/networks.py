@@ -59,7 +59,7 @@ class NetworkTrainings(Fitting):
         holds(header["best_loss"] < last.validation_loss, state, "a best loss below the last one", header)
         least = min(each.validation_loss for each in reports)
         holds(header["best_loss"] <= least, state, f"a best loss of at most {least:g}", header["best_loss"])
-        network = fitted._fitted().network.as_numpy
+        network = fitted.fitted.network.as_numpy
         kept = [array.ravel() for pair in zip(network.weights, network.biases, strict=True) for array in pair]
         same("weights", np.concatenate(kept), arrays["best_theta"], state)
         holds(

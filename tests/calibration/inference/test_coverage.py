@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from calibration_models import Consolidation, Formula, misfit_of
 
 from porocore.commands.calibration.infer import infer
 from porocore.commands.calibration.problem import Unknown
+from tests.helpers.calibration_models import Consolidation, Formula, misfit_of
 
 REPEATS = 200
 TIMES = np.linspace(0.1, 2.0, 15)

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from calibration_models import Consolidation, Formula, misfit_of
 
 from porocore.commands.calibration.derived import derived_intervals
 from porocore.commands.calibration.infer import infer
 from porocore.commands.calibration.problem import NormalPrior, Unknown
+from tests.helpers.calibration_models import Consolidation, Formula, misfit_of
 
 T = np.geomspace(0.02, 6, 24)
 NOISE = np.random.default_rng(3).normal(size=24)

@@ -4,7 +4,6 @@ import json
 
 import numpy as np
 import pytest
-from calibration_models import Formula, experiment, misfit_of
 
 from porocore.commands.calibration.infer import infer
 from porocore.commands.calibration.problem import Unknown
@@ -15,6 +14,7 @@ from porocore.commands.calibration.results import (
     unknown_entries,
 )
 from porocore.core.files.plain_data import json_ready
+from tests.helpers.calibration_models import Formula, experiment, misfit_of
 
 T = np.linspace(0.1, 2.0, 15)
 UNKNOWNS = (

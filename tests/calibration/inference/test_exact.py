@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from calibration_models import Formula, misfit_of
-from curve_experiment import model_of, planned, starts
 
 from porocore.commands.calibration.directions import (
     exact_directions,
@@ -16,6 +14,8 @@ from porocore.commands.calibration.figures import correlation_figure, plane_figu
 from porocore.commands.calibration.infer import infer
 from porocore.commands.calibration.minimum import Objective, minimise
 from porocore.commands.calibration.problem import Unknown
+from tests.helpers.calibration_models import Formula, misfit_of
+from tests.helpers.curve_experiment import model_of, planned, starts
 
 T = np.linspace(0.1, 3, 30)
 NOISE = np.random.default_rng(4).normal(size=30)

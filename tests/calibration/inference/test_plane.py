@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from calibration_models import Formula, misfit_of
 
 from porocore.commands.calibration.infer import infer
 from porocore.commands.calibration.problem import Unknown
+from tests.helpers.calibration_models import Formula, misfit_of
 
 T = np.linspace(0.1, 2.0, 15)
 NOISE = np.random.default_rng(0).normal(size=15)

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from calibration_models import Formula, data_of, misfit_of
 from scipy.optimize import brentq, minimize_scalar
 
 from porocore.commands.calibration.infer import infer
 from porocore.commands.calibration.minimum import Objective, minimise
 from porocore.commands.calibration.problem import Misfit, NormalPrior, Unknown
 from porocore.commands.calibration.profiles import confidence_interval
+from tests.helpers.calibration_models import Formula, data_of, misfit_of
 
 T = np.linspace(0.1, 2.0, 15)
 

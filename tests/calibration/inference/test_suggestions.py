@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from calibration_models import Formula, data_of, experiment, misfit_of
 
 from porocore.commands.calibration.infer import infer
 from porocore.commands.calibration.problem import Misfit, Unknown
 from porocore.commands.calibration.suggestions import FurtherData, ranked, repeated_parts
 from porocore.errors import ConfigurationError
+from tests.helpers.calibration_models import Formula, data_of, experiment, misfit_of
 
 T = np.linspace(0.1, 2.0, 16)
 PAIR = (Unknown("a", 2.0, 0.1, 50.0, "log"), Unknown("b", 3.0, 0.1, 50.0, "log"))

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from calibration_models import Formula, data_of, misfit_of
 
 from porocore.commands.calibration.infer import infer
 from porocore.commands.calibration.problem import Misfit, NormalPrior, Unknown
 from porocore.commands.calibration.suggestions import SMALL, SystematicError, shift_words
+from tests.helpers.calibration_models import Formula, data_of, misfit_of
 
 T = np.linspace(0.1, 2.0, 40)
 TRUTH, DEVIATION = np.array([2.0, 1.3]), 0.02

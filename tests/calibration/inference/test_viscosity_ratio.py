@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from calibration_models import Formula, misfit_of
 
 from porocore.commands.calibration.problem import Unknown
+from tests.helpers.calibration_models import Formula, misfit_of
 
 BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
 COUNT, DEVIATION = 25, 0.05

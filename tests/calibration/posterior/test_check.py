@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from calibration_models import Formula, misfit_of
 
 from porocore.commands.calibration.posterior import (
     LARGEST_ERROR,
@@ -12,6 +11,7 @@ from porocore.commands.calibration.posterior import (
     ensemble_draws,
 )
 from porocore.commands.calibration.problem import Unknown
+from tests.helpers.calibration_models import Formula, misfit_of
 
 T = np.linspace(0.5, 1.0, 4)
 NOISE, LOWER, UPPER = 0.2, -1.4, 3.0

@@ -4,7 +4,6 @@ import sys
 
 import numpy as np
 import pytest
-from calibration_models import Formula, misfit_of
 from scipy.integrate import quad
 
 from porocore.commands.calibration.infer import infer
@@ -12,6 +11,7 @@ from porocore.commands.calibration.posterior import ResidualInterpolant, require
 from porocore.commands.calibration.problem import NormalPrior, Unknown
 from porocore.commands.calibration.settings import PosteriorSettings
 from porocore.errors import ConfigurationError
+from tests.helpers.calibration_models import Formula, misfit_of
 
 T = np.linspace(0.1, 2.0, 15)
 NOISE = np.random.default_rng(0).normal(size=15)

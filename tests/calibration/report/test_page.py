@@ -5,10 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from browser import too_wide
-from calibration_models import Consolidation, Formula, data_of, experiment, misfit_of
-from curve_experiment import planned
-from report_page import ODD, Page
 
 import porocore
 from porocore.commands.calibration.derived import DerivedCell
@@ -29,6 +25,10 @@ from porocore.commands.calibration.posterior import sample_posterior
 from porocore.commands.calibration.problem import CurveData, Misfit, NormalPrior, Unknown
 from porocore.commands.calibration.results import Calibration
 from porocore.commands.calibration.settings import FitSettings, PosteriorSettings
+from tests.helpers.browser import too_wide
+from tests.helpers.calibration_models import Consolidation, Formula, data_of, experiment, misfit_of
+from tests.helpers.curve_experiment import planned
+from tests.helpers.report_page import ODD, Page
 
 T = np.geomspace(0.02, 6, 24)
 SEEN = (

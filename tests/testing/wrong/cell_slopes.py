@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from porocore.interfaces.cell import CellSolution
 from porocore.states import CellSlopes, MacroState
 from porocore.testing.expect import RESPONSES, STEPS, central_difference
-
-sys.path.insert(0, str(Path(__file__).parent))
-from cells import LayeredCellSolver, _Law
+from tests.testing.wrong.cells import LayeredCellSolver, _Law
 
 
 class Sloped(LayeredCellSolver):

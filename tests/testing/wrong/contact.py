@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from porocore.cell.contact.wall_contact import ContactSettings
 from porocore.states import MacroState, Status
-
-sys.path.insert(0, str(Path(__file__).parent))
-from skfem_cells import Altered, Contact, with_slopes
+from tests.testing.wrong.skfem_cells import Altered, Contact, with_slopes
 
 
 class TestFine(Contact):

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 from unittest.mock import patch
 
 from porocore.errors import ConfigurationError
 from porocore.macro.integration.checkpoint import CheckpointFile
 from porocore.macro.problem import InitialState
-
-sys.path.insert(0, str(Path(__file__).parent))
-from skfem_macro import Altered, Elements, Law, TakesAnything, with_time
+from tests.testing.wrong.skfem_macro import Altered, Elements, Law, TakesAnything, with_time
 
 
 class TestFine(Law):

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import ClassVar
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "helpers"))
-from partial.column import ColumnMacroSolver
-
 from porocore.testing import MacroSolverSuite
+from tests.helpers.partial.column import ColumnMacroSolver
 
 
 class _Law(MacroSolverSuite):

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from porocore.testing.synthetic.response import AlteredLaw
-
-sys.path.insert(0, str(Path(__file__).parent))
-from skfem_macro import Altered, Elements, Law, Loaded, with_fields, with_history
+from tests.testing.wrong.skfem_macro import Altered, Elements, Law, Loaded, with_fields, with_history
 
 
 class Flows(Elements):

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parent))
-from skfem_macro import Elements, Law, Loaded, TakesAnything
+from tests.testing.wrong.skfem_macro import Elements, Law, Loaded, TakesAnything
 
 
 class TestFine(Law):

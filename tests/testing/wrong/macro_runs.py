@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
@@ -15,9 +13,15 @@ from porocore.macro.integration import checkpoint, newton
 from porocore.macro.integration.checkpoint import CheckpointFile
 from porocore.macro.problem import NewtonSettings
 from porocore.testing.synthetic.response import AlteredLaw
-
-sys.path.insert(0, str(Path(__file__).parent))
-from skfem_macro import Altered, Elements, Law, Loaded, TakesAnything, with_boundary, with_time
+from tests.testing.wrong.skfem_macro import (
+    Altered,
+    Elements,
+    Law,
+    Loaded,
+    TakesAnything,
+    with_boundary,
+    with_time,
+)
 
 
 class Checkpoints(Altered):

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 from unittest.mock import patch
 
 import numpy as np
@@ -12,9 +10,7 @@ import numpy as np
 from porocore.interfaces.law import ResponseChanges
 from porocore.macro.sensitivities.adjoint import MemoryWeights, UnitDerivatives
 from porocore.macro.sensitivities.changes import Directions
-
-sys.path.insert(0, str(Path(__file__).parent))
-from skfem_macro import Altered, Law, with_history
+from tests.testing.wrong.skfem_macro import Altered, Law, with_history
 
 MOVED, LOADS = ResponseChanges.moved, Directions.loads
 

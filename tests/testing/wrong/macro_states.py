@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent))
-from skfem_macro import Altered, Elements, Law, Loaded
+from tests.testing.wrong.skfem_macro import Altered, Elements, Law, Loaded
 
 
 class TestFine(Law):

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from porocore.core.tensors import polar_rotation
 from porocore.interfaces.records import failed_response
 from porocore.states import Status
-
-sys.path.insert(0, str(Path(__file__).parent))
-from skfem_cells import Altered, Meshed, with_slopes
+from tests.testing.wrong.skfem_cells import Altered, Meshed, with_slopes
 
 
 class TestFine(Meshed):

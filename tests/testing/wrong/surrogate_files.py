@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import pickle
-import sys
 from pathlib import Path
 from typing import ClassVar
 from unittest.mock import patch
 
 from porocore.errors import DataError
-
-sys.path.insert(0, str(Path(__file__).parent))
-from polynomials import Altered, Law
+from tests.testing.wrong.polynomials import Altered, Law
 
 
 class TestLosesItsProvenance(Law):

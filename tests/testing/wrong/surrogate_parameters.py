@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
-sys.path.insert(0, str(Path(__file__).parent))
-from polynomials import Altered, Law
+from tests.testing.wrong.polynomials import Altered, Law
 
 
 class TestFine(Law):

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import ClassVar
 
 import numpy as np
 
 from porocore.errors import DataError
 from porocore.interfaces.surrogate import TrainingProgress
-
-sys.path.insert(0, str(Path(__file__).parent))
-from polynomials import Altered, Law
+from tests.testing.wrong.polynomials import Altered, Law
 
 
 class TestChance(Law):

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from fake_cell import response
 
 from porocore.core.field_check import response_fault
 from porocore.core.fields import declared_fields, documented, provided_fields, row, rows_of
@@ -29,6 +28,7 @@ from porocore.states import (
     MacroState,
     Status,
 )
+from tests.helpers.fake_cell import response
 
 
 def right(n=2):

@@ -1,0 +1,1 @@
+"""Made-up cells, bodies, studies and plugins that tests share."""
