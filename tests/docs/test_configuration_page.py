@@ -242,7 +242,7 @@ def test_the_options_of_the_networks(options):
             {"model"},
         ),
         (
-            "porocore/sampling/samplers/active.py DensitySweep",
+            "porocore/sampling/samplers/density.py DensitySweep",
             "sampler",
             "density-sweep",
             {"step", "tolerance"},
