@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from enum import IntEnum, IntFlag
 from functools import partial
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -81,6 +81,11 @@ class Doubt(IntFlag):
     closed = 8
     #: A component moves that was not sampled.
     not_sampled = 16
+
+    @classmethod
+    def _missing_(cls, value: object) -> Any:
+        # Numbers of an array are no int, which the enumeration asks for.
+        return super()._missing_(int(value)) if isinstance(value, np.integer) else super()._missing_(value)
 
     @classmethod
     def where(cls, **reasons: npt.NDArray[np.bool_] | None) -> IntArray:
