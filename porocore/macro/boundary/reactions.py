@@ -1,4 +1,4 @@
-"""What a run measures: forces on surfaces and inflows from nodal reactions, and values at probes.
+"""Measurements of a run: forces on surfaces and inflows from nodal reactions, and values at probes.
 
 A surface bears forces in the directions in which it holds the body: a smooth plane along its normal alone. Where those
 of the surfaces of a node are independent, the reaction R there has one decomposition into such forces. Else the part of

@@ -228,17 +228,17 @@ class RunFolder:
 
     @property
     def surrogate(self) -> Path:
-        """See :class:`RunFiles`."""
+        """Trained surrogate of the folder, or of one of its layers of cells."""
         return self.path / f"surrogate{self._suffix}.h5"
 
     @property
     def training_curve(self) -> Path:
-        """See :class:`RunFiles`."""
+        """Losses of its training against time."""
         return self.path / f"training{self._suffix}.csv"
 
     @property
     def training_checkpoint(self) -> Path:
-        """See :class:`RunFiles`."""
+        """Checkpoint of its training while that goes on."""
         return self.path / "checkpoints" / f"training{self._suffix}.h5"
 
     @property

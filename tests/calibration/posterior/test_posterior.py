@@ -109,7 +109,7 @@ def test_an_end_at_a_bound_is_none():
     assert low is not None
     assert high is None
     assert cut.values[:, 0].max() <= free.medians[0]
-    assert cut.entries()["unknowns"]["offset"]["interval95"] == [low, None]
+    assert cut.entries()["unknowns"]["offset"]["interval95"] == (low, None)
 
 
 def test_draws_that_cannot_be_trusted_and_too_few_steps_are_told():
