@@ -12,7 +12,7 @@ import numpy as np
 from make_images import IMAGES, _pixels
 from matplotlib.figure import Figure
 
-from porocore.core.units import speaking, spoken
+from porocore.core.units import units_now, using_units
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.kinds import sections
 from porocore.report.figures import PROFILE_FIELDS, body_figure, png_bytes, series_figure
@@ -49,7 +49,7 @@ def example_picture(folder: RunFolder, name: str) -> Figure:
     linear = MacroSolution.load_file(folder.solution("linear", load))
     which, kinds = SHOWN[name]
     known = {panel.plain for panel in panels(nonlinear)}
-    with speaking(config.result_units):
+    with using_units(config.result_units):
         parts = field_parts(nonlinear, linear, name)
         parts.append(body_figure(nonlinear, nonlinear.after_rest[which]))
         parts += [series_figure(nonlinear, linear, kind) for kind in kinds if kind in known]
@@ -83,7 +83,7 @@ def height_figure(nonlinear: MacroSolution, linear: MacroSolution, parameter: st
     cells = nonlinear.element_cells
     assert cells is not None
     low, high = (
-        getattr(nonlinear.points[nonlinear.cells, 1], end)(axis=1) * spoken().factor("displacement")
+        getattr(nonlinear.points[nonlinear.cells, 1], end)(axis=1) * units_now().factor("displacement")
         for end in ("min", "max")
     )
     edges = np.append(np.unique(low.round(9)), high.max())

@@ -253,7 +253,7 @@ SMOOTHED = 4.5
 TRIED = 60_000
 #: Largest factor from one size that is tried to the next, and the smallest size.
 STEP, SMALLEST = 0.93, 0.01
-#: Share of the pores up to which pieces that the mesh closes are told with no advice.
+#: Share of the pores up to which pieces that the mesh closes are reported without advice.
 LITTLE = 0.01
 #: Values of the smoothing that are tried where it closes something [voxels].
 LESS = (0.5, 0.0)

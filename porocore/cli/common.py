@@ -43,9 +43,9 @@ class Interrupted(Exception):
 
 def in_units_of(units: ResultUnits) -> AbstractContextManager[None]:
     """Return a context whose messages have these units."""
-    from porocore.core.units import speaking
+    from porocore.core.units import using_units
 
-    return speaking(units)
+    return using_units(units)
 
 
 @contextmanager

@@ -150,7 +150,7 @@ def plugins(
         padded = [text.ljust(width) for text, width in zip(line, widths, strict=True)]
         padded[2] = typer.style(padded[2], fg=colours.get(row.state, typer.colors.RED))
         typer.echo("  ".join([*padded, one_line(row.summary)]).rstrip())
-        # What holds for the module of an entry point is told once, not for each of its offers.
+        # What holds for the module of an entry point is said once, not for each of its offers.
         for text in (row.advice, *(note for note in row.notes if note not in told)):
             if text:
                 typer.echo(f"{'':{widths[0]}}  {one_line(text)}")

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from porocore.core.units import Scales
     from porocore.study.config.config import RunConfig
 
-#: How the help of a group tells it.
+#: Its text in the help of a group.
 STATE_HELP = (
     "A state is H = grad u (H_ij = du_i/dX_j) and the pore pressure p, by name as `--at H22=-0.1,p=0.05`, or H row by "
     'row as `--grad-u "0 0 0; 0 -0.1 0; 0 0 0" --p 0.05`. What is not given is 0.'

@@ -123,7 +123,7 @@ class Task:
             Work that is done and work that is left, in any unit, from whose pace the time left is estimated; by default
             those in units of the task. What the first report finds done, in a resumed run, does not count.
         seconds
-            Seconds left, where something better than the pace tells them.
+            Seconds left, where something better than the pace gives them.
         """
         now = self._clock()
         paced = self._pace.left(now, *(work or (done, total - done)))
@@ -199,7 +199,7 @@ class Console:
     ) -> Iterator[Task]:
         """Show the progress of a task while the block runs, and its duration at the end; see :class:`Task`.
 
-        ``clock`` tells the times of work that another process does; by default the console's own does.
+        ``clock`` gives the times of work that another process does; by default the console's own does.
         """
         with self._bar(title) if self.stream.isatty() else self._lines(title) as show:
             task = Task(title, unit, begins, lambda share: show(share, task), clock or self.clock)

@@ -55,7 +55,7 @@ def number_fault(response: CellResponse) -> str | None:
     found, valid = provided_fields(response), response.valid
     unstable = response.status == Status.unstable
     for name, array in found.items():
-        # Most rows are as they should be: one pass over the numbers tells.
+        # Most rows are as they should be: one pass over the numbers shows it.
         if valid.all() and np.isfinite(array).all():
             continue
         wrong = ~rows_as_declared(RESPONSE_FIELDS[name], array, valid, unstable)

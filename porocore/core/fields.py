@@ -71,7 +71,7 @@ class RowField:
         return tuple(int(m or 0) if length == PARAMETER_AXIS else int(length) for length in self.shape)
 
     def count_parameters(self, shape: tuple[int, ...]) -> int | None:
-        """Return the number m of parameters that an array (n, ...) of this field has; None: it tells nothing of it."""
+        """Return the number m of parameters that an array (n, ...) of this field has; None: none at all."""
         if PARAMETER_AXIS not in self.shape or len(shape) != 1 + len(self.shape):
             return None
         return shape[1 + self.shape.index(PARAMETER_AXIS)]

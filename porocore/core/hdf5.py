@@ -201,7 +201,7 @@ def use_elsewhere(path: Path) -> Literal["", "open", "not closed"]:
 
 
 def _end_of_data(head: bytes) -> int:
-    """Return the length of the file as its superblock tells it."""
+    """Return the length of the file as its superblock has it."""
     if not head.startswith(SIGNATURE):
         raise NoHdf5Error("no HDF5 file" if head else "an empty file, no HDF5 file")
     version = head[8] if len(head) == 64 else -1
@@ -676,7 +676,7 @@ def atomic_hdf5(path: Path) -> Iterator[Any]:
     RunFolderError
         The disk is full or read-only; ``path`` is as it was before.
     """
-    # HDF5 tells files in memory apart by their names.
+    # HDF5 distinguishes files in memory by their names.
     with h5py.File(f"{path.name}-{uuid4()}", "w", driver="core", backing_store=False, libver=LIBVER) as file:
         yield file
         file.flush()

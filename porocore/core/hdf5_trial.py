@@ -71,7 +71,7 @@ def _read(path: str) -> str:
 
 
 def _read_all(file: Any, names: list[str]) -> None:
-    """Read all arrays and attributes, piece by piece; what cannot be read is told by whoever wants it."""
+    """Read all arrays and attributes, piece by piece; what cannot be read is refused by whoever wants it."""
     for name in file.attrs:
         with suppress(*UNREADABLE):
             file.attrs[name]

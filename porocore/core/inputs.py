@@ -16,11 +16,11 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from porocore.core.echo import cut, did_you_mean, joined
 from porocore.core.models.bounds import LARGEST_GRADIENT, LARGEST_PRESSURE
-from porocore.core.units import spoken
+from porocore.core.units import units_now
 from porocore.errors import ConfigurationError
 from porocore.states import Array, Doubt, IntArray, MacroState
 
-#: Values that are told apart at most; of more, the farthest.
+#: Values that are distinguished at most; of more, the farthest.
 MOST = 200
 #: Parameters are as good as used within this distance of used ones, all of them as shares of their ranges.
 NEAR = 0.05
@@ -306,7 +306,7 @@ class InputSpace:
 
 def value_text(name: str, value: float, digits: int = 6) -> str:
     """Return the value of an input, with the study's unit if it is p."""
-    return spoken().text(value, "pressure" if name == "p" else "", digits)
+    return units_now().text(value, "pressure" if name == "p" else "", digits)
 
 
 def components(states: MacroState) -> Array:

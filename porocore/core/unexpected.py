@@ -20,7 +20,7 @@ from porocore.errors import UnexpectedError
 
 #: Characters of an exception's own words in the line.
 MOST = 200
-#: Distributions whose versions are told.
+#: Distributions whose versions are listed.
 _PACKAGES = (
     "porocore", "porocore-fem-skfem", "porocore-fem-dolfinx", "porocore-surrogate-torch", "porocore-surrogate-jax",
     "numpy", "scipy", "h5py", "scikit-fem", "torch", "jax", "pydantic", "typer", "gmsh", "meshio",

@@ -661,22 +661,22 @@ def significant(value: float, digits: int) -> str:
     return f"{float(text):.0f}" if "e+" in text and abs(value) < 1e6 else text
 
 
-_SPOKEN: ContextVar[ResultUnits | None] = ContextVar("units of messages", default=None)
+_UNITS_NOW: ContextVar[ResultUnits | None] = ContextVar("units of messages", default=None)
 
 
 @contextmanager
-def speaking(units: ResultUnits) -> Iterator[None]:
-    """Let messages within the block have the units of a study; see :func:`spoken`."""
-    token = _SPOKEN.set(units)
+def using_units(units: ResultUnits) -> Iterator[None]:
+    """Let messages within the block have the units of a study; see :func:`units_now`."""
+    token = _UNITS_NOW.set(units)
     try:
         yield
     finally:
-        _SPOKEN.reset(token)
+        _UNITS_NOW.reset(token)
 
 
-def spoken() -> ResultUnits:
+def units_now() -> ResultUnits:
     """Return the units in which a message of the study that is worked on gives its values."""
-    return _SPOKEN.get() or ResultUnits()
+    return _UNITS_NOW.get() or ResultUnits()
 
 
 def length_text(*metres: float) -> str:

@@ -311,7 +311,7 @@ def pressure_mass(tangent: MacroTangent, points: int) -> Array:
 
     L = a : ℂ⁻¹ : (−b) with a = ∂Δstorage/∂H, b = ∂P_E/∂p and ℂ = ∂P_E/∂H, all symmetrised: the storage that a change of
     the pressure brings about where the solid can follow it freely. Never negative. It is that of the mean tangent of an
-    element, which a preconditioner tells from that of its points by no iteration.
+    element, which no iteration of a preconditioner distinguishes from that of its points.
 
     Parameters
     ----------

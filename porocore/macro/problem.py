@@ -12,7 +12,7 @@ from porocore.core.formulas import TimeFunction, Value, require_later
 from porocore.core.models.bounds import MOST_STEPS, MOST_TIMES
 from porocore.core.models.name import Name
 from porocore.core.models.strict import StrictModel
-from porocore.core.units import Dimension, spoken
+from porocore.core.units import Dimension, units_now
 from porocore.interfaces.macro import Part
 from porocore.macro.body.kinds import AnyBody, Box, make_body
 from porocore.macro.body.mesh import BodyMesh, Patch, with_patches
@@ -26,7 +26,7 @@ NO_GRADIENT: tuple[Row, Row, Row] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0
 
 
 def _time(value: float) -> str:
-    return spoken().text(value, "time", 6)
+    return units_now().text(value, "time", 6)
 
 
 class Boundary(StrictModel):

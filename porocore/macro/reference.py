@@ -122,7 +122,7 @@ class CellReference:
         cell.require_pores()
         response = solution_of(solver, prepared, MacroState.zeros(1)).response
         require_solved(response, cell)
-        # Of a cell that has an eighth it is told whether the states are solved there or not.
+        # Of a cell that has an eighth the line says whether the states are solved there or not.
         part: Domain = "whole" if cell.geometry.unfolding == "whole" else "eighth"
         solid, fluid = cell.make_mesh("solid", part), cell.make_mesh("fluid", part)
         mesh = {

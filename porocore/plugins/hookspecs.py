@@ -50,7 +50,7 @@ class Offer:
     Raises
     ------
     PluginError
-        A field is not what it should be; the message tells all that are wrong.
+        A field is not what it should be; the message has all that are wrong.
     """
 
     name: str

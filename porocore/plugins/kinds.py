@@ -91,7 +91,7 @@ class PluginKind:
     scaffold
         The project for a new one.
     versions
-        Raised by one when implementations must change; what changed is told in docs/plugins.md.
+        Raised by one when implementations must change; what changed is in docs/plugins.md.
     offer
         The class of its offers.
     """

@@ -15,7 +15,7 @@ from porocore.plugins.hookspecs import short_repr
 from porocore.plugins.kinds import FIRST_PARTY, Kind
 
 State = Literal["ready", "missing dependency", "other interface", "broken", "offered twice", "not installed"]
-#: Seconds of importing the module of an entry point beyond which it is told; every command waits for it.
+#: Seconds of importing the module of an entry point beyond which it is reported; every command waits for it.
 SLOW = 1.0
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from porocore.core import console
-from porocore.core.units import MULTIPLES, spoken
+from porocore.core.units import MULTIPLES, units_now
 
 NONE = "–"
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -26,24 +26,26 @@ def number(value: float | None, digits: int = 4) -> str:
 
 def in_unit(value: float | None, quantity: str, digits: int = 4) -> str:
     """Return a dimensionless result in the study's unit, which stands elsewhere."""
-    return number(None if value is None else value * spoken().factor(quantity), digits)
+    return number(None if value is None else value * units_now().factor(quantity), digits)
 
 
 def measured(value: float | None, quantity: str, digits: int = 4) -> str:
     """Return a dimensionless result with the study's unit, such as ``1.2 kPa``; the number alone without scales."""
-    text, units = in_unit(value, quantity, digits), spoken()
+    text, units = in_unit(value, quantity, digits), units_now()
     return f"{text} {units.name(quantity)}" if units.given and quantity and text != NONE else text
 
 
 def multiple(value: float | None, quantity: str, digits: int = 4) -> str:
     """Return a result as :func:`measured`, and without scales with what it is a multiple of, such as ``0.4 E``."""
     text = measured(value, quantity, digits)
-    return text if spoken().given or not quantity or text in (NONE, "0") else f"{text} {MULTIPLES[quantity]}"
+    return (
+        text if units_now().given or not quantity or text in (NONE, "0") else f"{text} {MULTIPLES[quantity]}"
+    )
 
 
 def unit(quantity: str) -> str:
     """Return the unit of a column, `` [kPa]``; empty without scales."""
-    units = spoken()
+    units = units_now()
     return f" [{units.name(quantity)}]" if units.given and quantity else ""
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from porocore.core.files.atomic import atomic_path
 from porocore.core.parallel.calls import CallProcesses
-from porocore.core.units import speaking, spoken
+from porocore.core.units import units_now, using_units
 from porocore.report import figures
 from porocore.report.context import (
     COMPARED,
@@ -74,7 +74,7 @@ def write_report(
     path, context
         Of the page, and what it shows.
     figures_folder, tell, processes
-        Where each figure is kept as PNG and SVG, whom its name is told, and who draws it; see :class:`Pictures`.
+        Where each figure is kept as PNG and SVG, who is given its name, and who draws it; see :class:`Pictures`.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def write_report(
 
 def render(context: ReportContext, pictures: Pictures = EMBEDDED) -> str:
     """Return the page as text, in the units of the study; ``pictures`` may keep the figures as files."""
-    with speaking(context.units):
+    with using_units(context.units):
         return _rendered(context, pictures)
 
 
@@ -289,7 +289,7 @@ def _series(panel: Panel, case: LoadCase, pictures: Pictures) -> Iterator[Pictur
 def _body_pictures(case: LoadCase, pictures: Pictures) -> list[Picture]:
     found = []
     for time in chosen_times(case.nonlinear):
-        when = spoken().text(time, "time", 6)
+        when = units_now().text(time, "time", 6)
         found.append(
             pictures.png(
                 f"body_t={when}_load{case.load!r}",
@@ -301,7 +301,7 @@ def _body_pictures(case: LoadCase, pictures: Pictures) -> list[Picture]:
 
 
 def _column_pictures(case: LoadCase, pictures: Pictures) -> list[Picture]:
-    times = ", ".join(spoken().text(time, "time", 6) for time in chosen_times(case.nonlinear))
+    times = ", ".join(units_now().text(time, "time", 6) for time in chosen_times(case.nonlinear))
     return [
         pictures.svg(
             f"profile_{quantity}_load{case.load!r}",

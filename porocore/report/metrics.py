@@ -66,7 +66,7 @@ class LoadCase:
 
     ``linear`` is None where the linear law was left out.
     ``others`` are solutions with other closures, or with the cell itself (direct FE²). ``flagged`` says where and why
-    the surrogate is not to be trusted in the nonlinear solution; it is empty where it is, or where no profile tells.
+    the surrogate is not to be trusted in the nonlinear solution; it is empty where it is, or where no profile shows it.
     ``left_out`` is the shear that alone is the reason, if that is so.
     """
 

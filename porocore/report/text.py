@@ -21,7 +21,7 @@ from porocore.report.words.cell import ComparisonRow
 from porocore.report.words.results import case_warnings, flagged_shares, is_flagged
 from porocore.states import Status
 
-#: From such a flagged share of the body on the results are told only after it.
+#: From such a flagged share of the body on the results come only after it.
 LARGE_SHARE = 0.1
 #: Said where a pressure follows the deformed surface.
 FOLLOWER = (

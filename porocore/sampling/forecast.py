@@ -16,14 +16,14 @@ from porocore.states import Array
 #: A state at the edge of the box of displacement gradients costs at most so many times as much more than one at rest:
 #: it takes more steps of the load, and walls of pores come into contact. Pressure alone costs next to nothing.
 FARTHER = 7.0
-#: States of the box from which the cost of its mean state is told.
+#: States of the box from which the cost of its mean state is estimated.
 POINTS = 512
 #: At most so many states are believed to be added for each that is solved.
 MOST_ADDED = 0.75
 #: The first state of a worker costs so many times as much as a later one: it compiles, and fills caches. Measured 1.5
 #: to 5.
 FIRST = 2.5
-#: From so many solved states the pace of the campaign tells their time; before, the times of the solves themselves,
+#: From so many solved states the pace of the campaign gives their time; before, the times of the solves themselves,
 #: beside which the guess counts as one state.
 PACED = 8
 
@@ -105,7 +105,7 @@ class StateForecast:
         outward
             True if it began from another.
         seconds
-            What its solve took; None: it was known already, and tells nothing about times.
+            What its solve took; None: it was known already, and says nothing about times.
         now
             Seconds since the campaign began.
         """

@@ -55,7 +55,7 @@ class Case:
 
 @dataclass(frozen=True)
 class CaseProgress:
-    """Progress of one case, which its function tells: a text, and the share that is done.
+    """Progress of one case, which its function reports: a text, and the share that is done.
 
     ``words`` may be anything; it becomes a text where the series is shown, in the units of the study.
     """
@@ -237,7 +237,7 @@ class _Progress:
         self._failed, self._store = 0, FromStore(0, 0.0)
 
     def take(self, case: Case, told: CaseProgress | FromStore) -> None:
-        """Show what a case tells while it runs."""
+        """Show what a case reports while it runs."""
         if isinstance(told, FromStore):
             self._store = FromStore(self._store.count + told.count, self._store.seconds + told.seconds)
         else:

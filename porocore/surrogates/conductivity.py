@@ -29,10 +29,11 @@ from porocore.surrogates.family.rest import RestModel
 from porocore.surrogates.polynomial.fit import EQUATIONS_PER_TERM, FOLDS, held_out, tied_least_squares
 from porocore.surrogates.polynomial.monomials import Polynomial, plain
 from porocore.surrogates.polynomial.varying import BoundPolynomial, VaryingPolynomial
-from porocore.surrogates.potential import STILL, TrainingBox, variables
+from porocore.surrogates.potential import STILL, variables
 from porocore.surrogates.rest import Rest, RestValues, SingleRest
 from porocore.surrogates.stretch import LogStretch
 from porocore.surrogates.symmetry import Equivariance, on_triangle, on_variables, stabiliser
+from porocore.surrogates.training_box import TrainingBox
 
 
 @dataclass(frozen=True, eq=False)

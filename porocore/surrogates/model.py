@@ -31,9 +31,10 @@ from porocore.surrogates.network.network import Derivatives
 from porocore.surrogates.network.separable import SeparableNetwork
 from porocore.surrogates.polynomial.monomials import VARIABLES, Entry, Polynomial
 from porocore.surrogates.polynomial.varying import BoundPolynomial, VaryingPolynomial
-from porocore.surrogates.potential import TrainingBox, variables
+from porocore.surrogates.potential import variables
 from porocore.surrogates.rest import Rest, RestValues
 from porocore.surrogates.stretch import LogStretch
+from porocore.surrogates.training_box import TrainingBox
 
 #: Derivatives of Rᵀ⟨∇u¹⟩_s by its component and the variable; one number may be for all points.
 Slopes = dict[tuple[int, int], Array]

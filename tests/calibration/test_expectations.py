@@ -10,7 +10,7 @@ import pytest
 from porocore.commands.calibration.expectations import sign_note, size_note
 from porocore.commands.calibration.observations import MeasuredSeries, ObservedCurve
 from porocore.commands.calibration.settings import Kind
-from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
+from porocore.core.units import OutputUnits, ResultUnits, Scales, using_units
 from porocore.errors import ConfigurationError
 from porocore.macro.boundary.symmetry import whole_specimen
 from porocore.macro.problem import MacroProblem
@@ -156,7 +156,7 @@ def test_a_settlement_beyond_the_height_of_a_standing_body_is_refused() -> None:
     scales = ResultUnits(
         Scales(modulus=1e3, length=1e-3, pore=1e-6, viscosity=1e-3), OutputUnits(length="mm")
     )
-    with speaking(scales), pytest.raises(ConfigurationError) as refused:
+    with using_units(scales), pytest.raises(ConfigurationError) as refused:
         sized("settlement", 90.0, standing)
     assert "(give 'unit:' or the heading), without which they are multiples of 1 mm" in str(refused.value)
 

@@ -10,7 +10,7 @@ from porocore.commands.sensitivity.figures import FIGURES
 from porocore.commands.sensitivity.plan import HalfLine, StudyPlan, Sweep
 from porocore.commands.sensitivity.results import Sensitivity, line_name, write_table
 from porocore.commands.sensitivity.study import LoadedState
-from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
+from porocore.core.units import OutputUnits, ResultUnits, Scales, using_units
 from porocore.errors import ConfigurationError
 from porocore.states import CellExtrema, CellResponse, CellTangent, Status
 
@@ -68,7 +68,7 @@ def test_what_is_no_pressure_is_refused(text, scales, message):
 
 def test_the_printed_ends_and_progress_have_units(study, capsys):
     """The ends were multiples of E, in a study that gives its pressures in kPa."""
-    with speaking(UNITS):
+    with using_units(UNITS):
         print_ends(study)
         assert str(LoadedState("pressure", -0.4, Status.contact)) == "-0.8 kPa contact"
         assert str(LoadedState("shear", -0.4, Status.contact)) == "-0.4 contact"
@@ -78,7 +78,7 @@ def test_the_printed_ends_and_progress_have_units(study, capsys):
 
 
 def test_the_table_has_units(study, tmp_path):
-    with speaking(UNITS), write_table(tmp_path, study).open(encoding="utf-8", newline="") as file:
+    with using_units(UNITS), write_table(tmp_path, study).open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     found = [(row["load"], row["value"], row["unit"]) for row in rows]
     assert found[:3] == [("uniaxial", "0", "-"), ("uniaxial", "0.1", "-"), ("uniaxial", "0.2", "-")]
@@ -94,7 +94,7 @@ def drawn(figure):
 
 
 def test_figures_have_units(study):
-    with speaking(UNITS):
+    with using_units(UNITS):
         biot, panels = FIGURES["Biot_Modulus"](study), FIGURES["Mijkl_reference"](study)
     # One axis for all loads: a pressure as large as the scale of stress stands where a strain is 1.
     assert biot.axes[0].get_xlabel() == "load: components of $H$ [–], or $p$ in multiples of 2 kPa"
@@ -110,7 +110,7 @@ def test_a_figure_of_the_pressure_alone_has_its_unit(study):
     alone = Sensitivity(
         StudyPlan({"pressure": PLAN.sweeps["pressure"]}), "one", study.rest, np.eye(3), lines, {}
     )
-    with speaking(UNITS):
+    with using_units(UNITS):
         figure = FIGURES["Q_11"](alone)
     assert (figure.axes[0].get_xlabel(), figure.axes[0].get_ylabel()) == (
         "$p$ [kPa]", r"$\langle Q \rangle_s$ [1/kPa]"

@@ -10,7 +10,7 @@ from porocore.cell.stability.map import EVENTS, LineSettings, MapPlan, Stability
 from porocore.cell.stability.modes import WAVES
 from porocore.commands.stability.command import parse_plan, print_onsets, print_states
 from porocore.core.inputs import NAMES
-from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
+from porocore.core.units import OutputUnits, ResultUnits, Scales, using_units
 from porocore.errors import ConfigurationError
 from porocore.report.figures.stability import stability_figure
 from porocore.states import Status
@@ -43,7 +43,7 @@ def line():
 
 def test_pressures_have_the_unit_of_the_study(line, capsys):
     """They were multiples of E, in a study that gives them in kPa."""
-    with speaking(UNITS):
+    with using_units(UNITS):
         print_states(PLAN, line)
         print_onsets(PLAN, [line])
     words = capsys.readouterr().out
@@ -82,7 +82,7 @@ def read(path):
 
 def test_files_have_units_in_the_names_of_their_columns(line, tmp_path):
     line.eigenvalues[:] = 0.5
-    with speaking(UNITS):
+    with using_units(UNITS):
         states, onsets = map(read, write_tables(tmp_path, PLAN, [line]))
     assert [row["p [kPa]"] for row in states] == ["0", "0.4", "0.8"]
     assert [row["H22"] for row in states] == ["-0.1"] * 3
@@ -99,7 +99,7 @@ def test_the_figure_has_units(line):
     line.eigenvalues[:] = 0.5
     step = np.eye(10)[NAMES.index("H22")] * 0.1
     other = replace(line, start=line.start - step, goal=line.goal - step)
-    with speaking(UNITS):
+    with using_units(UNITS):
         figure, both = stability_figure(PLAN, [line]), stability_figure(PLAN, [line, other])
     assert {"pore pressure $p$ [kPa]", "lowest eigenvalue [kPa/$d^2$]", "acoustic\nminimum [kPa]"} <= labels(
         figure

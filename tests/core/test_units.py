@@ -8,7 +8,7 @@ import pytest
 import yaml
 
 from porocore.core.files.yaml_document import YamlDocument
-from porocore.core.units import Scales, UnitError, has_unit, in_si, speaking
+from porocore.core.units import Scales, UnitError, has_unit, in_si, using_units
 from porocore.errors import ConfigurationError
 from porocore.study.config.config import differences
 from porocore.study.config.loading import load_config
@@ -353,14 +353,14 @@ def test_messages_speak_in_the_units_of_the_study():
         )
     assert "end = 1.66667e-05 min does not lie behind the ramp, which takes 1 min" in str(refused.value)
     config = config_from(study | {"macro": study["macro"] | {"probes": {"far": [0, "5 mm", 0]}}})
-    with speaking(config.result_units), pytest.raises(ConfigurationError) as refused:
+    with using_units(config.result_units), pytest.raises(ConfigurationError) as refused:
         checks.place(config)
     assert "macro.probes.far: the point (0, 5000, 0) µm lies outside the body" in str(refused.value)
     assert " µm; move it inside (coordinates are multiples of scales.length where" in str(refused.value)
     moved = {"side": {"displacement": ["1 um", None, None]}}
     config = config_from(study | {"macro": study["macro"] | {"boundary": study["macro"]["boundary"] | moved}})
     with (
-        speaking(config.result_units),
+        using_units(config.result_units),
         pytest.raises(ConfigurationError, match="u_1 = 1 µm contradicts u_1 = 0"),
     ):
         checks.place(config)

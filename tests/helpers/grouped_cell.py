@@ -18,9 +18,9 @@ from porocore.surrogates.conductivity import ConductivityModel
 from porocore.surrogates.family.joint import JointPolynomial
 from porocore.surrogates.model import PotentialModel
 from porocore.surrogates.polynomial.monomials import Polynomial, exponents_up_to, invariant
-from porocore.surrogates.potential import TrainingBox
 from porocore.surrogates.rest import SingleRest
 from porocore.surrogates.symmetry import Action, Equivariance, on_places, on_triangle, on_variables
+from porocore.surrogates.training_box import TrainingBox
 
 #: All nine components of H and p.
 INPUTS = InputSpace.from_ranges(

@@ -10,7 +10,7 @@ import pytest
 import tifffile
 from pydantic import ValidationError
 
-from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
+from porocore.core.units import OutputUnits, ResultUnits, Scales, using_units
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import box
 from porocore.macro.body.mesh_file import read_body
@@ -368,5 +368,5 @@ def test_places_and_times_in_messages_have_the_units_of_the_study(fields, region
     scales = Scales(modulus=1.0, length=1.0, pore=0.01, viscosity=1.0)
     units = ResultUnits(scales, OutputUnits(length="mm"))
     ranges = CellRanges([{"radius": (0.1, 0.25)}] * 3)
-    with speaking(units), pytest.raises(ConfigurationError, match=said):
+    with using_units(units), pytest.raises(ConfigurationError, match=said):
         require_composition(setup(fields, regions), MESH, ranges, 2.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from porocore.cell.materials.hyperelastic import NeoHookean
-from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
+from porocore.core.units import OutputUnits, ResultUnits, Scales, using_units
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.report.context import CellSummary
 from porocore.report.words.cell import cell_rows, linear_rows, mesh_rows, symmetric
@@ -58,7 +58,7 @@ def test_a_cell_that_swells_shows_the_stress_that_holds_it():
 
 def test_an_orthotropic_cell_shows_every_axis_with_its_unit():
     cell = summary(np.diag([0.1, 2.0, 8.0]), Q=(-0.1, -0.2, -0.3), stiffer=0.1)
-    with speaking(UNITS):
+    with using_units(UNITS):
         rows = {row.name: row.found for row in cell_rows(cell, None)}
         linear = dict(linear_rows(cell.properties))
     # μ_f is 2 times 1 Pa s; k = K μ_f d², d = 5 µm.
@@ -89,7 +89,7 @@ def test_components_that_differ_in_a_printed_digit_have_rows_of_their_own():
     odd = summary(np.diag([2.0, 2.0, 2.0]), Q=(-0.10001, -0.10004, -0.10004))
     assert "Q₁₁ = Q₂₂ = Q₃₃" in [row.name for row in cell_rows(odd, None)]
     tenth = ResultUnits(Scales(modulus=2e3 / 1.1, length=1e-2, pore=5e-6), OutputUnits(stress="kPa"))
-    with speaking(tenth):
+    with using_units(tenth):
         rows = {row.name: row.found for row in cell_rows(odd, None)}
     assert {name: value for name, value in rows.items() if name[0] == "Q"} == {
         "Q₁₁": "−0.05501 1/kPa",

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from porocore.core.inputs import InputSpace
-from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
+from porocore.core.units import OutputUnits, ResultUnits, Scales, using_units
 from porocore.report.context import TrainingCurve
 from porocore.report.figures import (
     PROFILE_FIELDS,
@@ -310,7 +310,7 @@ def test_a_body_that_swells_has_its_heave_and_suction_drawn(pair, log_time):
 
     units = ResultUnits(Scales(modulus=4e4, length=1e-3, pore=8e-6), OutputUnits(length="mm", stress="kPa"))
     both = swelling(pair[0], 2.0), swelling(pair[1], 1.0)
-    with speaking(units):
+    with using_units(units):
         figure = history_figure(*both, log_time=log_time)
     heave, suction, _ = figure.axes
     assert heave.get_ylabel() == "heave max$(u_2)$ [mm]"
@@ -340,7 +340,7 @@ def test_labels_of_a_body_lie_in_its_picture(pair, height):
     wide = replace(solution, points=points)
     units = ResultUnits(Scales(modulus=4e4, length=1e-3, pore=8e-6), OutputUnits(length="mm", stress="kPa"))
     flat = replace(wide.profiles[-1], u=np.zeros_like(points))
-    with speaking(units):
+    with using_units(units):
         figure = body_figure(wide, flat)
     png_bytes(figure)  # Saving must not lay it out again.
     body, bar = figure.axes

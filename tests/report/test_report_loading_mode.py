@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from porocore.core.formulas import TimeFunction
-from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
+from porocore.core.units import OutputUnits, ResultUnits, Scales, using_units
 from porocore.macro.problem import Boundary, MacroSetup
 from porocore.report.context import LoadingMode, reactions, relaxation
 from porocore.report.dimensional import dimensional_rows
@@ -163,7 +163,7 @@ def test_a_force_that_hardly_drops_says_why_it_has_no_time_of_relaxation(plug):
     found = reactions(drained)["y+"]
     assert found["drop"] == pytest.approx(3e-4, rel=1e-3)
     assert found["relaxed_95_percent"] is None
-    with speaking(UNITS):
+    with using_units(UNITS):
         (sentence, _) = force_sentences(LoadCase(drained, drained), ("y+",))
     assert sentence.endswith(
         "200.0 mN in equilibrium: a drop below 0.1 %, so no time of relaxation is given."
@@ -172,7 +172,7 @@ def test_a_force_that_hardly_drops_says_why_it_has_no_time_of_relaxation(plug):
 
 def test_a_run_under_prescribed_displacement_is_told_by_its_force(plug, column):
     case = LoadCase(plug, replace(plug, law="linear"))
-    with speaking(UNITS):
+    with using_units(UNITS):
         first, second = force_sentences(case, ("y+",))
     assert first.startswith("The compressive force on y+ (load −0.2) is 160.0 mN at its peak, at t = ")
     assert "60.00 mN in equilibrium, a ratio of 2.67" in first

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
+from porocore.core.units import OutputUnits, ResultUnits, Scales, using_units
 from porocore.report.format import difference, duration, number, percent, plain
 from porocore.report.metrics import (
     LoadCase,
@@ -110,7 +110,7 @@ def test_a_share_that_is_zero_in_words_is_no_warning(column):
         said = case_warnings(case_metrics(LoadCase(found, linear)))
         assert len(said) == warns
     assert said[0].endswith("No stored profile shows the place. Add the time 50.5 to macro.time.profiles.")
-    with speaking(ResultUnits(Scales(modulus=2e3, length=1e-2, pore=5e-6), OutputUnits(time="min"))):
+    with using_units(ResultUnits(Scales(modulus=2e3, length=1e-2, pore=5e-6), OutputUnits(time="min"))):
         said = case_warnings(case_metrics(LoadCase(found, linear)))
     assert said[0].endswith(
         "No stored profile shows the place. Add the time 1680 min to macro.time.profiles."

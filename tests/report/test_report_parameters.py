@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from porocore.cell.cell import Cell
 from porocore.core.inputs import InputSpace
-from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
+from porocore.core.units import OutputUnits, ResultUnits, Scales, using_units
 from porocore.interfaces.cell import ElementCells
 from porocore.macro.body.kinds import sections
 from porocore.report.context import SamplingSummary
@@ -118,7 +118,7 @@ def labels(figure):
 
 
 def test_the_undeformed_cell_over_a_parameter_has_units_members_and_a_band(family):
-    with speaking(UNITS):
+    with using_units(UNITS):
         figure = rest_figure(family, 1)
     _, stiffness = figure.axes[:2]
     factor = UNITS.factor("stress")
@@ -201,7 +201,7 @@ def test_states_over_a_parameter_stand_beside_the_body():
 
 def test_rows_and_figures_of_parameters(family):
     used = {"radius": (0.15, 0.25), "c10": (1.0, 1.0)}
-    with speaking(UNITS):
+    with using_units(UNITS):
         rows = parameter_rows(family, used)
     assert rows[0] == ("radius", "cell.geometry.radius", "0.1000 to 0.3000", "0.1500 to 0.2500")
     assert rows[1] == ("c10 [kPa]", "cell.material.c10", "5.000 to 20.00", "10.00")
@@ -222,7 +222,7 @@ def test_rows_and_figures_of_parameters(family):
 
 
 def test_regions_are_told_with_their_share_and_what_they_hold(body):
-    with speaking(UNITS):
+    with using_units(UNITS):
         heads, rows = region_rows(body)
     assert heads[:4] == ["region", "share of the volume", "radius", "c10 [kPa]"]
     assert heads[4] == "porosity at t = 0"
@@ -258,7 +258,7 @@ def test_fields_along_a_column_have_regions_and_steps(upright):
 
 def test_fields_in_a_section_have_a_common_scale_and_units(solution, body):
     among, cells = sections(solution.points, solution.cells), body.cells
-    with speaking(UNITS):
+    with using_units(UNITS):
         figure = field_in_section(among, body.field("radius"), "radius [–]")
     first, last, bar = figure.axes
     images = [axes.get_images()[0] for axes in (first, last)]
@@ -340,7 +340,7 @@ def test_fields_of_the_body_are_drawn_in_the_units_of_their_labels(solution, bod
             return text
 
     spread = np.linspace(1.0, 3.0, len(body.conductivity))[:, None, None] * np.eye(3)
-    with speaking(UNITS):
+    with using_units(UNITS):
         body_fields(solution, replace(body, conductivity=spread), Kept())
     modulus, conductivity = (drawn[f"body_{name}"] for name in ("c10", "conductivity"))
     assert modulus.get_ylim() == pytest.approx((10.0, 20.0))  # 1 and 2 of 10 kPa
@@ -366,7 +366,7 @@ def test_fields_along_a_column_are_drawn_in_the_units_of_their_labels(upright):
     K = np.linspace(1.0, 3.0, 6)[:, None, None] * np.eye(3)
     times = tuple(profile.time for profile in upright.profiles)
     cells = BodyCells(upright.element_cells, times, volumes_of(upright), K, np.linspace(0.2, 0.3, 6))
-    with speaking(UNITS):
+    with using_units(UNITS):
         body_fields(upright, cells, Kept())
     for name, quantity, ends in (("conductivity", "conductivity", (1, 3)), ("porosity", "", (0.2, 0.3))):
         axes = drawn[f"body_{name}"]

@@ -10,7 +10,7 @@ import pytest
 
 import porocore
 from porocore.core.files.plain_data import merged
-from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking, value_of
+from porocore.core.units import OutputUnits, ResultUnits, Scales, using_units, value_of
 from porocore.errors import ConfigurationError, DataError, PluginError
 from porocore.interfaces.solution import MacroSolution, all_series
 from porocore.report.context import LoadingMode
@@ -179,21 +179,21 @@ def test_solutions_are_found_by_load_and_law(column):
 
 
 def test_figures_and_metrics_have_the_units(solution):
-    with speaking(UNITS):
+    with using_units(UNITS):
         figure = history_figure(solution, solution)
     labels = [axes.get_ylabel() for axes in figure.axes]
     assert [label.split("[")[1] for label in labels] == ["mm]", "kPa]", "mm³]"]
     curve = figure.axes[0].lines[0]
     np.testing.assert_allclose(curve.get_ydata(), 10 * solution.history.settlement)
     np.testing.assert_allclose(curve.get_xdata(), solution.history.time * UNITS.factor("time"))
-    with speaking(UNITS):
+    with using_units(UNITS):
         axes = series_figure(solution, solution, "forces of held or moved surfaces").axes[0]
     assert (axes.get_xlabel(), axes.get_ylabel()) == (
         "time $t$ [h]",
         "compressive force [mN]\n(positive in compression)",
     )
     np.testing.assert_allclose(axes.lines[0].get_ydata(), 200 * solution.reactions["y-"][:, 1])
-    with speaking(UNITS):
+    with using_units(UNITS):
         body = body_figure(solution, solution.profiles[0])
     assert body.axes[0].get_zlabel() == "$x_2$ [mm]"
     assert body.axes[1].get_ylabel() == "pore pressure $p$ [kPa]"

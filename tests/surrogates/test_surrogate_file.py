@@ -23,8 +23,8 @@ from porocore.surrogates.network.separable import SeparableNetwork
 from porocore.surrogates.polynomial.monomials import Polynomial, plain
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 from porocore.surrogates.portable import NumpySurrogate
-from porocore.surrogates.potential import TrainingBox
 from porocore.surrogates.rest import SingleRest
+from porocore.surrogates.training_box import TrainingBox
 from porocore.testing.expect import assert_identical
 from porocore.testing.synthetic.porous_family import porous_training_set
 from porocore.testing.synthetic.potential_cell import potential_training_set

@@ -13,8 +13,9 @@ from porocore.surrogates.network.network import Network
 from porocore.surrogates.network.separable import SeparableNetwork
 from porocore.surrogates.polynomial.fit import fit_mean_grad, polynomial_model, sampled_range
 from porocore.surrogates.polynomial.monomials import invariant, plain
-from porocore.surrogates.potential import PotentialData, TrainingBox, variables
+from porocore.surrogates.potential import PotentialData, variables
 from porocore.surrogates.stretch import LogStretch
+from porocore.surrogates.training_box import TrainingBox
 from porocore.testing.synthetic.cell import synthetic_training_set
 from porocore.testing.synthetic.potential_cell import (
     IDENTITY,

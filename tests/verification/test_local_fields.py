@@ -24,7 +24,7 @@ from porocore.commands.fields.solve import (
     state_text,
     write_fields,
 )
-from porocore.core.units import OutputUnits, ResultUnits, Scales, speaking
+from porocore.core.units import OutputUnits, ResultUnits, Scales, using_units
 from porocore.errors import ConfigurationError, PorocoreError
 from porocore.interfaces.cell import CellField, CellSolution
 from porocore.interfaces.records import failed_response
@@ -153,7 +153,7 @@ def test_the_file_holds_the_fields(tmp_path):
     np.testing.assert_array_equal(mesh.point_data["energy"], nodal.energy)
     np.testing.assert_array_equal(mesh.point_data["F"].reshape(-1, 3, 3), nodal.F)
     assert {"displacement", "grad_u1", "J", "P", "cauchy", "von_mises", "u1_magnitude"} < set(mesh.point_data)
-    with speaking(ResultUnits(Scales(modulus=2e3, length=1e-2, pore=5e-6), OutputUnits(stress="kPa"))):
+    with using_units(ResultUnits(Scales(modulus=2e3, length=1e-2, pore=5e-6), OutputUnits(stress="kPa"))):
         measured = meshio.read(write_fields(tmp_path / "b.vtu", nodal))
     np.testing.assert_array_equal(measured.point_data["energy [kPa]"], 2 * nodal.energy)
     np.testing.assert_array_equal(measured.point_data["J"], nodal.J)
@@ -176,7 +176,7 @@ def test_what_cannot_be_written(tmp_path):
 def test_states_in_words():
     assert state_text({"H22": -0.2, "p": 0.1, "H11": 0.0}) == "H22 = −0.2, p = 0.1"
     assert state_text({}) == "the undeformed state"
-    with speaking(ResultUnits(Scales(modulus=2e3, length=1e-2, pore=5e-6), OutputUnits(stress="kPa"))):
+    with using_units(ResultUnits(Scales(modulus=2e3, length=1e-2, pore=5e-6), OutputUnits(stress="kPa"))):
         assert state_text({"H22": -0.2, "p": 0.1}) == "H22 = −0.2, p = 0.2 kPa"
     assert state_text({"H12": 0.4, "p": 0.1}, mathtext=True) == "$H_{12}$ = 0.4, $p$ = 0.1"
     assert set(PAPER_STATES) == {"pressure", "uni", "shear"}

@@ -119,7 +119,7 @@ class Condensation:
             (np.ones(len(rows)), (rows, column[images[rows]])), shape=(len(images), self.size)
         )
         self._petsc = compat.freed_with(self, to_petsc(self.T))
-        # The block size tells multigrid that three unknowns belong to one node, if all three are free.
+        # By the block size multigrid knows that three unknowns belong to one node, if all three are free.
         whole = len(classes) % 3 == 0 and (classes.reshape(-1, 3) % 3 == np.arange(3)).all()
         self._block = 3 if whole and len(images) % 3 == 0 else 1
         self._matrix: PETSc.Mat | None = None

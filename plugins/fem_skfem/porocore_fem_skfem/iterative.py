@@ -29,7 +29,7 @@ LIMIT = 400
 #: A cycle of an earlier tangent serves for so many iterations, and so many times those a digit that one took for its
 #: own tangent: 2.8, but 10 where the solid is nearly incompressible. To set one up costs as much as four iterations.
 AT_LEAST, TIMES = 4, 1.5
-#: A solve to this accuracy tells how many iterations a digit takes.
+#: A solve to this accuracy shows how many iterations a digit takes.
 A_DIGIT = 0.1
 #: Unknowns of a factor that was measured, its GiB, and the exponent of its growth.
 FACTOR_MEMORY = (314_000, 4.3, 1.2)
@@ -126,7 +126,7 @@ class IterativeConstraints(Constraints):
             rotations = KnownRotations(self._padded.padded(R), padded, self._product @ padded)
             right = np.column_stack([-rotations.R, self._random()])
             tolerance = np.array([SENSITIVITY_TOLERANCE] * rotations.R.shape[1] + [DEFINITE])
-            # A random column tells whether K is definite only where the loads take no part in its iteration.
+            # A random column shows whether K is definite only where the loads take no part in its iteration.
             group = np.append(np.zeros(rotations.R.shape[1], np.int64), 1)
             solved = block_conjugate_gradients(
                 self._product.__matmul__,
@@ -145,7 +145,7 @@ class IterativeConstraints(Constraints):
         return LinearResponse(unknown, R.T @ unknown, 1 if solved is None or solved.indefinite else -1)
 
     def negative(self, entries: Array) -> int:
-        """Return the number of negative eigenvalues; without a factor 1 for one or more, -1 if nothing tells."""
+        """Return the number of negative eigenvalues; without a factor 1 for one or more, -1 if it is not known."""
         indefinite = self.factorise(entries) > 0
         if not indefinite:
             assert self._product is not None

@@ -321,7 +321,7 @@ def _inverse_roots(diagonal: Array) -> Array:
 #: Unknowns above which a step by the iteration takes less time than one by PARDISO, and than one by SuperLU where
 #: that is not installed: four fifths of it at 12,000 unknowns, a half at 28,000, a third at 84,000.
 ABOVE, ABOVE_SUPERLU = 20_000, 5_000
-#: Memory of PARDISO's factor in double precision [GiB] at a size, and its growth. PARDISO tells 0.095 GiB for a cube of
+#: Memory of PARDISO's factor in double precision [GiB] at a size, and its growth. PARDISO needs 0.095 GiB for a cube of
 #: 12,322 unknowns, 0.42 for 36,599 and 1.32 for 84,362; the law 0.09, 0.41 and 1.31. Larger bodies and other shapes
 #: were not measured; for them the law is extrapolated.
 FACTOR_GIB, FACTOR_AT, FACTOR_GROWTH = 1.3, 84_000, 1.4

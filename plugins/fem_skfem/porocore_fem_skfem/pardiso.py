@@ -1,7 +1,7 @@
 """PARDISO, the sparse direct solver of Intel's Math Kernel Library, through its C interface.
 
 The wrappers on the package index know neither the separate phases, nor single precision, nor the inertia,
-which are what makes a cell solve fast and tells whether its tangent is indefinite.
+which are what makes a cell solve fast and shows whether its tangent is indefinite.
 """
 
 from __future__ import annotations

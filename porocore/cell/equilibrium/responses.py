@@ -260,7 +260,7 @@ def _exchange_axes(mean_grad: Array, second: Array, order: Sequence[int], column
 
 
 def _unstable_modes(problem: DiscreteSolid, factor: FactorisedTangent, answer: Sensitivities | None) -> int:
-    """Return the number of negative eigenvalues; -1 where neither the factor nor the answer tells it."""
+    """Return the number of negative eigenvalues; -1 where neither the factor nor the answer shows it."""
     if factor.negative >= 0 or answer is None:
         return problem.negative_eigenvalues(factor)
     return answer.negative

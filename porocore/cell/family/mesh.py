@@ -348,7 +348,7 @@ class UnstressedFamily:
 
 
 def rest_data(cell: Cell, states: MacroState, responses: CellResponse) -> RestData:
-    """Return the solved undeformed members of a family, and what the cell tells of its parameters.
+    """Return the solved undeformed members of a family, and what is known of its parameters.
 
     Parameters
     ----------

@@ -198,7 +198,7 @@ class PoreGeometry(StrictModel, ABC):
 
     @property
     def length(self) -> float | None:
-        """Cube root of the cell's volume in metres, where the description of the pores tells it."""
+        """Cube root of the cell's volume in metres, where it follows from the description of the pores."""
         return None
 
     @property

@@ -278,7 +278,7 @@ def _read_tiff(
     with _opened(path) as file:
         stacks = file.series
         first = stacks[0]
-        # A stack of four columns is told apart by its rows.
+        # A stack of four columns is distinguished by its rows.
         if first.axes.endswith("S") and (first.ndim > 3 or max(first.shape) > first.shape[-1]):
             raise ConfigurationError(
                 f"{path}: expected one value in every voxel, got an image in colour with {first.shape[-1]}; save it in "

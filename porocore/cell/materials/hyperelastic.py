@@ -26,7 +26,7 @@ from porocore.core.echo import suggestion
 from porocore.core.files.yaml_document import Location
 from porocore.core.models.strict import CalledByUsers, StrictModel, by_kind
 from porocore.core.tensors import cofactor, determinant
-from porocore.core.units import Dimension, spoken
+from porocore.core.units import Dimension, units_now
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 
@@ -131,8 +131,9 @@ class MooneyRivlin(InvariantMaterial):
     def description(self) -> str:
         """Kind and moduli."""
         return (
-            f"{self.kind} solid, c10 = {spoken().text(self.c10, 'stress')}, c01 = {spoken().text(self.c01, 'stress')}, "
-            f"K = {spoken().text(self.bulk_modulus, 'stress')}"
+            f"{self.kind} solid, c10 = {units_now().text(self.c10, 'stress')}, "
+            f"c01 = {units_now().text(self.c01, 'stress')}, "
+            f"K = {units_now().text(self.bulk_modulus, 'stress')}"
         )
 
     @property
@@ -195,8 +196,8 @@ class Ogden(InvariantMaterial):
     @property
     def description(self) -> str:
         """Kind and moduli."""
-        terms = ", ".join(f"μ = {spoken().text(t.mu, 'stress')} with α = {t.alpha:g}" for t in self.terms)
-        return f"{self.kind} solid, {terms}, K = {spoken().text(self.bulk_modulus, 'stress')}"
+        terms = ", ".join(f"μ = {units_now().text(t.mu, 'stress')} with α = {t.alpha:g}" for t in self.terms)
+        return f"{self.kind} solid, {terms}, K = {units_now().text(self.bulk_modulus, 'stress')}"
 
     @property
     def invariants(self) -> dict[str, Invariant]:
@@ -256,9 +257,9 @@ class HolzapfelGasserOgden(InvariantMaterial):
         """Kind, moduli and number of families."""
         count = len(self.directions)
         return (
-            f"{self.kind} solid, μ = {spoken().text(self.shear_modulus, 'stress')}, "
-            f"K = {spoken().text(self.bulk_modulus, 'stress')}, "
-            f"k1 = {spoken().text(self.k1, 'stress')}, k2 = {self.k2:g}, κ = {self.dispersion:g}, "
+            f"{self.kind} solid, μ = {units_now().text(self.shear_modulus, 'stress')}, "
+            f"K = {units_now().text(self.bulk_modulus, 'stress')}, "
+            f"k1 = {units_now().text(self.k1, 'stress')}, k2 = {self.k2:g}, κ = {self.dispersion:g}, "
             f"{count} {'family' if count == 1 else 'families'} of fibres"
         )
 

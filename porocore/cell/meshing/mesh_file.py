@@ -238,7 +238,7 @@ def _as_given(tag: Tag, name: str) -> str:
 
 
 def _require_tags(geometry: MeshFile, path: Path, mesh: ForeignMesh, kind: str) -> None:
-    """Refuse tags that stand for two groups, and those that no tetrahedron has, all of which are told."""
+    """Refuse tags that stand for two groups, and those that no tetrahedron has, with all their names."""
     for phase in PHASES:
         for tag in getattr(geometry, phase):
             if why := mesh.clashes[3].get(str(tag)):
@@ -296,7 +296,7 @@ _NAMED: dict[Phase, str] = {
 
 
 def _phase_named(name: str) -> Phase | None:
-    """Return the phase that a name of a group tells; None where it tells none."""
+    """Return the phase that a group has by its name; None where it names none."""
     return next((phase for phase, words in _NAMED.items() if re.search(words, name.casefold())), None)
 
 

@@ -21,7 +21,7 @@ from porocore.core.files.plain_data import write_csv
 from porocore.core.hdf5 import Contents, Kind, atomic_hdf5, numbered, opened
 from porocore.core.inputs import NAMES, input_meant
 from porocore.core.models.bounds import MOST_LINES, MOST_POINTS, SMALLEST_INTERVAL
-from porocore.core.units import spoken
+from porocore.core.units import units_now
 from porocore.errors import ConfigurationError, DataError
 from porocore.interfaces.cell import CellField, CellSolver
 from porocore.plugins.border import solution_of
@@ -451,7 +451,7 @@ def write_tables(folder: Path, plan: MapPlan, lines: Sequence[StabilityLine]) ->
 
     Values are in the units of the study, which stand in the names of the columns.
     """
-    units = spoken()
+    units = units_now()
     inputs = (*plan.along, plan.across)
     columns = [NAMES.index(name) for name in inputs]
     header = [*(input_titled(name) for name in inputs), "status", "contact_share", "min_gap"]
@@ -479,17 +479,17 @@ def write_tables(folder: Path, plan: MapPlan, lines: Sequence[StabilityLine]) ->
 
 def input_titled(name: str, ending: str = "") -> str:
     """Return an input as the title of a column, with its unit."""
-    return spoken().titled(name + ending, _quantity(name))
+    return units_now().titled(name + ending, _quantity(name))
 
 
 def input_factor(name: str) -> float:
     """Return the factor of the values of an input in the units of the study."""
-    return spoken().factor(_quantity(name))
+    return units_now().factor(_quantity(name))
 
 
 def eigenvalue_titled(name: str, edge: str = "d²") -> str:
     """Return an eigenvalue as a title, with scales in stress per squared edge d of the cell."""
-    return f"{name} [{spoken().name('stress')}/{edge}]" if spoken().given else name
+    return f"{name} [{units_now().name('stress')}/{edge}]" if units_now().given else name
 
 
 def _quantity(name: str) -> str:

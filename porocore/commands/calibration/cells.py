@@ -20,7 +20,7 @@ from porocore.core.files.plain_data import json_hash, write_json
 from porocore.core.files.reading import complete, read_json
 from porocore.core.files.store import ResultStore
 from porocore.core.parallel.calls import CallProcesses, Tell, side_by_side
-from porocore.core.units import speaking
+from porocore.core.units import using_units
 from porocore.errors import DataError, SolveError
 from porocore.interfaces.law import MacroLaw
 from porocore.macro.laws.linear import EffectiveProperties, LinearisedLaw
@@ -67,7 +67,7 @@ class FamilyCells:
 
     def learn(self) -> None:
         """Solve and learn the cells that the folder does not hold."""
-        with speaking(self.config.result_units):
+        with using_units(self.config.result_units):
             pipeline.learn(self.folder, console=self._console, store=self._store)
 
     @property
@@ -147,7 +147,7 @@ class FamilyCells:
             run, law = self._adaptive(stack)
             for model in models:
                 units, name = model.config.result_units, model.experiment.name
-                stack.enter_context(speaking(units))
+                stack.enter_context(using_units(units))
                 body, solver = model.body(values), make_backend("macro solver", model.config)
                 problem, prepared = (
                     body.problem,

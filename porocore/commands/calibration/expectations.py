@@ -12,7 +12,7 @@ from porocore.commands.calibration.plan import AXES, OF_LOAD, CalibrationPlan, E
 from porocore.commands.calibration.problem import CurveModel, first_coordinates, values_at
 from porocore.commands.calibration.settings import Kind
 from porocore.core.formulas import TimeFunction, Value
-from porocore.core.units import pretty, spoken
+from porocore.core.units import pretty, units_now
 from porocore.errors import ConfigurationError, PluginError, SolveError
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.macro import Part
@@ -114,7 +114,7 @@ def size_note(curve: ObservedCurve, macro: MacroSetup) -> str | None:
     """
     if curve.series.quantity != "displacement" or curve.measured is None:
         return None
-    sizes, units = np.ptp(body_mesh(macro).points, axis=0) * curve.factor, spoken()
+    sizes, units = np.ptp(body_mesh(macro).points, axis=0) * curve.factor, units_now()
     stands = curve.series.kind == "settlement" and _is_held(macro, "y-")
     reached = float(curve.measured.max() if stands else np.abs(curve.measured).max())
     size = float(sizes[1] if stands else SEVERAL * sizes.max())

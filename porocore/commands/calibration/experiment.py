@@ -23,7 +23,7 @@ from porocore.commands.calibration.problem import CurveModel, CurvePrediction, U
 from porocore.core.models.bounds import MOST_TIMES
 from porocore.core.models.strict import with_number
 from porocore.core.parallel.calls import CallProcesses, Tell, side_by_side
-from porocore.core.units import QUANTITIES, ExactScales, dimensions, speaking
+from porocore.core.units import QUANTITIES, ExactScales, dimensions, using_units
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.macro import MacroSolver
@@ -379,7 +379,7 @@ class ExperimentModel:
         own = config.macro.problem(self.experiment.load)
         data = np.concatenate([curve.times for curve in self.experiment.curves])
         shifted = any(each.number.kind == "time_shift" for each in self.numbers)
-        with speaking(config.result_units):
+        with using_units(config.result_units):
             plan = with_fixed_steps(own, data, chosen, hit=not shifted)
         return config.model_copy(update={"macro": config.macro.model_copy(update={"time": plan})})
 
@@ -392,7 +392,7 @@ class ExperimentModel:
 
     def values(self, values: Array) -> Array:
         """Return the curves (m,) alone, without their slopes; see :meth:`curves`."""
-        with speaking(self.config.result_units):
+        with using_units(self.config.result_units):
             body, solution, _ = self.solve(values)
         return np.concatenate([unit * at.values(series) for unit, at, series in self._series(body, solution)])
 
@@ -484,7 +484,7 @@ class ExperimentModel:
         SolveError
             The body cannot be computed there.
         """
-        with speaking(self.config.result_units):
+        with using_units(self.config.result_units):
             effects = self._effects(values, self.body(values))
             changes = [*dict.fromkeys(change for change, _ in effects.values())]
             body, solution, derivatives = self.solve(values, changes)

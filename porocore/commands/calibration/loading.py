@@ -25,7 +25,7 @@ from porocore.commands.calibration.unknowns import bounds_notes, keyed, planned_
 from porocore.core.files.reading import read_text
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted
 from porocore.core.models.strict import StrictModel
-from porocore.core.units import speaking
+from porocore.core.units import using_units
 from porocore.errors import ConfigurationError
 from porocore.study.config.config import RunConfig
 from porocore.study.config.errors import located
@@ -170,7 +170,7 @@ def _plan(
         for observed, observation in experiment.observations.items():
             keys = ("experiments", name, "observations") if name else ("observations",)
             try:
-                with keyed(_key(at, *keys, observed)), speaking(config.result_units):
+                with keyed(_key(at, *keys, observed)), using_units(config.result_units):
                     series = MeasuredSeries.chosen(observation)
                     series.require_in(config.macro)
                     if not kinds & {*OF_LOAD, "time_shift"}:

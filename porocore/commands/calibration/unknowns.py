@@ -1,4 +1,4 @@
-"""Unknowns of a calibration: the numbers of a study that may be unknown, their ranges, priors and first values."""
+"""Unknowns of a calibration: numbers and control values of fields, where they act, ranges, priors, first values."""
 
 from __future__ import annotations
 

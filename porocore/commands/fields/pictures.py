@@ -24,13 +24,13 @@ from matplotlib.image import imread
 from porocore.cell.cell import Cell
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.commands.fields.points import NodalFields
-from porocore.core.units import spoken
+from porocore.core.units import units_now
 from porocore.errors import PorocoreError
 from porocore.report.figures.style import new_figure, styled, write_pictures
 from porocore.report.vtk import write_vtu
 from porocore.states import Array
 
-#: What VTK is told to draw with, one after the other: EGL and OSMesa need no display.
+#: Means of drawing that VTK tries, one after the other: EGL and OSMesa need no display.
 WINDOWS = ("vtkEGLRenderWindow", "vtkOSOpenGLRenderWindow")
 #: What they need on Debian and Ubuntu.
 SYSTEM_PACKAGES = "libegl1 libgl1-mesa-dri"
@@ -110,7 +110,7 @@ def render(vtu: Path, nodal: NodalFields, folder: Path, name: str, title: str) -
     RunFolderError
         A picture cannot be written.
     """
-    units, magnitude = spoken(), np.linalg.norm(nodal.points.u, axis=1)
+    units, magnitude = units_now(), np.linalg.norm(nodal.points.u, axis=1)
     tops = {"disp": float(magnitude.max()), "energy": float(np.quantile(nodal.energy, RESOLVED))}
     tops = {kind: max(top, NOTHING) * units.factor(PICTURES[kind][3]) for kind, top in tops.items()}
     found, views = {}, []

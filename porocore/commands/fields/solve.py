@@ -14,7 +14,7 @@ from porocore.commands.fields.points import NodalFields, PointFields
 from porocore.core.files.atomic import new_folder
 from porocore.core.files.store import ResultStore
 from porocore.core.inputs import named_state, require_possible, value_text
-from porocore.core.units import speaking, spoken
+from porocore.core.units import units_now, using_units
 from porocore.errors import ConfigurationError, PorocoreError
 from porocore.plugins.border import solution_of
 from porocore.report.text import MEANINGS
@@ -43,7 +43,7 @@ def write_fields(path: Path, nodal: NodalFields) -> Path:
     """
     points = nodal.points
     share = points.volume / points.volume.sum(axis=1, keepdims=True)
-    units = spoken()
+    units = units_now()
 
     def measured(quantity: str, fields: Mapping[str, Array]) -> dict[str, Array]:
         return {
@@ -169,7 +169,7 @@ def write_local_fields(
     state
         Inputs H11 … H33 and p that are not zero.
     name
-        Name of the files; by default it tells the state.
+        Name of the files; by default it contains the state.
     pictures
         Draw two pictures, which needs pyvista.
     store
@@ -184,7 +184,7 @@ def write_local_fields(
     PluginError
         The backend is missing.
     """
-    with speaking(config.result_units):
+    with using_units(config.result_units):
         state_row(config.cell, state)
         find_backends(config, ["cell solver"])
         if name is None:

@@ -16,7 +16,7 @@ from porocore.commands.representative.plan import Corner, Scan, SizeOutlook, Sub
 from porocore.core.echo import joined
 from porocore.core.files.plain_data import json_hash, json_ready, write_csv, write_json
 from porocore.core.files.reading import complete, read_json
-from porocore.core.units import length_text, length_unit, spoken
+from porocore.core.units import length_text, length_unit, units_now
 from porocore.errors import DataError
 from porocore.states import Array
 from porocore.study.config.config import RunConfig
@@ -419,7 +419,7 @@ def factor(name: str, voxel: float | None) -> float:
     unit = QUANTITIES[name].unit
     if unit == "permeability":
         return 1.0 if voxel is None else (voxel * length_unit(voxel)[1]) ** 2
-    return spoken().factor(unit)
+    return units_now().factor(unit)
 
 
 def titled(name: str, voxel: float | None, words: str | None = None) -> str:
@@ -427,8 +427,8 @@ def titled(name: str, voxel: float | None, words: str | None = None) -> str:
     quantity = QUANTITIES[name]
     if quantity.unit == "permeability":
         unit = "voxels²" if voxel is None else f"{length_unit(voxel)[0]}²"
-    elif quantity.unit and spoken().given:
-        unit = spoken().name(quantity.unit)
+    elif quantity.unit and units_now().given:
+        unit = units_now().name(quantity.unit)
     else:
         unit = {"stress": "E", "compliance": "1/E"}.get(quantity.unit, "")
     words = quantity.title if words is None else words

@@ -31,7 +31,7 @@ from porocore.core.console import Console
 from porocore.core.echo import cut
 from porocore.core.files.store import ResultStore
 from porocore.core.parallel.calls import Tell
-from porocore.core.units import speaking
+from porocore.core.units import using_units
 from porocore.errors import PluginError, PorocoreError
 from porocore.macro.laws.linear import LinearCoefficients
 from porocore.plugins.border import conductivity_of
@@ -247,7 +247,7 @@ def study_representative_volume(
     settling = judge(solved, plan.tolerance)
     found = RepresentativeVolume(plan, scan, tuple(outlooks), tuple(solved), settling, record)
     save(record, series.identity, series.known.values(), **summary(found))
-    with speaking(config.result_units):
+    with using_units(config.result_units):
         write_tables(found)
         write_figure(found)
     if solved and not any(each.status in (SOLVED, LOOSE) for each in solved):

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 
 from porocore.commands.sensitivity.plan import load_quantity, quantity_of
 from porocore.commands.sensitivity.results import LoadResponses, Sensitivity, line_name
-from porocore.core.units import spoken
+from porocore.core.units import units_now
 from porocore.report.figures import style
 from porocore.states import Status
 
@@ -85,7 +85,7 @@ def known_figures(study: Sensitivity) -> list[str]:
 
 def _label(words: str, quantity: str) -> str:
     """Return the label of an axis in the units of the study, in multiples of E without scales."""
-    unit = spoken().name(quantity) if spoken().given else _MULTIPLES.get(quantity, "–")
+    unit = units_now().name(quantity) if units_now().given else _MULTIPLES.get(quantity, "–")
     return f"{words} [{unit}]"
 
 
@@ -94,7 +94,7 @@ def _label_all_loads(study: Sensitivity) -> str:
     if len(study.loads) == 1:
         (load,) = study.loads
         return _label(AXES[load], load_quantity(load))
-    scale = f"in multiples of {spoken().text(1.0, 'pressure')}" if spoken().given else "[$E$]"
+    scale = f"in multiples of {units_now().text(1.0, 'pressure')}" if units_now().given else "[$E$]"
     p = f", or $p$ {scale}" if "pressure" in study.loads else ""
     return f"load: components of $H$ [–]{p}"
 
@@ -153,7 +153,7 @@ def _curve(
     """The states with values, those in contact or unstable marked, and where a line ends before its goal."""
     y = along.quantities[quantity]
     y = np.where(np.abs(y) < 1e-9, 0.0, y)  # what is zero by symmetry, up to the tolerance of the solves
-    x, y = along.values * spoken().factor(of_load), y * spoken().factor(quantity_of(quantity))
+    x, y = along.values * units_now().factor(of_load), y * units_now().factor(quantity_of(quantity))
     axes.plot(x, y, **look)
     for status, marker in _MARKS.items():
         here = along.status == status

@@ -28,7 +28,7 @@ from porocore.commands.sensitivity.plan import (
 from porocore.core.field_check import response_fault
 from porocore.core.files.plain_data import write_csv
 from porocore.core.hdf5 import Contents, atomic_hdf5, opened
-from porocore.core.units import spoken
+from porocore.core.units import units_now
 from porocore.errors import DataError
 from porocore.interfaces.records import flatten_response
 from porocore.macro.laws.closure import CONDUCTIVITY_LAWS, ConductivityLaw
@@ -138,7 +138,7 @@ def write_table(folder: Path, study: Sensitivity) -> Path:
         The file cannot be written.
     """
     names = list(next(iter(study.loads.values())).quantities)
-    units, kinds = spoken(), [quantity_of(name) for name in names]
+    units, kinds = units_now(), [quantity_of(name) for name in names]
     rows = []
     for name, along in study.loads.items():
         of_load = load_quantity(name)

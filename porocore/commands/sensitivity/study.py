@@ -19,7 +19,7 @@ from porocore.core.files.plain_data import json_hash
 from porocore.core.files.store import ResultStore
 from porocore.core.inputs import require_possible, value_text
 from porocore.core.parallel.calls import ProcessEnded, Tell
-from porocore.core.units import speaking
+from porocore.core.units import using_units
 from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.records import failed_response
 from porocore.macro.laws.closure import ConductivityLaw
@@ -102,7 +102,7 @@ def study_sensitivity(
         require_possible(state.grad_u[0], float(state.p[0]), config.cell.modulus, where)
     find_backends(config, ["cell solver"])
     claim_record(folder / FILE, "study", resume=resume)
-    with speaking(config.result_units):
+    with using_units(config.result_units):
         study = run_study(
             config.cell, config.fem, folder, plan, conductivity=config.conductivity,
             workers=config.sampling.worker_count() if workers is None else workers,

@@ -135,18 +135,22 @@ def print_states(plan: MapPlan, line: StabilityLine) -> None:
     from porocore.cell.stability.map import eigenvalue_titled, input_factor, input_titled
     from porocore.cell.stability.modes import FAMILIES, WAVES
     from porocore.core.inputs import NAMES
-    from porocore.core.units import spoken
+    from porocore.core.units import units_now
     from porocore.states import Status
 
     asked = any(math.isfinite(x) for x in line.eigenvalues.ravel())
-    title, factor, stress = input_titled(plan.leading), input_factor(plan.leading), spoken().factor("stress")
+    title, factor, stress = (
+        input_titled(plan.leading),
+        input_factor(plan.leading),
+        units_now().factor("stress"),
+    )
     headings = [
         title,
         "status",
         "contact",
         "gap",
         *(f"modes {name}" for name in FAMILIES),
-        spoken().titled("acoustic", "stress"),
+        units_now().titled("acoustic", "stress"),
     ]
     headings += [eigenvalue_titled(f"λ {name}") for name in FAMILIES] if asked else []
     table = plain_table(headings, range(len(headings)))

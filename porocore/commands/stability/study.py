@@ -23,7 +23,7 @@ from porocore.core.files.plain_data import json_hash
 from porocore.core.files.store import ResultStore
 from porocore.core.inputs import NAMES, require_possible, value_text
 from porocore.core.parallel.calls import Tell
-from porocore.core.units import speaking
+from porocore.core.units import using_units
 from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellSolver
 from porocore.sampling.execution.solved_store import SolvedStore
@@ -111,7 +111,7 @@ def map_stability(
     claim_record(folder / FILE, "map", resume=resume)
     series = StabilitySeries(config, plan, folder / FILE, chosen_store(store))
     workers = config.sampling.worker_count() if workers is None else workers
-    with speaking(config.result_units):
+    with using_units(config.result_units):
         lines = series.run(series.cases(), Console.shown(progress), workers)
         picture = folder / PICTURE
         write_pictures(stability_figure(plan, lines), picture)

@@ -16,7 +16,7 @@ from porocore.core.echo import echo_path
 from porocore.core.files.reading import obstacle
 
 _NUMBER = re.compile("([0-9]+)")
-#: Names that are told of many.
+#: Names that are listed of many.
 MOST_NAMES = 5
 
 
@@ -143,7 +143,7 @@ class FileKind:
     name
         In a message, such as "a PNG picture".
     suffixes
-        Of the names of such files; empty where the content is none that a suffix tells.
+        Of the names of such files; empty where no suffix belongs to the content.
     advice
         What to do with it where it cannot be used; empty: nothing is known.
     """

@@ -144,7 +144,7 @@ def _count(node: yaml.Node, known: dict[int, int], above: set[int]) -> int:
 
 #: Where something stands in a document: keys and list positions, as text.
 Location = tuple[str, ...]
-#: Bytes at the beginning of a file in which a null byte tells that it is no text.
+#: Bytes at the beginning of a file in which a null byte means that it is no text.
 _HEAD = 4096
 _NO_TEXT = "expected a configuration, which is YAML text, got a file that is no text; give another file"
 #: Words for what YAML reads that is no text.

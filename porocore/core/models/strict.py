@@ -51,7 +51,7 @@ else:
     class CalledByUsers(type(BaseModel)):
         """Metaclass of models that users call themselves: a fault is one message and no error of pydantic.
 
-        Sections of a file are not called, so that their faults are told with their lines.
+        Sections of a file are not called, so that their faults have their lines.
         """
 
         def __call__(cls, *args: Any, **settings: Any) -> Any:

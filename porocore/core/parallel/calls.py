@@ -137,7 +137,7 @@ class CallProcesses:
             for process in self._processes:
                 process.terminate()
         self._executor.shutdown(cancel_futures=True)
-        if kind is not None:  # else Python tells its semaphores as leaked where the program ends at once
+        if kind is not None:  # else Python reports its semaphores as leaked where the program ends at once
             self._executor = self._reports = None
             traceback.clear_frames(trace)  # one of which waits for the channel
 
@@ -162,7 +162,7 @@ class Call:
         self._waiting: deque[Report] = deque()
 
     def take(self, report: Report) -> None:
-        """Take a report of the process; the first tells the begin of the call, the last its end."""
+        """Take a report of the process; the first is of the begin of the call, the last its end."""
         if self.began is None:
             self.began = self._shown = report.at
         elif report.told is None:
@@ -176,7 +176,7 @@ class Call:
             self._look()
 
     def reports(self) -> Iterator[Any]:
-        """Yield what the call has told since the last time, and what it tells until it ends."""
+        """Yield the reports of the call since the last time, and those until it ends."""
         while True:
             yield from self._told()
             if self.ended is not None:

@@ -44,7 +44,7 @@ def require_children() -> None:
 
 
 class _Script:
-    """Script, module or standard input that this process was started with, as its children are told of it."""
+    """Script, module or standard input that this process was started with, as its children receive it."""
 
     def __init__(self) -> None:
         self._lock, self._blocks = threading.Lock(), 0

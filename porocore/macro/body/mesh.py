@@ -349,7 +349,7 @@ class BodyMesh:
         Raises
         ------
         ConfigurationError
-            It has not; the message begins with ``key`` and a name, and tells all names that are wrong.
+            It has not; the message begins with ``key`` and a name, and has all names that are wrong.
         """
         wrong = [name for name in names if name not in self.surfaces or name in self.unusable]
         if not wrong:

@@ -154,7 +154,7 @@ def _meshed(path: Path, size: float) -> ForeignMesh:
         except ConfigurationError:
             raise
         except Exception as error:  # gmsh raises plain Exception
-            # Of a script gmsh tells the line; of other files no more than that they cannot be read.
+            # Of a script gmsh names the line; of other files no more than that they cannot be read.
             why = (
                 f" ({error})"
                 if suffix.startswith(".geo")

@@ -13,7 +13,7 @@ from scipy import sparse
 
 from porocore.core.echo import joined
 from porocore.core.formulas import TimeFunction, Value
-from porocore.core.units import spoken
+from porocore.core.units import units_now
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import BodyMesh, Facets
 from porocore.macro.boundary.reactions import Share, Support, shares
@@ -550,7 +550,7 @@ def _contradiction(one: Boundary, other: Boundary) -> str:
 def _show(value: Value, name: str) -> str:
     if isinstance(value, TimeFunction):
         return "a function of time"
-    return spoken().text(value + 0.0, "pressure" if name == "p" else "displacement", 6)
+    return units_now().text(value + 0.0, "pressure" if name == "p" else "displacement", 6)
 
 
 def follower_forces(facets: Facets, u: Array, pressure: float) -> Array:

@@ -24,7 +24,7 @@ from scipy.sparse import coo_array, csc_array, diags_array
 from scipy.sparse.linalg import cg, splu
 
 from porocore.core.formulas import TimeFunction
-from porocore.core.units import spoken
+from porocore.core.units import units_now
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.analytic import relaxed
 from porocore.macro.body.kinds import Box
@@ -320,7 +320,7 @@ def unresolved(problem: MacroProblem, limit: float, solution: MacroSolution) -> 
     load = f"{solution.load:g}".replace("-", "−")
 
     def said(duration: float) -> str:
-        return spoken().text(duration, "time", 2)
+        return units_now().text(duration, "time", 2)
 
     return (
         f"Load {load}, law {solution.law}: the largest pressure comes {said(elapsed)} after the start of the loading "

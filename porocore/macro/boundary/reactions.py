@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import sparse
 
-from porocore.core.units import spoken
+from porocore.core.units import units_now
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import BodyMesh, Facets
 from porocore.states import Array, IntArray
@@ -247,9 +247,11 @@ def _find(mesh: BodyMesh, place: Array, key: str) -> tuple[int, Array]:
             if beyond < LEEWAY:
                 return int(cell), xi
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
-    said = partial(spoken().texts, quantity="displacement", digits=6)
+    said = partial(units_now().texts, quantity="displacement", digits=6)
     unit = (
-        "multiples of scales.length where they have no unit" if spoken().given else "lengths as in macro.body"
+        "multiples of scales.length where they have no unit"
+        if units_now().given
+        else "lengths as in macro.body"
     )
     raise ConfigurationError(
         f"{key}: the point {said(place)} lies outside the body, which extends from {said(low)} to {said(high)}; move "

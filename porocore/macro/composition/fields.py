@@ -22,7 +22,7 @@ from porocore.core.files.input_file import FromFile
 from porocore.core.formulas import LONGEST, Expression, TimeFunction
 from porocore.core.models.bounds import MOST_TIMES
 from porocore.core.models.strict import StrictModel
-from porocore.core.units import Dimension, InScales, Unit, spoken
+from porocore.core.units import Dimension, InScales, Unit, units_now
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import tetrahedra, tetrahedron_at
 from porocore.states import Array, IntArray
@@ -193,10 +193,10 @@ def formula_values(text: str, places: Array, time: float, key: str) -> Array:
     values = np.broadcast_to(require_formula(text)(x=x, y=y, z=z, t=time), len(places)).astype(float)
     bad = np.flatnonzero(~np.isfinite(values))
     if len(bad):
-        at = spoken().texts(places[bad[0]], "displacement")
+        at = units_now().texts(places[bad[0]], "displacement")
         raise ConfigurationError(
-            f"{key}: {echo(text)} is no finite number at {at}, t = {spoken().text(time, 'time', 6)}, one of {len(bad)} "
-            f"of {len(places)} points; in a formula coordinates and time are dimensionless"
+            f"{key}: {echo(text)} is no finite number at {at}, t = {units_now().text(time, 'time', 6)}, one of "
+            f"{len(bad)} of {len(places)} points; in a formula coordinates and time are dimensionless"
         )
     return values
 
@@ -416,7 +416,7 @@ def _mesh_data(path: Path, name: str, key: str) -> tuple[Array, Any, Array]:
 
 
 def _text(place: Any) -> str:
-    return spoken().texts(place, "displacement")
+    return units_now().texts(place, "displacement")
 
 
 #: A direction shorter than this, or a sine of two directions below it, determines no axes.
@@ -593,7 +593,7 @@ def _direction(components: Direction, points: Points, time: float, key: str) -> 
 def _unit(vectors: Array, points: Points, key: str, fault: str = "has no length") -> Array:
     length = np.linalg.norm(vectors, axis=1)
     if len(length) and length.min() < SHORTEST:
-        at = spoken().texts(points.places[length.argmin()], "displacement")
+        at = units_now().texts(points.places[length.argmin()], "displacement")
         raise ConfigurationError(f"{key}: the direction {fault} at {at}, so that it gives no axis there")
     return np.asarray(vectors / length[:, None])
 

@@ -13,7 +13,7 @@ from pydantic import Field, Tag, model_validator
 
 from porocore.core.echo import echo, joined, suggestion
 from porocore.core.models.strict import Name, StrictModel, by_kind
-from porocore.core.units import Dimension, spoken
+from porocore.core.units import Dimension, units_now
 from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import ElementCells
 from porocore.macro.body.mesh import BodyMesh
@@ -191,7 +191,7 @@ def region_numbers(mesh: BodyMesh, regions: Mapping[str, Region]) -> IntArray:
         inside = region.holds(mesh, mesh.centres, key).astype(bool)
         if not inside.any():
             low, high = (
-                spoken().texts(end, "displacement") for end in (mesh.centres.min(0), mesh.centres.max(0))
+                units_now().texts(end, "displacement") for end in (mesh.centres.min(0), mesh.centres.max(0))
             )
             raise ConfigurationError(
                 f"{key}: none of the {len(number)} elements has its centre in this region; they lie from {low} to "
@@ -199,7 +199,7 @@ def region_numbers(mesh: BodyMesh, regions: Mapping[str, Region]) -> IntArray:
             )
         if (both := inside & (number > 0)).any():
             other = names[int(number[both][0]) - 1]
-            at = spoken().texts(mesh.centres[both.argmax()], "displacement")
+            at = units_now().texts(mesh.centres[both.argmax()], "displacement")
             raise ConfigurationError(
                 f"{key}: {int(both.sum())} of its {int(inside.sum())} elements lie in the region '{other}' too, one at "
                 f"{at}; regions must not overlap"
@@ -542,18 +542,18 @@ def _require_within(
     if outside.max() <= 1e-9 * (high - low):
         return
     worst = int(rows[outside.argmax()])
-    at = spoken().texts(piece.points.places[worst], "displacement")
-    when = f", t = {spoken().text(time, 'time', 6)}" if piece.field.varies else ""
+    at = units_now().texts(piece.points.places[worst], "displacement")
+    when = f", t = {units_now().text(time, 'time', 6)}" if piece.field.varies else ""
     raw = isinstance(piece.field, MeasuredField) and not piece.field.values
     hint = (
         "; without 'values: [[value in the file, parameter], …]' the file holds the parameter itself"
         if raw
         else ""
     )
-    if isinstance(piece.field, FormulaField) and spoken().given:
+    if isinstance(piece.field, FormulaField) and units_now().given:
         used = [name for name in "xyz" if name in require_formula(piece.field.formula).names]
         count = f"; in its formula {joined(used)} {'is' if len(used) == 1 else 'are'} in multiples of"
-        hint = f"{count} {spoken().text(1.0, 'displacement')}" if used else ""
+        hint = f"{count} {units_now().text(1.0, 'displacement')}" if used else ""
     raise ConfigurationError(
         f"{piece.key}: the field is {values[worst]:.6g} at {at}{when}, beyond the range [{low:g}, {high:g}] of the "
         f"parameter '{name}'; narrow the field, or widen the range{hint}"

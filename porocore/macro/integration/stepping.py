@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from porocore.core.units import spoken
+from porocore.core.units import units_now
 from porocore.errors import SolveError
 from porocore.macro.boundary.conditions import BoundaryData
 from porocore.macro.integration.discretisation import Discretisation
@@ -39,7 +39,7 @@ SAME = 1e-9
 
 @dataclass
 class Stepper:
-    """Step control that proposes steps and is told of their success.
+    """Step control that proposes steps and learns whether they succeed.
 
     Every ramp increment, profile time, corner of the load curve and the end are hit exactly; between two such stops the
     steps are equal and at most ``plan.step`` (``plan.ramp_step`` on the ramp), divided by 2^``halvings``. With
@@ -133,7 +133,7 @@ class Stepper:
         if length <= self.plan.smallest_step * (1 + SAME):
             self.stuck += 1
             if self.stuck >= STUCK:
-                now, least = (spoken().text(t, "time", 6) for t in (self.time, self.plan.smallest_step))
+                now, least = (units_now().text(t, "time", 6) for t in (self.time, self.plan.smallest_step))
                 raise SolveError(
                     f"the macroscale steps before t = {now} are in error by more than time.tolerance = {tolerance:g} "
                     f"at their smallest length {least} (smallest_step), {STUCK} of them in a row: the solution "
@@ -175,9 +175,9 @@ class Stepper:
         failed = self.next() - self.time
         if failed / 2 < self.plan.smallest_step:
             raise SolveError(
-                f"the macroscale step from t = {spoken().text(self.time, 'time', 6)} failed at its smallest length "
-                f"{spoken().text(failed, 'time', 3)} (smallest_step = "
-                f"{spoken().text(self.plan.smallest_step, 'time', 6)}): {reason}{more()}; {GENTLER}"
+                f"the macroscale step from t = {units_now().text(self.time, 'time', 6)} failed at its smallest length "
+                f"{units_now().text(failed, 'time', 3)} (smallest_step = "
+                f"{units_now().text(self.plan.smallest_step, 'time', 6)}): {reason}{more()}; {GENTLER}"
             )
         self.streak = 0
         while self.next() - self.time > failed / 2 * (1 + SAME):
@@ -219,7 +219,7 @@ class ErrorControl:
         """Return the largest Δt² ẍ / 2 of u and of p, each as a share of the largest so far.
 
         ẍ is the change of the rate over half of both steps (Milne's device for backward Euler). Where no rate is known
-        it is told by two steps of half the length, whose error is half that of one [Hairer, Nørsett & Wanner, Solving
+        two steps of half the length give it, whose error is half that of one [Hairer, Nørsett & Wanner, Solving
         Ordinary Differential Equations I, II.4].
 
         Parameters

@@ -44,11 +44,11 @@ class ClosedLaw(MacroLaw):
     Parameters
     ----------
     cell_law
-        Predicts the responses of the cell; it is told the last accepted states too.
+        Predicts the responses of the cell; it is given the last accepted states too.
     closure
         Makes stress, storage and flux of them.
     identity
-        Hash that tells this cell law from every other, such as that of the file it was loaded from; without
+        Hash that distinguishes this cell law from every other, such as that of the file it was loaded from; without
         it the cell law's own is taken (for a surrogate that is the cell's, whatever its weights).
     name
         For reports.
@@ -83,7 +83,7 @@ class ClosedLaw(MacroLaw):
         Raises
         ------
         ValueError
-            The law has parameters, which :meth:`initial_at` is told.
+            The law has parameters, which :meth:`initial_at` is given.
         """
         if self._rest is None:
             raise ValueError(f"expected the parameters {', '.join(self.parameters)}; call initial_at")
@@ -154,7 +154,7 @@ class ClosedLaw(MacroLaw):
         """See :class:`MacroLaw`; the cell law is asked once."""
         # Newton's iteration may ask for anything; what is not finite is for the macro solver to refuse.
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            # Parameters that are missing are told before the cell law is asked.
+            # Parameters that are missing are refused before the cell law is asked.
             cells = self._cells_of(states, memory)
             cell = self._predicted(states, memory, tangent)
             points = [ClosurePoints(states, cell, grad_p, memory, *cells) for grad_p in gradients]

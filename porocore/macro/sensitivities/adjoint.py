@@ -20,7 +20,7 @@ from scipy import sparse
 
 from porocore.core.echo import echo, suggestion
 from porocore.core.fields import Batch, provided
-from porocore.core.units import spoken
+from porocore.core.units import units_now
 from porocore.errors import ConfigurationError, SolveError
 from porocore.interfaces.law import (
     LawMemory,
@@ -609,7 +609,7 @@ class GradientPass:
             try:
                 self._step(step, rows.step(number, step.x, step.dt))
             except StepFailed as failure:
-                when = spoken().text(step.time, "time", 6)
+                when = units_now().text(step.time, "time", 6)
                 raise SolveError(f"the gradients at t = {when} have no solution: {failure}") from failure
         first = rows.start(tape.start) + (self._at_rest(tape.steps[0]) if tape.steps else 0.0)
         first = first[: d.owned]

@@ -15,7 +15,7 @@ import numpy as np
 from scipy import sparse
 
 from porocore.core.fields import provided
-from porocore.core.units import spoken
+from porocore.core.units import units_now
 from porocore.errors import SolveError
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse, MemoryChanges, ResponseChanges
 from porocore.interfaces.sensitivities import HISTORY_SERIES, MacroChange, MacroSensitivities
@@ -229,7 +229,7 @@ class SensitivityTracker:
             self._x, total, self._memory, residuals = equations.solved()
         except StepFailed as failure:
             raise SolveError(
-                f"the derivatives at t = {spoken().text(time, 'time', 6)} have no solution: {failure}"
+                f"the derivatives at t = {units_now().text(time, 'time', 6)} have no solution: {failure}"
             ) from failure
         left = [
             before + record.outflow(residual, each, dt)

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
-from porocore.core.units import spoken
+from porocore.core.units import units_now
 from porocore.interfaces.cell import ElementCells
 from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.macro.body.kinds import Section, most_telling, sections
@@ -137,7 +137,7 @@ def body_figure(solution: MacroSolution, profile: Profile) -> Figure:
     profile
         One of its profiles.
     """
-    units = spoken()
+    units = units_now()
     places = (solution.points + profile.u)[:, [2, 0, 1]] * units.factor("displacement")
     pressure, uniform = _pressure(solution, profile)
     pressure = pressure * units.factor("pressure")
@@ -215,7 +215,7 @@ def _surface(
 
 def length_label(name: str) -> str:
     """Return the label of a coordinate, with the unit of lengths where there is one."""
-    return axis_label(name, "displacement") if spoken().given else name
+    return axis_label(name, "displacement") if units_now().given else name
 
 
 def _frame(axes: Any, places: Array) -> Array:
@@ -285,11 +285,11 @@ def field_along_column(
     """
     figure = new_figure(5.4, 3.4)
     axes = figure.add_subplot()
-    length = spoken().factor("displacement")
+    length = units_now().factor("displacement")
     edges = np.append(line.ends[:, 0], line.ends[-1, 1]) * length
     _bands(axes, line, cells, length)
     for (time, field), colour in zip(values, style.TIME_COLOURS, strict=False):
-        said = f"$t$ = {spoken().text(time, 'time', 6)}" if len(values) > 1 else None
+        said = f"$t$ = {units_now().text(time, 'time', 6)}" if len(values) > 1 else None
         axes.stairs(field[line.elements], edges, baseline=None, color=colour, lw=1.8, label=said)
     axes.set_xlabel(axis_label("position along the column $X_2$", "displacement"))
     axes.set_ylabel(label)
@@ -324,7 +324,7 @@ def field_in_section(among: Sequence[Section], values: Sequence[tuple[float, Arr
     for axes, (time, field) in zip(panels, values, strict=True):
         _image(axes, section, section.image(field), norm=norm, cmap=FIELD_COLOURS)
         if len(values) > 1:
-            axes.set_title(f"$t$ = {spoken().text(time, 'time', 6)}")
+            axes.set_title(f"$t$ = {units_now().text(time, 'time', 6)}")
     figure.colorbar(ScalarMappable(norm, FIELD_COLOURS), ax=list(panels), label=label, shrink=0.8)
     _labels(panels, section)
     return figure
@@ -373,7 +373,7 @@ def axes_in_section(among: Sequence[Section], axes_of: Array, cells: ElementCell
     )
     element = section.element[rows, columns]
     rows, columns, element = (each[element >= 0] for each in (rows, columns, element))
-    length = spoken().factor("displacement")
+    length = units_now().factor("displacement")
     distance = step * max(np.ptp(right) / max(len(right) - 1, 1), np.ptp(up) / max(len(up) - 1, 1)) * length
     places = np.stack([right[columns], up[rows]], axis=1) * length
     for k, colour in enumerate(MATERIAL_AXES):
@@ -393,7 +393,7 @@ def axes_along_column(line: ColumnAxis, axes_of: Array, cells: ElementCells) -> 
     """Draw the components of the first two of the material axes (elements, 3, 3) along a column."""
     figure = new_figure(5.4, 4.4)
     panels = figure.subplots(2, 1, sharex=True)
-    length = spoken().factor("displacement")
+    length = units_now().factor("displacement")
     edges = np.append(line.ends[:, 0], line.ends[-1, 1]) * length
     for k, panel in enumerate(panels):
         _bands(panel, line, cells, length)
@@ -429,7 +429,7 @@ def _panels(section: Section, count: int) -> tuple[Figure, Sequence[Any]]:
 
 
 def _image(axes: Any, section: Section, image: Array, **how: Any) -> None:
-    length = spoken().factor("displacement")
+    length = units_now().factor("displacement")
     (left, right), (bottom, top) = section.ends * length
     axes.imshow(
         image,
@@ -449,7 +449,7 @@ def _labels(panels: Sequence[Any], section: Section) -> None:
     for axes in panels:
         axes.set_xlabel(texts[0])
     panels[0].set_ylabel(texts[1])
-    at = spoken().text(section.at, "displacement", 3)
+    at = units_now().text(section.at, "displacement", 3)
     panels[0].annotate(
         f"$X_{section.across + 1}$ = {at}", (0.0, 0.0), (0, -34), "axes fraction", "offset points",
         fontsize=8, color=style.BLACK, va="top",
@@ -495,7 +495,7 @@ def body_fields(solution: MacroSolution, body: BodyCells, pictures: Pictures) ->
     found += [
         field(
             name,
-            [(time, at * spoken().factor(quantity)) for time, at in values],
+            [(time, at * units_now().factor(quantity)) for time, at in values],
             axis_label(label, quantity),
         )
         for name, values, label, quantity in shown

@@ -13,7 +13,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
 from porocore.cell.meshing.tetrahedra import boundary_facets
-from porocore.core.units import spoken
+from porocore.core.units import units_now
 from porocore.report.figures import style
 from porocore.report.figures.body import pieces, towards
 from porocore.report.figures.style import axis_label, legend_above, lighter, named, new_figure, styled
@@ -125,7 +125,7 @@ def rest_figure(family: FamilySummary, k: int) -> Figure:
     The line is the surrogate with the other parameters in the middle of their ranges, the band with these anywhere in
     them, the dots are the solved members, over a parameter for which these can be compared.
     """
-    parameter, units = family.parameters[k], spoken()
+    parameter, units = family.parameters[k], units_now()
     rows = (len(family.fields) + 1) // 2
     figure = new_figure(6.6, 0.6 + 2.3 * rows)
     panels = figure.subplots(rows, 2, sharex=True, squeeze=False)
@@ -166,7 +166,7 @@ def rest_figure(family: FamilySummary, k: int) -> Figure:
 @styled
 def error_figure(parameter: ParameterRange, k: int, errors: Sequence[GroupErrors]) -> Figure:
     """Draw the errors on held-out states over parameter ``k``, one panel for each output, logarithmic."""
-    factor = spoken().factor(parameter.quantity)
+    factor = units_now().factor(parameter.quantity)
     edges = np.linspace(parameter.lower, parameter.upper, ERROR_BINS + 1) * factor
     figure = new_figure(5.4, 0.7 + 1.75 * len(errors))
     panels = figure.subplots(len(errors), 1, sharex=True, squeeze=False)[:, 0]
@@ -206,7 +206,7 @@ def spread_figure(
     body
         Values in the body and volumes that have them; None: not known.
     """
-    factor = spoken().factor(parameter.quantity)
+    factor = units_now().factor(parameter.quantity)
     edges = np.linspace(parameter.lower, parameter.upper, STATE_BINS + 1) * factor
     figure = new_figure(5.4, 3.0)
     axes = figure.add_subplot()

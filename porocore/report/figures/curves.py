@@ -11,7 +11,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from porocore.core.units import spoken
+from porocore.core.units import units_now
 from porocore.interfaces.solution import History, MacroSolution, Profile
 from porocore.report.figures import style
 from porocore.report.figures.style import axis_label, legend_above, lighter, named, new_figure, styled
@@ -118,7 +118,7 @@ def _draw(
     how: dict[str, Any],
 ) -> None:
     """Draw one solution in all panels; the state at rest is left out of a logarithmic axis."""
-    units, history = spoken(), solution.history
+    units, history = units_now(), solution.history
     by = units.factor("time")
     time, shown = history.time, history.time > 0 if log_time else history.time >= 0
     for axes, panel in zip(rows, panels, strict=True):
@@ -294,7 +294,7 @@ def profile_figure(
     """
     what = _field(quantity)
     times = chosen_times(nonlinear) if times is None else times
-    units = spoken()
+    units = units_now()
     length, factor = units.factor("displacement"), units.factor(what.quantity or "")
     figure = new_figure(5.4, 4.0)
     axes = figure.add_subplot()
@@ -504,7 +504,7 @@ def series_figure(nonlinear: MacroSolution, linear: MacroSolution | None, plain:
     """Draw the panel called ``plain`` against time, the cell's law solid and linear poroelasticity dashed."""
     panel = next(p for p in panels(nonlinear) if p.plain == plain)
     figure = new_figure(5.4, 3.6)
-    axes, t = figure.add_subplot(), spoken().factor("time")
+    axes, t = figure.add_subplot(), units_now().factor("time")
     _draw_series(axes, panel, nonlinear, linear)
     axes.set_xlabel(axis_label("time $t$", "time"))
     bend = early_peak(nonlinear.history.time, panel.curves.values())
@@ -524,7 +524,7 @@ def _draw_series(
 ) -> None:
     """Draw the curves of a panel, against time or the time from ``begin`` on."""
     others = {} if linear is None else {p.plain: p.curves for p in panels(linear)}.get(panel.plain, {})
-    t, factor = spoken().factor("time"), spoken().factor(panel.quantity)
+    t, factor = units_now().factor("time"), units_now().factor(panel.quantity)
 
     def line(solution: MacroSolution, values: Array, **how: Any) -> None:
         time = solution.history.time

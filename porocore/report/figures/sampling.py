@@ -13,7 +13,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from porocore.core.echo import choices
 from porocore.core.inputs import NAMES, InputSpace
-from porocore.core.units import spoken
+from porocore.core.units import units_now
 from porocore.interfaces.solution import MacroSolution
 from porocore.report.context import ReportContext, TrainingCurve
 from porocore.report.figures import style
@@ -81,7 +81,7 @@ def samples_figure(
     axes = figure.add_subplot()
     names = tuple(inputs.names[i] for i in columns)
     known = {"p": "pressure", **(quantities or {})}
-    factors = [spoken().factor(known.get(name, "")) for name in names]
+    factors = [units_now().factor(known.get(name, "")) for name in names]
     plane = _project(x, columns, factors)
     if training is not None and training.any():
         _outline(axes, plane[training])
@@ -152,7 +152,7 @@ def _elsewhere(
     told = []
     for i in others:
         name = inputs.names[i]
-        quantity, units = quantities.get(name, ""), spoken()
+        quantity, units = quantities.get(name, ""), units_now()
         low, high = (number(float(end(x[:, i])) * units.factor(quantity), 2) for end in (np.min, np.max))
         unit = f" {units.name(quantity)}" if quantity and units.given else ""
         told.append(f"{_sign(name)} from {low} to {high}{unit}")
@@ -163,8 +163,8 @@ def _elsewhere(
 def input_label(name: str, quantities: Mapping[str, str] | None = None) -> str:
     """Return the label of an input with its unit; ``quantities`` are those of parameters of the cell."""
     if name == "p":
-        return axis_label("pore pressure $p$", "pressure", spoken())
-    return axis_label(_sign(name), (quantities or {}).get(name, ""), spoken())
+        return axis_label("pore pressure $p$", "pressure", units_now())
+    return axis_label(_sign(name), (quantities or {}).get(name, ""), units_now())
 
 
 def _sign(name: str) -> str:
@@ -218,7 +218,7 @@ def _outline(axes: Axes, points: Array) -> None:
 def _crease(axes: Axes, crease: tuple[float, float], inputs: InputSpace) -> None:
     p = inputs.names.index("p")
     ends = np.array([max(0.0, inputs.lower[p]), inputs.upper[p]])  # it was found for p >= 0
-    shown = ends * spoken().factor("pressure")
+    shown = ends * units_now().factor("pressure")
     axes.plot(
         crease[0] + crease[1] * ends,
         shown,
@@ -239,7 +239,7 @@ def parity_figure(checks: Sequence[OutputCheck]) -> Figure:
     figure = new_figure(4.4 * len(checks), 5.0)
     panels = figure.subplots(2, len(checks), squeeze=False, sharex="col", height_ratios=[3, 1.25])
     for check, parity, error in zip(checks, *panels, strict=True):
-        factor = spoken().factor(check.quantity)
+        factor = units_now().factor(check.quantity)
         solved, predicted = check.solved * factor, check.predicted * factor
         both = np.concatenate([solved, predicted])
         ends = np.array([both.min(), both.max()]) if len(both) else np.array([0.0, 1.0])

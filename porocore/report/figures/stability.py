@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from porocore.cell.stability.map import EVENTS, MapPlan, StabilityLine, eigenvalue_titled, input_factor
 from porocore.cell.stability.modes import FAMILIES, WAVES
 from porocore.core.inputs import NAMES
-from porocore.core.units import spoken
+from porocore.core.units import units_now
 from porocore.report.figures import style
 from porocore.report.figures.style import axis_label, new_figure, styled
 from porocore.states import Array, Status
@@ -92,7 +92,7 @@ def _over_both(plan: MapPlan, lines: Sequence[StabilityLine]) -> Figure:
 
 def _label(name: str) -> str:
     """Return the label of the axis of an input."""
-    return axis_label(SYMBOLS[name], "pressure" if name == "p" else "", spoken())
+    return axis_label(SYMBOLS[name], "pressure" if name == "p" else "", units_now())
 
 
 def _contact(
@@ -142,7 +142,7 @@ def _along(plan: MapPlan, line: StabilityLine) -> Figure:
     figure = new_figure(7.6, 7.6 if asked else 6.0)
     ratios = (1, 1.3, 1, 1) if asked else (1, 1, 1)
     panels = list(figure.subplots(len(ratios), 1, sharex=True, height_ratios=ratios))
-    factor, units = input_factor(plan.leading), spoken()
+    factor, units = input_factor(plan.leading), units_now()
     x, stress = line.states()[:, NAMES.index(plan.leading)] * factor, units.factor("stress")
     for name, waves in FAMILIES.items():
         columns = [WAVES.index(wave) for wave in waves]

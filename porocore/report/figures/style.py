@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import ScalarFormatter
 
 from porocore.core.files.atomic import atomic_path
-from porocore.core.units import ResultUnits, spoken
+from porocore.core.units import ResultUnits, units_now
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -96,7 +96,7 @@ _DIVIDED_BY = {"pressure": r"$\,/E$", "stress": r"$\,/E$", "force": r"$\,/(E L^2
 
 def axis_label(words: str, quantity: str, units: ResultUnits | None = None) -> str:
     """Return the label of an axis, with the unit in brackets, by default that of the study."""
-    units = units or spoken()
+    units = units or units_now()
     by = "" if units.given else _DIVIDED_BY.get(quantity, "")
     return f"{words}{by} [{units.name(quantity)}]"
 

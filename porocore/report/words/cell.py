@@ -9,7 +9,7 @@ from functools import partial
 
 import numpy as np
 
-from porocore.core.units import spoken
+from porocore.core.units import units_now
 from porocore.interfaces.solution import Profile
 from porocore.macro.laws.closure import is_isotropic
 from porocore.macro.laws.linear import VOIGT, EffectiveProperties
@@ -94,12 +94,12 @@ class ComparisonRow:
 
 def cell_rows(cell: CellSummary, published: Published | None) -> list[ComparisonRow]:
     """Return porosity, conductivity and micro–macro tangents of the undeformed cell."""
-    linear, scales = cell.linear, spoken().scales
+    linear, scales = cell.linear, units_now().scales
     said = {} if published is None else _said(published, cell.viscosity)
     rows = [("porosity φ_f", measured(cell.porosity, ""))]
     if cell.image_porosity is not None:
         rows.append(("porosity of the image", measured(cell.image_porosity, "")))
-    viscosity = spoken().text(cell.viscosity, "viscosity")
+    viscosity = units_now().text(cell.viscosity, "viscosity")
     for name, value in symmetric("K", linear.conductivity, _said_of("conductivity")):
         rows.append((f"{name} at μ_f = {viscosity}", measured(value, "conductivity")))
     if scales is not None:

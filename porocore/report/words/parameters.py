@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from porocore.core.units import spoken
+from porocore.core.units import units_now
 from porocore.interfaces.cell import ElementCells
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.mesh import BodyMesh
@@ -52,7 +52,7 @@ class ParameterRange:
 
     def label(self) -> str:
         """Return the name with its unit."""
-        return spoken().titled(self.name, self.quantity)
+        return units_now().titled(self.name, self.quantity)
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,7 +208,7 @@ def parameter_rows(
     """Return name, key, range and least and largest mean over an element of the body of each parameter."""
     rows = []
     for each in family.parameters:
-        factor = spoken().factor(each.quantity)
+        factor = units_now().factor(each.quantity)
 
         def text(ends: tuple[float, float], factor: float = factor) -> str:
             low, high = (number(end * factor) for end in ends)
@@ -300,7 +300,7 @@ def region_rows(body: BodyCells) -> tuple[list[str], list[list[str]]]:
 
     The rest of the body has a row where there is any; a body without regions has one row.
     """
-    units, cells, rows = spoken(), body.cells, []
+    units, cells, rows = units_now(), body.cells, []
     heads = ["region", *(["cell"] if body.cell_names else []), "share of the volume"]
     heads += [units.titled(name, body.quantities.get(name, "")) for name in cells.parameters]
     at = "at t = 0" if cells.varies else "at rest"

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from porocore.core.units import spoken
+from porocore.core.units import units_now
 from porocore.interfaces.solution import DOUBTS, MacroSolution
 from porocore.macro.body.mesh import BodyMesh
 from porocore.report.context import SamplingSummary
@@ -19,7 +19,7 @@ from porocore.states import Array, IntArray, Status
 ROUND_OFF = 1e-6
 #: A heave below this share of the settlement is not told beside it.
 LEAST_HEAVE = 0.05
-#: A suction is told where it is more than this share of the largest pressure. The undershoot of a front is less.
+#: A suction is reported where it is more than this share of the largest pressure. The undershoot of a front is less.
 LEAST_SUCTION = 0.05
 
 
@@ -305,11 +305,13 @@ def flagged_shares(metrics: dict[str, Any]) -> str:
     largest, mean, end = (percent(metrics[f"flagged_{name}"]) for name in ("largest", "time_mean", "end"))
     words = (
         f"Over time the flagged share is at most {largest} of the body and on average {mean}; at the end of the run "
-        f"it is {end}. The first points are flagged at t = {spoken().text(metrics['flagged_first_time'], 'time', 3)}"
+        f"it is {end}. The first points are flagged at t = {units_now().text(metrics['flagged_first_time'], 'time', 3)}"
     )
     whole = metrics["flagged_all_time"]
     words += (
-        "." if whole is None else f", and the whole body is flagged at t = {spoken().text(whole, 'time', 3)}."
+        "."
+        if whole is None
+        else f", and the whole body is flagged at t = {units_now().text(whole, 'time', 3)}."
     )
     reasons = sorted(metrics["flagged_reasons"].items(), key=lambda each: -each[1])
     if not reasons:
@@ -331,7 +333,7 @@ def case_warnings(
     if is_flagged(flagged) and (left_out is None or not left_out.is_small):
         where = where or (
             "No stored profile shows the place. Add the time "
-            f"{spoken().text(flagged['flagged_first_time'], 'time', 3)} to macro.time.profiles."
+            f"{units_now().text(flagged['flagged_first_time'], 'time', 3)} to macro.time.profiles."
         )
         found.append(
             f"Load {load}: parts of the body are flagged. There the estimated error of the surrogate exceeds "

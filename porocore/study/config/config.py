@@ -38,7 +38,7 @@ from porocore.core.units import (
     Unit,
     dimensions,
     length_text,
-    spoken,
+    units_now,
 )
 from porocore.errors import ConfigurationError, PluginError
 from porocore.interfaces.surrogate import Surrogate
@@ -85,7 +85,7 @@ class SweptInput(StrictModel):
         low, high = self.range
         if not low < high:
             # It is not known here that the input is p, whose numbers would be without the unit that was written.
-            ends = "" if spoken().given else f" [{low:g}, {high:g}]"
+            ends = "" if units_now().given else f" [{low:g}, {high:g}]"
             raise ValueError(f"range{ends} is empty; give [lower, upper] with lower < upper")
         return self
 
@@ -351,7 +351,7 @@ def lines_of_cell(name: str | None, lines: Iterable[str]) -> Iterator[str]:
         yield line if name is None else f"{head}cell {name}: {line.removeprefix(head)}"
 
 
-#: A parameter that varies is told apart in so many steps of its range, so that another mesh gives the same values.
+#: A parameter that varies is distinguished in so many steps of its range, so that another mesh gives the same values.
 LATTICE = 40
 #: Digits of a share of a range to which a value that is one everywhere is kept.
 DIGITS = 9
@@ -708,7 +708,7 @@ class RunConfig(StrictModel):
         """Values of the cell's parameters at which states are sampled; empty: their whole ranges.
 
         They are those near which the body has some cell, one row for each combination. A parameter that is one number
-        everywhere keeps it; one that varies is told apart in steps of its range. Of more than
+        everywhere keeps it; one that varies is distinguished in steps of its range. Of more than
         :data:`~porocore.core.inputs.MOST` the farthest are kept.
 
         Raises
@@ -721,7 +721,7 @@ class RunConfig(StrictModel):
         whole, name = self._part_of or (self, None)
         ranges, macro = _ranges_of(whole.cell_named(name)), whole.macro
         if not _given_everywhere(macro, name, ranges):
-            return ()  # a check of the fields tells which one is missing
+            return ()  # a check of the fields names the one that is missing
         all_ranges = [sorted(each.items()) for each in whole.cell_ranges.by_region]
         grounds = json.dumps([macro.specification(), name, all_ranges], default=str, sort_keys=True)
         if grounds not in _known_parameters:

@@ -18,7 +18,15 @@ from porocore.core.echo import echo, suggestion
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted, leaves
 from porocore.core.models.bounds import LARGEST_NUMBER
 from porocore.core.models.strict import StrictModel
-from porocore.core.units import OutputUnits, ResultUnits, Scales, length_text, resolved, speaking, unit_notes
+from porocore.core.units import (
+    OutputUnits,
+    ResultUnits,
+    Scales,
+    length_text,
+    resolved,
+    unit_notes,
+    using_units,
+)
 from porocore.errors import ConfigurationError
 from porocore.macro.body.kinds import Box, Cylinder, QuarterCylinder, Wedge
 from porocore.plugins.discovery import Offered
@@ -209,7 +217,7 @@ def validated(document: YamlDocument, *, alone: bool = False) -> RunConfig:
         data["scales"].setdefault("pore", scales.pore)
     found += faulty
     unread = bool(found)
-    with speaking(_units(data, scales)):
+    with using_units(_units(data, scales)):
         config = _as_model(document, RunConfig, data, found)
     if config is None:
         found += _surfaces_beside(document, found)
@@ -359,7 +367,7 @@ def _without_viscosity(cells: Mapping[Location, Cell]) -> Iterator[tuple[Locatio
 def _scales(document: YamlDocument) -> tuple[Scales | None, list[tuple[Location, str]]]:
     """Return the scales, with which everything else is read, and their faults.
 
-    A cell that tells its own length needs no ``pore``, and none that differs.
+    A cell that has a length of its own needs no ``pore``, and none that differs.
     """
     section = document.data.get("scales")
     if section is None:
@@ -380,7 +388,7 @@ def _scales(document: YamlDocument) -> tuple[Scales | None, list[tuple[Location,
 
 
 def _with_voxel_size(document: YamlDocument, at: Location, text: str) -> str:
-    """Return a complaint about scales, for an image without their pore with the key that tells it."""
+    """Return a complaint about scales, for an image without their pore with the key that gives it."""
     geometry = ("cell", "geometry")
     missing = at == ("scales", "pore") and at not in document
     if not missing or (*geometry, "kind") not in document or document.value((*geometry, "kind")) != "voxels":
@@ -405,7 +413,7 @@ def _beside_the_scales(document: YamlDocument) -> list[tuple[Location, str]]:
 
 
 def _length(document: YamlDocument) -> tuple[float | None, list[tuple[Location, str]]]:
-    """Return the length of the cell in metres where its geometry tells it, as an image with ``voxel_size`` does.
+    """Return the length of the cell in metres where its geometry has it, as an image with ``voxel_size`` does.
 
     And the faults of such a geometry, with which the length is not known.
     """

@@ -62,7 +62,7 @@ def with_sections(offers: Iterable[Offered]) -> type[RunConfig]:
     found: dict[str, Any] = {}
     for offered in offers:
         if isinstance(offered.offer, CommandOffer) and (key := offered.offer.section):
-            with suppress(PluginError):  # 'porocore plugins' tells of a broken one
+            with suppress(PluginError):  # 'porocore plugins' lists a broken one
                 model = make_command(offered).section()
                 said = f"Section of `porocore {offered.offer.name}`; other commands leave it alone."
                 found[key] = (Annotated[model | None, Field(description=said)], None)

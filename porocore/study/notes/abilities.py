@@ -1,4 +1,4 @@
-"""Notes on what a study asks for: abilities of plugins, memory, symmetry, functions of time, voxels."""
+"""Notes on what a study asks of plugins and machine: parts, memory, symmetry of cells, functions of time, voxels."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from porocore.core.inputs import InputSpace
 from porocore.core.models.bounds import LARGEST_PRESSURE, MOST_STATES
 from porocore.core.models.strict import walk
 from porocore.core.tensors import PointGroup
-from porocore.core.units import ResultUnits, Scales, length_text, spoken
+from porocore.core.units import ResultUnits, Scales, length_text, units_now
 from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.macro import MacroSolver
@@ -434,7 +434,7 @@ def check_time_functions(setup: MacroSetup) -> None:
         fault = first_fault(Expression.parse(text, ("t",)), times)
         if fault is not None:
             index, why = fault
-            said = partial(spoken().text, quantity="time", digits=6)
+            said = partial(units_now().text, quantity="time", digits=6)
             key = dotted(("macro", *path, "expression"))
             raise ConfigurationError(
                 f"{key}: {echo(text)} {why} near t = {said(times[index])}, within the run from t = 0 to "
@@ -476,7 +476,7 @@ def late_functions(setup: MacroSetup, units: ResultUnits) -> Iterator[str]:
             )
 
 
-#: Difference of the real from the given size of the elements from which both are told, as a share.
+#: Difference of the real from the given size of the elements from which both are named, as a share.
 SAME_SIZE = 1e-3
 #: Voxels across a wall or a pore that the smoothed image still has.
 SEEN = 2.0

@@ -12,7 +12,7 @@ from porocore.cell.family.family import member_with
 from porocore.cell.meshing.connectivity import blocked, pieces
 from porocore.cell.quality import CLOSED_PORES, closed_pores, grains, measure_mesh_quality
 from porocore.core.files.store import ResultStore
-from porocore.core.units import MULTIPLES, ResultUnits, Scales, speaking
+from porocore.core.units import MULTIPLES, ResultUnits, Scales, using_units
 from porocore.errors import PluginError
 from porocore.macro.laws.linear import SAME, EffectiveProperties
 from porocore.plugins import registry
@@ -114,7 +114,7 @@ def _at_rest(one: RunConfig, name: str | None, store: ResultStore | None) -> Ite
 def table_of_cell(config: RunConfig, found: EffectiveProperties) -> Iterator[str]:
     """Yield the properties of the cell of a configuration at rest as a table, with all that they mean."""
     cell, units = config.cell, config.result_units
-    with speaking(units):
+    with using_units(units):
         yield f"{cell.geometry.description}; {cell.solid.description}"
         yield from (line.strip() for line in edges(cell, config.cell_length))
         rows = [*_flow_rows(config, found), *held_rows(found), *(moduli_rows(found) if found.stiff else ())]

@@ -8,7 +8,7 @@ from porocore.core.echo import joined
 from porocore.core.files.yaml_document import YamlDocument
 from porocore.core.inputs import least_volume, value_text
 from porocore.core.models.bounds import LARGEST_GRADIENT, LARGEST_PRESSURE
-from porocore.core.units import speaking
+from porocore.core.units import using_units
 from porocore.errors import ConfigurationError, PluginError
 from porocore.interfaces.command import FileCheck
 from porocore.interfaces.surrogate import MORE_STATES, Surrogate, least_states
@@ -66,7 +66,7 @@ def check_backends(config: RunConfig, needed: Collection[Kind] | None = None) ->
         scheduler's address, a function of time has no value somewhere, there is no such surface, boundary conditions
         contradict each other, do not hold the body or turn it inside out, or a probe lies outside.
     """
-    with speaking(config.result_units):
+    with using_units(config.result_units):
         _check(config, OF_A_STUDY if needed is None else needed)
 
 

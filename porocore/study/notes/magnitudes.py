@@ -1,4 +1,4 @@
-"""Notes on magnitudes: missing units, prescribed states, times of a run, cells across the body.
+"""Notes on loads and magnitudes: missing units, pulls, plates on parts, times of a run, cells across the body.
 
 Between two surfaces across an axis whose displacements are prescribed, a component of H has a known mean along every
 line that joins them, so it reaches at least this mean somewhere on the line.
@@ -483,7 +483,7 @@ NORMAL = 1e-9
 def separation(config: RunConfig, mesh: BodyMesh) -> Iterator[str]:
     """Yield a note where few cells lie across the body, none without scales, in which the cell has no length.
 
-    The cells along each axis are counted by their own edge along it; the fewest are told.
+    The cells along each axis are counted by their own edge along it; the fewest are named.
     """
     cells, across, check = _across(config, mesh)
     if 1 <= cells < FEW:

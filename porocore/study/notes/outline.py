@@ -11,7 +11,7 @@ from porocore.cell.cell import Cell
 from porocore.cell.conductivity.pore import require_one_cell, require_one_wall
 from porocore.cell.quality import MeshQuality, measure_mesh_quality, quality_lines
 from porocore.core.formulas import TimeFunction, Value
-from porocore.core.units import ResultUnits, speaking
+from porocore.core.units import ResultUnits, using_units
 from porocore.errors import PluginError
 from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.sampler import Sampler
@@ -126,7 +126,7 @@ def cell_outline(config: RunConfig, name: str | None, quality: MeshQuality) -> I
     if cell.materials is not None:
         cell.solid.on(cell.make_mesh("solid", "whole"))
     yield from edges(cell, config.cell_length)
-    with speaking(units):
+    with using_units(units):
         yield f"  {cell.solid.description}, viscosity {units.text(cell.viscosity, 'viscosity')}"
     yield f"  point group {cell.point_group.name} of pores and solid together"
     yield from _without_contact(config.fem.backend, cell)
@@ -134,7 +134,7 @@ def cell_outline(config: RunConfig, name: str | None, quality: MeshQuality) -> I
 
 def _samples(config: RunConfig, name: str | None) -> str:
     sampling, swept = config.sampling, config.input_space()
-    with speaking(config.result_units):
+    with using_units(config.result_units):
         ranges = ", ".join(f"{each} in {swept.range_text(each, 4)}" for each in swept.names)
     count = f", {sampling.options['count']} states" if "count" in sampling.options else ""
     head = "samples" if name is None else f"samples of {name}"
@@ -196,7 +196,7 @@ def _body(config: RunConfig) -> Iterator[str]:
     for k, (name, region) in enumerate(macro.regions.items(), start=1):
         cell = "" if region.cell is None else f": cell {region.cell}"
         yield f"  region {name}, {int((numbers == k).sum())} elements{cell}"
-    with speaking(units):
+    with using_units(units):
         yield from (f"  {line}" for line in covered_lines(sections(macro), (low, high)))
     symmetry = Symmetry.of(macro)
     if symmetry.normals:

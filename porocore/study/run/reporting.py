@@ -16,7 +16,7 @@ from porocore.core.console import Console
 from porocore.core.files.atomic import atomic_path
 from porocore.core.files.plain_data import write_json
 from porocore.core.parallel.calls import CallProcesses
-from porocore.core.units import speaking
+from porocore.core.units import using_units
 from porocore.interfaces.solution import MacroSolution, write_series
 from porocore.macro.boundary.drainage import diffusion_time
 from porocore.macro.linear_systems import work_figures
@@ -57,7 +57,7 @@ def report(folder: RunFolder, *, console: Console, processes: CallProcesses | No
     config = _shown(folder)
     folder = folder.with_config(config)
     with (
-        speaking(config.result_units),
+        using_units(config.result_units),
         timed(folder.timings, "report"),
         console.task("report", "parts") as task,
     ):

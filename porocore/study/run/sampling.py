@@ -10,7 +10,7 @@ from contextlib import ExitStack
 
 from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
-from porocore.core.units import speaking
+from porocore.core.units import using_units
 from porocore.errors import DataError
 from porocore.interfaces.sampler import Sampler
 from porocore.sampling.campaign import CampaignProgress, CampaignSummary, WarmStarts, run_campaign
@@ -59,7 +59,7 @@ def sample(
         ("held-out states", folder.test_dataset, config.stages.test),
     ]
     with ExitStack() as stack:
-        stack.enter_context(speaking(config.result_units))
+        stack.enter_context(using_units(config.result_units))
         stack.enter_context(listening(console.note))
         if config.cell.is_family:
             solve_undeformed(folder, provenance, console=console, retry_lost=retry_lost, store=store)

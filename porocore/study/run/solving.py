@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
 from porocore.core.parallel.calls import Call, CallProcesses, Tell
-from porocore.core.units import ResultUnits, speaking
+from porocore.core.units import ResultUnits, using_units
 from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import StepReport
@@ -69,7 +69,7 @@ def solve(
     kinds = dict(zip(law_names(config.closure, laws, direct_closure), dict.fromkeys(laws), strict=True))
     solver = make_backend("macro solver", config) if solver is None else solver
     with ExitStack() as stack:
-        stack.enter_context(speaking(config.result_units))
+        stack.enter_context(using_units(config.result_units))
         kept = solver.communicator.on_root(partial(_kept, folder, list(kinds), backend))
         missing = [case for case, (stays, _) in kept.items() if not stays]
         own = {kinds[case.law] for case in missing} <= set(USUAL_LAWS) and solver.communicator.size == 1
@@ -234,7 +234,7 @@ def solve_elsewhere(tell: Tell, folder: RunFolder, laws: Sequence[LawKind], case
     """
     config = folder.config
     with ExitStack() as stack:
-        stack.enter_context(speaking(config.result_units))
+        stack.enter_context(using_units(config.result_units))
         # All of them, since the libraries of a surrogate are loaded before those of the solver, as in one process.
         solves = _Here(folder, macro_laws(folder, stack, laws), make_backend("macro solver", config))
         solves.begin(case, tell)
@@ -286,7 +286,7 @@ def body_progress(
 ) -> Iterator[tuple[Callable[[StepReport], None], Callable[[str], None]]]:
     """Show the progress of a macro solve; yield what to call after each step, and with the work between two steps.
 
-    ``clock`` tells the time of the process that solves; by default this one does. ``scale`` returns the factor from the
+    ``clock`` gives the time of the process that solves; by default this one does. ``scale`` returns the factor from the
     numbers of the problem to those of the study, by the quantity, where the problem is in other units.
     """
     time, length = (scale(kind) * units.factor(kind) for kind in ("time", "displacement"))

@@ -17,7 +17,7 @@ from porocore.core.echo import reason
 from porocore.core.files.reading import complete, read_text
 from porocore.core.files.store import ResultStore
 from porocore.core.parallel.calls import Call, CallProcesses, Tell
-from porocore.core.units import speaking
+from porocore.core.units import using_units
 from porocore.errors import DataError, RunFolderError
 from porocore.interfaces.surrogate import Surrogate, TrainingProgress, TrainingSet
 from porocore.states import Array
@@ -86,7 +86,7 @@ def begin_training(folder: RunFolder, processes: CallProcesses, store: ResultSto
     if folder.surrogate.exists():
         return None
     if store is not None and not folder.training_checkpoint.exists():
-        with suppress(DataError):  # which is told when it is trained
+        with suppress(DataError):  # which is refused when it is trained
             config = folder.config
             key = _key(config.surrogate, config.surrogate_model, training_set(folder))
             if store.find("surrogates", key) is not None:
@@ -96,7 +96,7 @@ def begin_training(folder: RunFolder, processes: CallProcesses, store: ResultSto
 
 def train_elsewhere(tell: Tell, folder: RunFolder) -> None:
     """Fit the surrogate in this process and save it; ``tell`` receives the progress."""
-    with speaking(folder.config.result_units):
+    with using_units(folder.config.result_units):
         _fit(folder, training_set(folder), tell)
 
 

@@ -9,7 +9,7 @@ from porocore.core.console import Console
 from porocore.core.echo import echo
 from porocore.core.files.store import ResultStore
 from porocore.core.parallel.calls import Tell
-from porocore.core.units import speaking
+from porocore.core.units import using_units
 from porocore.errors import ConfigurationError, SolveError
 from porocore.interfaces.solution import StepReport
 from porocore.sampling.samplers.macro_driven import MacroDriven
@@ -86,7 +86,7 @@ def run_sweep(
     if len(failures) == len(plan.points):
         raise SolveError(f"no value could be solved; {next(iter(failures.values()))}")
     sweep = ParameterSweep(plan, folder, tuple(series.names), frozenset(failures))
-    with speaking(plan.family.result_units):
+    with using_units(plan.family.result_units):
         write_sweep(sweep)
     if flagged := int(sweep.flagged.sum()):
         console.warn(
@@ -112,7 +112,7 @@ def solve_point(tell: Tell, folder: RunFolder, laws: Sequence[LawKind]) -> str:
     """Solve what is missing of the body of one point, under every load with each law; return no reason of a failure."""
     config, units = folder.config, folder.config.result_units
     with ExitStack() as stack:
-        stack.enter_context(speaking(units))
+        stack.enter_context(using_units(units))
         runs = macro_laws(folder, stack, laws)
         solver = make_backend("macro solver", config)
         done, count = 0, len(runs) * len(config.macro.loads)

@@ -27,7 +27,7 @@ from porocore.surrogates.model import PotentialModel
 from porocore.surrogates.network.separable import SeparableNetwork
 from porocore.surrogates.polynomial.fit import ANCHOR_DEGREE, MOST_PLAIN, SMALLEST_SLOPE, held_out
 from porocore.surrogates.polynomial.monomials import VARIABLES, Polynomial, Terms, invariant, plain
-from porocore.surrogates.potential import STILL, TrainingBox
+from porocore.surrogates.potential import STILL
 from porocore.surrogates.symmetry import (
     Action,
     Equivariance,
@@ -37,6 +37,7 @@ from porocore.surrogates.symmetry import (
     on_variables,
     stabiliser,
 )
+from porocore.surrogates.training_box import TrainingBox
 
 #: Degree in the coordinates beyond what the total degree leaves.
 MORE = 2

@@ -213,7 +213,7 @@ class BoundParts:
 
 
 class Latest(Generic[K, V]):
-    """Values of the last keys that were asked for, which are told apart by identity."""
+    """Values of the last keys that were asked for, which are compared by identity."""
 
     def __init__(self, count: int = 4) -> None:
         self._count = count

@@ -14,7 +14,7 @@ from porocore.core.inputs import InputSpace, SampledRange
 from porocore.states import Array
 from porocore.surrogates.network.network import Network
 from porocore.surrogates.polynomial.monomials import VARIABLES, Polynomial, Terms, plain
-from porocore.surrogates.potential import TrainingBox
+from porocore.surrogates.training_box import TrainingBox
 
 #: Largest exponent of a polynomial, and the number of its monomials' divisors: far beyond any that was fitted.
 MOST_EXPONENT, MOST_DIVISORS = 32, 1_000_000

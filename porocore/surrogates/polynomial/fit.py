@@ -16,7 +16,7 @@ from porocore.surrogates.model import PotentialModel
 from porocore.surrogates.network.separable import SeparableNetwork
 from porocore.surrogates.polynomial.composition import composed
 from porocore.surrogates.polynomial.monomials import Polynomial, Terms, invariant, plain
-from porocore.surrogates.potential import PotentialData, TrainingBox
+from porocore.surrogates.potential import PotentialData
 from porocore.surrogates.symmetry import (
     Equivariance,
     acting_across,
@@ -25,6 +25,7 @@ from porocore.surrogates.symmetry import (
     on_variables,
     stabiliser,
 )
+from porocore.surrogates.training_box import TrainingBox
 
 #: Equations for each coefficient; with fewer, a bad fit need not show in its residual.
 EQUATIONS_PER_TERM = 2

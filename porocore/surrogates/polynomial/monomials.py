@@ -215,7 +215,7 @@ class Polynomial:
 
 
 HIGHEST = 6
-#: Polynomials are told apart by values at random points, modulo a prime so small that sums of products stay exact.
+#: Polynomials are distinguished by values at random points, modulo a prime so small that sums of products stay exact.
 PRIME = 1_048_573
 
 #: Coefficients by exponents of the six components of L.
@@ -308,7 +308,7 @@ class Terms:
     once
         Terms of which a monomial may hold one only: the states tell gradients in their direction, and no more.
     active
-        Variables that states move. On them alone monomials of invariant terms are told apart.
+        Variables that states move. On them alone monomials of invariant terms are distinguished.
     crosswise
         True if a monomial has to hold one of ``once``.
     """
