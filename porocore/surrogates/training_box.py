@@ -1,4 +1,4 @@
-"""Box of the training states (TrainingBox): which states lie outside it, and the saturation of the variables there."""
+"""Box of the training states (TrainingBox): states outside it, and the saturation of the variables there."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Notes on what a study asks of plugins and machine: parts, memory, symmetry of cells, functions of time, voxels."""
+"""Notes on what a study asks of plugins and machine: parts, memory, symmetry, functions of time, voxels."""
 
 from __future__ import annotations
 
