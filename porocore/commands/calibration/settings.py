@@ -85,10 +85,10 @@ class UnknownSettings(StrictModel):
     """One unknown: a number or a profile."""
 
     of: Name | None = None
-    """Number of the study that is fitted: a parameter or another number of the cell, such as ``radius``; ``modulus``
-    (of the whole solid); ``viscosity`` (of the fluid); ``pore`` (edge of the cell); ``load``; a boundary value such as
-    ``boundary.y+.pressure``; or ``time_shift``, which is added to the times of the data; null: the number with the name
-    of the unknown."""
+    """The number in the study that this unknown fits: a parameter or another number of the cell, such as ``radius``;
+    ``modulus`` (of the whole solid); ``viscosity`` (of the fluid); ``pore`` (edge of the cell); ``load``; a boundary
+    value such as ``boundary.y+.pressure``; or ``time_shift``, which is added to the times of the data; null: the number
+    that has the name of the unknown."""
     lower: Value
     """Lower bound of the search."""
     upper: Value
@@ -129,9 +129,9 @@ class ObservationSettings(StrictModel):
 
     quantity: Kind
     """Measured quantity: ``settlement`` (largest in the body); ``heave`` (largest displacement along +y);
-    ``displacement`` of a probe; ``force`` on a surface (positive in compression, or along an axis with ``component``);
-    ``pressure`` (largest in the body, or that of a probe); ``pressure_min`` (smallest in the body, negative under
-    suction); ``drained`` volume; ``inflow`` through a surface."""
+    ``displacement`` of a probe; ``force`` on a surface (positive in compression; with ``component``: the force along
+    this axis, positive in its direction); ``pressure`` (largest in the body, or that of a probe); ``pressure_min``
+    (smallest in the body, negative under suction); ``drained`` volume; ``inflow`` through a surface."""
     surface: Name | None = None
     """Surface of a force or an inflow."""
     probe: Name | None = None
@@ -161,8 +161,8 @@ class ObservationSettings(StrictModel):
     decimal: Literal[".", ","] | None = None
     """Decimal mark of all numbers; null: it is inferred from the numbers."""
     missing: Annotated[tuple[Annotated[str, Field(max_length=60)], ...], Field(max_length=20)] = ()
-    """Texts that mark a missing number, such as ``---`` or ``NaN``. A row with such a text in a column that is read is
-    left out."""
+    """Texts that mark a missing number, such as ``---`` or ``NaN``. If one of the columns that are read has such a text
+    in a row, this row is left out."""
     factor: Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)] = 1.0
     """Factor by which the values are multiplied, such as -1 to change the sign."""
     offset: Value = 0.0
@@ -170,7 +170,8 @@ class ObservationSettings(StrictModel):
     its own unit. It is subtracted before the factor is applied."""
     deviation: Value | None = None
     """Standard deviation of each value. Without a unit it is in the unit of the column and is multiplied by the
-    absolute value of the factor; with a unit it is that of the quantity."""
+    absolute value of the factor. With a unit it is the standard deviation of the quantity after the factor is
+    applied."""
     deviation_share: Annotated[float, Field(gt=0, lt=1), BeforeValidator(_share)] | None = None
     """Standard deviation of each value as a share of the largest absolute value of the curve, such as 0.01."""
     deviation_column: Name | None = None
@@ -237,8 +238,8 @@ class FitSettings(StrictModel):
     tolerance: Annotated[float, Field(ge=1e-14, le=1e-2)] = 1e-8
     """Relative tolerance: a search ends if the sum of squares, or the unknowns, change by less than this share."""
     rounds: Annotated[int, Field(ge=0, le=20)] = 3
-    """Largest number of rounds of further cells, which are solved if the fitted body leaves the range in which the
-    surrogate is trusted."""
+    """Largest number of rounds in which further cells are solved. A round follows if the fitted body leaves the range
+    in which the surrogate is trusted."""
     rays: Annotated[int, Field(ge=0, le=360)] = 16
     """Number of rays by which the 95 % region of the two least determined unknowns is found, fewer if neighbouring rays
     agree; 0: no region."""
