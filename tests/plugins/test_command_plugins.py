@@ -46,6 +46,8 @@ from porocore import Command, FileCheck, StrictModel
 class Counting(StrictModel):
     most: int = 3
     """Last number."""
+    rates: list[float] = []
+    """Of the count."""
 
 class Count(Command):
     def run(self, config: Annotated[Path, typer.Argument()], resume: bool = False) -> None:
@@ -173,6 +175,10 @@ def test_a_file_of_a_commands_own_is_checked(site, tmp_path):
     [
         ({"counting": {"least": 1}}, "counting.least: unknown key; "),
         ({"counting": {"most": "many"}}, "counting.most: expected a whole number, got 'many'"),
+        (
+            {"counting": {"rates": [0.0, float("nan")]}},
+            "counting.rates.1: expected a finite number, got .nan",
+        ),
         ({"counting": [1]}, "counting: expected a section with keys below it, got [1]"),
     ],
 )

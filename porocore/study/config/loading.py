@@ -208,10 +208,11 @@ def validated(document: YamlDocument, *, alone: bool = False) -> RunConfig:
 
     Cells that stand ``alone`` need no regions of a body.
     """
+    whole = document
     document, sections, faulty = _without_sections(document)
     scales, found = _scales(document)
     if found:
-        raise refusal(document, [*found, *faulty, *_beside_the_scales(document)])
+        raise refusal(whole, [*found, *faulty, *_beside_the_scales(document)])
     data, found = resolved(RunConfig, document.data, scales)
     if scales is not None:
         data["scales"].setdefault("pore", scales.pore)
@@ -242,7 +243,7 @@ def validated(document: YamlDocument, *, alone: bool = False) -> RunConfig:
     if found or config is None:
         # A unit that cannot be read is a fault itself.
         notes = [] if unread else list(unit_notes(RunConfig, document.data, scales))
-        raise refusal(document, _with_unit_notes(found, notes))
+        raise refusal(whole, _with_unit_notes(found, notes))
     config._reading = Reading(tuple(unit_notes(RunConfig, document.data, scales)))
     return config
 
