@@ -16,6 +16,7 @@ USED = {
     "macro": ("run", "--macro", "my-macro"),
     "surrogate": ("run", "--surrogate", "my-surrogate"),
     "sampler": ("sample",),
+    "command": ("my-command",),
 }
 pytestmark = pytest.mark.slow
 
@@ -55,8 +56,11 @@ def test_a_new_plugin_is_installed_checked_and_used_without_an_edit(usual, write
     if command == "run":
         assert (tmp_path / out.strip()).name == "report.html"
         assert len(list((tmp_path / "run/solutions").glob("*.h5"))) == 2
-    record = (tmp_path / "run/config.yaml").read_text("utf-8")
-    assert f"{'sampler' if kind == 'sampler' else 'backend'}: {name}" in record
+    if kind == "command":
+        assert (tmp_path / "run/my-command.csv").read_text("utf-8").startswith("size,porosity\n")
+    else:
+        record = (tmp_path / "run/config.yaml").read_text("utf-8")
+        assert f"{'sampler' if kind == 'sampler' else 'backend'}: {name}" in record
     usual.pip("uninstall", "-q", "-y", folder)
 
 
