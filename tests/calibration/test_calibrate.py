@@ -412,7 +412,7 @@ def test_no_further_cells_are_solved_for_data_that_nothing_explains(
     """Values of another sign and unit: it is said before anything else is computed."""
     times, values = done.plan.curves[0].times, done.plan.curves[0].measured
     assert values is not None
-    study = measured(base, tmp_path, 20 * values, times)
+    study = measured(base, tmp_path, 12 * values, times)
     study["calibration"]["fit"]["evaluations"] = 8
     found = porocore.calibrate(study, tmp_path / "out", store=base / "store")
     told = capsys.readouterr().err
@@ -420,7 +420,8 @@ def test_no_further_cells_are_solved_for_data_that_nothing_explains(
     assert found.inference.best.prediction.flagged
     first = told.index("warning: fit: no values of the unknowns explain the data")
     assert "at t = 0 the load of the study begins" in told
-    assert "of the search, 0.5; widen the bounds" in told
+    assert "at the bound of the search, " in told
+    assert "; check the units and signs of the data first; where they are right, widen the bounds" in told
     assert told.index("no further cells are solved there, since they would not explain the data") > first
     assert told.index("intervals: ") > first
     assert any("no further cells were solved there" in warning for warning in found.warnings)
