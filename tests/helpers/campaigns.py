@@ -65,10 +65,11 @@ def session_gone(session: int, within: float = 10.0) -> bool:
         found = set()
         for stat in Path("/proc").glob("[0-9]*/stat"):
             try:
-                of = stat.read_text().rsplit(")", 1)[1].split()[3]
+                state, _, _, of = stat.read_text().rsplit(")", 1)[1].split()[:4]
             except OSError:
                 continue
-            if int(of) == session:
+            # An orphan that has ended stays in the table until the first process of the machine asks for it.
+            if int(of) == session and state != "Z":
                 found.add(int(stat.parent.name))
         return found
 
