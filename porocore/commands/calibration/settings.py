@@ -148,7 +148,8 @@ class ObservationSettings(StrictModel):
     curve."""
     time_unit: Annotated[str, Field(max_length=60)] | None = None
     """Unit of the times, or ``mm:ss`` or ``hh:mm`` for clock times; null: the unit in brackets in the heading, or in a
-    row of units below the headings; without either the times are dimensionless."""
+    row of units below the headings; if there is neither of these, the times are
+    dimensionless."""
     unit: Annotated[str, Field(max_length=60)] | None = None
     """Unit of the values; null: as for ``time_unit``."""
     encoding: Annotated[str, Field(max_length=60), AfterValidator(_encoding)] | None = None
