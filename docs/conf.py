@@ -82,7 +82,7 @@ nitpick_ignore_regex = [
     # The inside of porocore, which the pages of the reference leave out.
     (
         "py:class",
-        r"(porocore\.interfaces\.(cell|macro)\.)?Prepared|porocore\.(cell\.(contact|materials|meshing|stability\.line)|core|macro\.(analytic|problem\.TimePlan)|study\.(api\.solved\.T|config|run\.folder|tuning)"
+        r"(porocore\.interfaces\.(cell|macro)\.)?Prepared|porocore\.(cell\.(contact|materials|meshing|stability\.map)|core|macro\.(analytic|problem\.TimePlan)|study\.(api\.solved\.T|config|run\.folder|tuning)"
         r"|plugins\.kinds\.Scaffold|testing\.sampler_checks|commands\.(calibration|fields\.points|sensitivity\.(plan|results)|representative))\b.*",
     ),
     # An alias of states.py and a class of the core where they are imported for type checkers only.
