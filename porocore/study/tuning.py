@@ -188,8 +188,8 @@ def held_out_errors(predicted: CellResponse, truth: CellResponse, data: Training
 
     Only those components of the stress count that do work on the sampled inputs; the others are not learned.
     """
-    beyond = predicted.flagged
-    inside = np.ones(len(truth), dtype=bool) if beyond is None or beyond.all() else ~beyond
+    flagged = predicted.flagged
+    inside = flagged if flagged.all() else ~flagged
     moved = [column for column in data.inputs.columns if column < 9]
     errors = {}
     for name in ("mean_grad", "stress", "fluid_volume"):

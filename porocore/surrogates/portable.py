@@ -191,7 +191,7 @@ class ModelSurrogate(Surrogate):
                 said += f" of the conductivity or of {mechanics}; both exceed the tolerance" if both else ""
                 said += f" of {mechanics}" if not flows[n] > tolerance else ""
                 said += " of the conductivity" if not errors[n] > tolerance else ""
-                if strange is not None and not strange[n]:
+                if not strange[n]:
                     said += (
                         f"; that of {mechanics} is {100 * errors[n]:.2g} %, within the tolerance, so forces and "
                         "displacements in equilibrium can be relied on, but not the times that flow takes"

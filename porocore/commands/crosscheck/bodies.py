@@ -9,7 +9,6 @@ from itertools import combinations
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from porocore.commands.backends import attempt
 from porocore.commands.crosscheck.comparison import BODY, CELL, SPREAD, STATES, Comparison, SharedSamples
@@ -292,7 +291,7 @@ def load_libraries(names: tuple[str, ...]) -> None:
 def held_out_errors(surrogate: Surrogate, samples: SharedSamples) -> dict[str, float]:
     """Largest error of each response that it predicts, in the range that it knows, as a share of the span."""
     predicted = prediction_of(surrogate, samples.states, tangent=False)
-    inside = _inside(predicted)
+    inside = ~predicted.flagged
     errors = {}
     for response in RESPONSES:
         values, solved = getattr(predicted, response), getattr(samples.solved, response)
@@ -335,7 +334,7 @@ def _compare_surrogates(
     expected = [type(run.surrogate).expected_error for run in (one, other) if run.surrogate is not None]
     # What approximates says so; the others are held to what they were measured to reach.
     declared = sum(expected) if max(expected) > Surrogate.expected_error else 0.0
-    inside = _inside(a) & _inside(b)
+    inside = ~a.flagged & ~b.flagged
     for response in RESPONSES:
         if response in one.errors and response in other.errors:
             values = getattr(a, response)[inside] - getattr(b, response)[inside]
@@ -344,13 +343,6 @@ def _compare_surrogates(
             symbol = RESPONSES[response]
             found.append(Comparison("surrogate", case, symbol, one.name, other.name, difference, tolerance))
     return found
-
-
-def _inside(predicted: CellResponse) -> npt.NDArray[np.bool_]:
-    """Rows within the range that the surrogate was trained on."""
-    if predicted.flagged is None:
-        return np.ones(len(predicted), dtype=bool)
-    return ~predicted.flagged
 
 
 def _largest(difference: Array, span: float) -> float:

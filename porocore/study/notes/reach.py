@@ -209,7 +209,7 @@ def left_out_shear(
         return None
     plain = turned.grad_u * np.eye(3)
     flagged = prediction_of(surrogate, replace(turned, grad_u=plain), tangent=False).flagged
-    if flagged is None or flagged.any():
+    if flagged.any():
         return None
     worst = max((each for each in reached if each.name in shears(NAMES)), key=lambda each: abs(each.value))
     largest = float(np.abs(visited(solution, units)[0].grad_u).max())
@@ -221,7 +221,7 @@ def _worst(solution: MacroSolution, i: int, element: int, surrogate: Surrogate) 
     """Return the first state of an element that the surrogate flags; its mean where it flags none of the points."""
     points = _point_states(solution, BodyMesh(solution.points, solution.cells), i, np.array([element]))
     flagged = prediction_of(surrogate, points, tangent=False).flagged
-    if flagged is None or not flagged.any():
+    if not flagged.any():
         return solution.cell_states(i)[[element]]
     return points[flagged][:1]
 
