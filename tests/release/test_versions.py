@@ -61,8 +61,3 @@ def test_bounds_are_lower_ones(name):
 
 def test_what_is_installed_here_is_this_version():
     assert porocore.__version__ == VERSION, "install again: make test"
-
-
-def test_the_changelog_has_a_section_for_this_version():
-    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
-    assert re.search(rf"^##+ \[?{re.escape(VERSION)}\b", text, re.MULTILINE)
