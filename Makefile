@@ -23,6 +23,7 @@ lint: .venv/.ready-test
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy
+	.venv/bin/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 
 # The site, below build/docs.
 docs: .venv/.ready-test
