@@ -3,8 +3,11 @@
 import errno
 import json
 import re
+import shutil
+import subprocess
 import sys
 import types
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -358,3 +361,17 @@ def test_plugins_lists_what_can_be_done(porocore_command, monkeypatch):
     assert lines[1] == ["surrogate", "torch", "missing", "dependency", "acme", "1.0"]
     assert lines[2] == ["pip", "install", "acme"]
     assert lines[4] == ["ValueError:", "no"]
+
+
+@pytest.mark.parametrize(
+    "words", [("cell", "--help"), ("run", "--sampels", "3"), ("check", "missing.yaml")], ids=" ".join
+)
+def test_the_module_is_the_program(words, tmp_path):
+    """The same output, with the same name of the program, and the same status."""
+    program = shutil.which("porocore", path=Path(sys.executable).parent)
+    (one, other) = (
+        subprocess.run([*command, *words], cwd=tmp_path, capture_output=True, text=True, check=False)
+        for command in ((program,), (sys.executable, "-m", "porocore"))
+    )
+    assert (one.returncode, one.stdout, one.stderr) == (other.returncode, other.stdout, other.stderr)
+    assert one.stdout + one.stderr
