@@ -13,7 +13,7 @@ from porocore.core.inputs import flatten
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
 from porocore.macro.laws.closure import MeanGradientClosure
 from porocore.macro.laws.linear import LinearCellLaw, LinearCoefficients, LinearPoroelasticity
-from porocore.macro.laws.macro_law import ClosedLaw
+from porocore.macro.laws.macro_law import CHUNK, ClosedLaw
 from porocore.macro.problem import Boundary, MacroProblem
 from porocore.states import Array, CellResponse, CellSlopes, CellTangent, MacroState, Status
 
@@ -60,13 +60,15 @@ def respond_by(
 def complex_steps(values: Values, states: MacroState) -> dict[str, Array]:
     """Return the derivatives of values, exact to round-off, by H row by row, p and the parameters on the last axis."""
     z = flatten(states)
-    n, count = z.shape
-    moved = z + 1j * STEP * np.eye(count)[:, None]
-    found = values(moved.reshape(-1, count))
-    return {
-        name: np.moveaxis(np.imag(x).reshape(count, n, *x.shape[1:]) / STEP, 0, -1)
-        for name, x in found.items()
+    count = z.shape[1]
+    steps = 1j * STEP * np.eye(count)[:, None]
+    # So many states at a time that a large body needs no more memory for them than for its matrix.
+    parts = [values((part + steps).reshape(-1, count)) for part in np.array_split(z, len(z) // CHUNK + 1)]
+    joined = {
+        name: np.concatenate([np.imag(part[name]).reshape(count, -1, *x.shape[1:]) for part in parts], axis=1)
+        for name, x in parts[0].items()
     }
+    return {name: np.moveaxis(x / STEP, 0, -1) for name, x in joined.items()}
 
 
 def by_state(slopes: Array) -> tuple[Array, Array]:
