@@ -119,7 +119,7 @@ if [ "$(base_of .venv/bin/python)" = "$(base_of $system)" ]; then
     [ ! -f "constraints/$release.txt" ] || constraints="constraints/$release.txt"
 fi
 if [ "$what" = test ]; then
-    set -- -e ".[dev,docs,release,benchmarks,pictures,dask,parquet,posterior]"
+    set -- -e ".[dev,docs,release,benchmarks,pictures,dask,parquet,posterior,images]"
     for plugin in plugins/*/; do set -- "$@" -e "$plugin"; done
 else
     set -- -e . -e plugins/fem_skfem -e plugins/surrogate_torch

@@ -84,15 +84,40 @@ CANNOT = "not an image that can be read"
 SIZE = "expected an image of 4 to 400 voxels"
 SOLID = "expected an image in three dimensions"
 TYPE = "expected a segmented image"
+NUMBERS = "expected an image of numbers"
+OTHER = "expected an image as .npy, .tif, .tiff, .mhd, .mha, .nii, .nii.gz, .nrrd or .dcm"
 #: Suffix, content, words of the message.
 FAULTS: dict[str, tuple[str, Content, str]] = {
     "missing": (".npy", lambda path: None, "no such file"),
-    "of another kind": (".png", b"\x89PNG", "expected an image as .npy, .tif or .tiff"),
-    "without a suffix": ("", npy(HALF), "expected an image as .npy, .tif or .tiff"),
+    "of another kind": (
+        ".png",
+        b"\x89PNG",
+        OTHER,
+    ),
+    "without a suffix": (
+        "",
+        npy(HALF),
+        OTHER,
+    ),
     "a folder": (
         ".npy",
         folder,
-        "expected slices as .npy, .tif, .tiff, got no files; save the slices as TIFF",
+        "expected slices as .npy, .tif, .tiff, .dcm, got no files; save the slices as TIFF",
+    ),
+    "of voxels alone": (
+        ".raw",
+        b"\0" * 2 * 6**3 + b"\1" * 2 * 6**3,
+        "'NDims = 3', 'DimSize = 6 6 6', 'ElementType = MET_FLOAT', 'ElementDataFile = image.raw'",
+    ),
+    "a header without voxels": (
+        ".mhd",
+        "ObjectType = Image\nElementDataFile = gone.raw\n",
+        ".mhd: ElementDataFile: ",
+    ),
+    "a header of many files": (
+        ".mhd",
+        "ElementDataFile = LIST\na.raw\nb.raw\n",
+        "names one file, such as 'ElementDataFile = image.raw', got 'LIST'; write all voxels into one file",
     ),
     "a named pipe": (".npy", fifo, "got a named pipe"),
     "an endless device": (".npy", link("/dev/zero"), "got a device"),
@@ -154,7 +179,7 @@ FAULTS: dict[str, tuple[str, Content, str]] = {
         declared("(400, 400, 400)"),
         "63,999,488 bytes of its 400 x 400 x 400 voxels are missing",
     ),
-    "of void items of 10^9 bytes": (".npy", declared("(8, 8, 8)", "'|V1000000000'"), TYPE),
+    "of void items of 10^9 bytes": (".npy", declared("(8, 8, 8)", "'|V1000000000'"), NUMBERS),
     "of 3 voxels": (".npy", npy(np.zeros((3, 3, 3), dtype=int)), SIZE),
     "of no voxels": (".npy", npy(np.zeros((0, 0, 0), dtype=int)), SIZE),
     "a number": (".npy", npy(np.array(1)), SOLID),
@@ -171,12 +196,12 @@ FAULTS: dict[str, tuple[str, Content, str]] = {
     ),
     "of 3 voxels along one edge": (".npy", npy(HALF[:, :3]), SIZE),
     "of 401 voxels": (".npy", declared("(401, 401, 401)"), SIZE),
-    "of floats": (".npy", npy(HALF.astype(float)), TYPE),
+    "of floats": (".npy", npy(HALF * 0.5), TYPE),
     "of NaN": (".npy", npy(np.full((8, 8, 8), np.nan)), TYPE),
     "of complex numbers": (".npy", npy(HALF.astype(complex)), "got complex numbers; save one real number"),
-    "of texts": (".npy", npy(HALF.astype("U3")), TYPE),
-    "of dates": (".npy", npy(HALF.astype("datetime64[s]")), TYPE),
-    "of records": (".npy", npy(np.zeros((8, 8, 8), dtype=[("a", "u1")])), TYPE),
+    "of texts": (".npy", npy(HALF.astype("U3")), NUMBERS),
+    "of dates": (".npy", npy(HALF.astype("datetime64[s]")), NUMBERS),
+    "of records": (".npy", npy(np.zeros((8, 8, 8), dtype=[("a", "u1")])), NUMBERS),
     "all pore": (".npy", npy(np.zeros((8, 8, 8), dtype=int)), "got the value 0 in every voxel"),
     "all solid": (".npy", npy(np.ones((8, 8, 8), dtype=int)), "got the value 1 in every voxel"),
     "of 1 and 2": (
@@ -201,7 +226,7 @@ FAULTS: dict[str, tuple[str, Content, str]] = {
     "TIFF, cut between pages": (".tif", tiff_of(8, 8, 9)[:600], "before page 6; copy it again"),
     "TIFF, cut in its data": (".tif", cut_data, "bytes of its voxels are missing; copy it again"),
     "TIFF of one page": (".tif", tiff(HALF[0]), SOLID),
-    "TIFF of floats": (".tif", tiff(HALF.astype(np.float32)), TYPE),
+    "TIFF of floats": (".tif", tiff(HALF * np.float32(0.5)), TYPE),
     "TIFF in colour": (".tif", tiff(np.zeros((8, 8, 8, 3), dtype=np.uint8)), "an image in colour with 3"),
     "TIFF of 10^9 × 10^9": (".tif", tiff_of(10**9, 10**9), SOLID),
     "TIFF of 400 × 400 declared and 8 bytes": (".tif", tiff_of(400, 400, 400), ""),
@@ -226,7 +251,7 @@ SLICES: tuple[tuple[str, str, str, dict[str, Content]], ...] = (
     (
         "that are pictures",
         "scan",
-        "expected slices as .npy, .tif, .tiff, got 2 .png, 1 .txt; save the slices as TIFF",
+        "expected slices as .npy, .tif, .tiff, .dcm, got 2 .png, 1 .txt; save the slices as TIFF",
         {"scan/1.png": b"\x89PNG", "scan/2.png": b"\x89PNG", "scan/log.txt": "of the scanner"},
     ),
     (
@@ -272,8 +297,19 @@ SLICES: tuple[tuple[str, str, str, dict[str, Content]], ...] = (
         "*.tif: s_8.tif: expected a TIFF image, got text",
         slices(s_8="a"),
     ),
+    (
+        "beside a whole image",
+        "scan",
+        "expected slices as .npy, .tif, .tiff, .dcm, got 1 .mhd, 1 .raw; write the path of a.mhd itself",
+        {"scan/a.mhd": "ElementDataFile = a.raw\n", "scan/a.raw": b"12345678"},
+    ),
     ("that are too few", "scan", "expected an image of 4 to 400 voxels", slices(2)),
-    ("of floats", "scan", "expected a segmented image", {"scan/1.tif": tiff(HALF[0].astype(np.float32))}),
+    (
+        "of floats",
+        "scan",
+        "expected a segmented image",
+        {f"scan/{k}.tif": tiff(HALF[0] + np.float32(0.5)) for k in range(8)},
+    ),
 )
 LONG = "x" * 300 + ".npy"
 

@@ -80,13 +80,13 @@ def test_a_tiff_stack_has_its_pages_along_z(tmp_path):
     ("values", "keys", "message"),
     [
         (np.zeros((4, 4, 3), dtype=bool), {}, r"an image of 4 to 400 voxels.*got the shape \(4, 4, 3\)"),
-        (np.zeros((4, 4, 4)), {}, "expected a segmented image.*numbers with decimals"),
+        (np.full((4, 4, 4), 0.5), {}, "expected a segmented image.*numbers with decimals"),
         (
             np.ones((4, 4, 4), dtype=np.uint8),
             {"pore": 3},
             r"got the value 1 in every voxel of",
         ),
-        (np.array([{}, 1], dtype=object), {}, "expected a segmented image.*object"),
+        (np.array([{}, 1], dtype=object), {}, "expected an image of numbers.*object"),
     ],
     ids=["too flat", "grey", "one phase", "pickled"],
 )

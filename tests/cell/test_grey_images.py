@@ -8,7 +8,8 @@ import tifffile
 from scipy.ndimage import gaussian_filter
 
 from porocore.cell.cell import Cell
-from porocore.cell.level_sets.image import GreyValues, read_image, stated_voxel
+from porocore.cell.level_sets.grey_values import GreyValues
+from porocore.cell.level_sets.image import read_image, stated_voxel
 from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.meshing.mesh import MISSED
 from porocore.cell.quality import measure_mesh_quality, quality_lines

@@ -16,7 +16,9 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from porocore.core.files.slices import NPY, TIFF, Slices, foreign, renamed, told_by
+from porocore.cell.level_sets import volumes
+from porocore.cell.level_sets.grey_values import whole
+from porocore.core.files.slices import DICOM, NIFTI, NPY, TIFF, FileKind, Slices, foreign, renamed, told_by
 from porocore.errors import ConfigurationError
 from porocore.states import Array, BoolArray, IntArray
 
@@ -127,7 +129,12 @@ SMALLEST, LARGEST = 4, 400
 MOST = 1_000_000_000
 #: Voxels along an edge above which the share below a level is computed from one point a voxel instead of eight.
 MANY = 96
-SUFFIXES = (*NPY.suffixes, *TIFF.suffixes)
+KINDS = (NPY, TIFF, *volumes.KINDS)
+SUFFIXES = tuple(suffix for kind in KINDS for suffix in kind.suffixes)
+#: What voxels alone may look like by their first bytes.
+BARE = ("text", "a file of zeros alone")
+#: Of files that may be slices.
+SLICE_SUFFIXES = (*NPY.suffixes, *TIFF.suffixes, *DICOM.suffixes)
 #: Units of the resolution of a TIFF by their code; 1 is none.
 RESOLUTION_UNITS = {2: "in", 3: "cm"}
 #: Dots per inch that programs write for screens and paper, which say nothing about a voxel.
@@ -138,11 +145,10 @@ SAVE = "save the image as a TIFF stack, or by numpy.save as an array of numbers 
 _NUMBERS = "convert it, as by image.astype(numpy.uint8), and save it anew"
 #: Types of values by numpy's letter of them, and what to do with those that are none of an image.
 TYPES = {
-    "f": "numbers with decimals", "c": "complex numbers", "O": "Python objects", "U": "texts", "S": "texts",
+    "c": "complex numbers", "O": "Python objects", "U": "texts", "S": "texts",
     "M": "dates", "m": "times", "V": "records",
 }  # fmt: skip
 REMEDIES = {
-    "f": "segment it first, or write 'threshold: otsu' in place of 'pore'",
     "c": "save one real number for each voxel, such as numpy.abs(image)",
     "O": _NUMBERS, "U": _NUMBERS, "S": _NUMBERS, "V": "save one field of the records alone",
 }  # fmt: skip
@@ -152,7 +158,8 @@ def read_image(path: Path, crop: Crop | None = None, *, grey: bool = False) -> n
     """Return the values of the voxels, with indices along x, y and z, of a part of the image or of all of it.
 
     A .npy file holds this array; the pages of a TIFF stack lie along z, its rows along y and its columns along x. So
-    do the files of a folder of slices, or of a pattern of names, by ascending numbers.
+    do the files of a folder of slices, or of a pattern of names, by ascending numbers, those of DICOM by their
+    positions. Of other files x is the axis that is stored fastest, and z the slowest, whatever directions they state.
     Values of a ``grey`` image may be any numbers, else they are whole.
 
     Raises
@@ -160,8 +167,11 @@ def read_image(path: Path, crop: Crop | None = None, *, grey: bool = False) -> n
     ConfigurationError
         The file is no image with whole numbers, or the part is not within it.
     """
-    found = _read(path, lambda shape, dtype: _check(path, shape, dtype, crop, grey), crop)
-    return found.astype(np.int64) if found.dtype == bool else found
+    found = _read(path, lambda shape, dtype: _check(path, shape, dtype, crop), crop)
+    if not grey:
+        _require_whole(path, found)
+    exact = np.issubdtype(found.dtype, np.integer) or (grey and found.dtype != bool)
+    return found if exact else found.astype(np.int64)
 
 
 def open_image(path: Path, *, grey: bool = False) -> npt.NDArray[Any]:
@@ -174,40 +184,65 @@ def open_image(path: Path, *, grey: bool = False) -> npt.NDArray[Any]:
     ConfigurationError
         As :func:`read_image`, but for the limits on the edges.
     """
-    return _read(path, lambda shape, dtype: _check_kind(path, shape, dtype, grey), None)
+    found = _read(path, lambda shape, dtype: _check_kind(path, shape, dtype), None)
+    if not grey:
+        _require_whole(path, found)
+    return found
+
+
+def kind_of(path: Path) -> FileKind | None:
+    """Return the kind of an image that the ending of its name tells, and that of slices; None: it is none."""
+    if (slices := _slices(path)) is not None:
+        path = slices.files[0]
+        if slices.by_position:
+            return DICOM
+    return next((kind for kind in KINDS if path.name.lower().endswith(kind.suffixes)), None)
 
 
 def _read(path: Path, check: Callable[[tuple[int, ...], Any], None], crop: Crop | None) -> npt.NDArray[Any]:
-    if (slices := _slices(path)) is not None:
+    slices, kind = _slices(path), kind_of(path)
+    if slices is not None and not slices.by_position:
         return _read_slices(path, slices.files, check, crop)
-    suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        kind = told_by(path)
-        then = renamed(path, kind, SUFFIXES) or SAVE
+    if kind is None:
+        told, suffix = told_by(path), path.suffix.lower()
+        then = renamed(path, told, SUFFIXES) or SAVE
+        if told is None or told.name in BARE:
+            told = None
+            then = (
+                f"{then}, or, if its voxels stand in it one after the other, give the path of a text file "
+                f"{path.stem}.mhd beside it, with the lines {volumes.header_for(path)}"
+            )
         got = f"'{path.suffix}'" if suffix else "a file without a suffix"
         raise ConfigurationError(
-            f"{path}: expected an image as .npy, .tif or .tiff, got {got}"
-            + (f", {kind.name} by its first bytes" if kind else "")
+            f"{path}: expected an image as {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}, got {got}"
+            + (f", {told.name} by its first bytes" if told else "")
             + f"; {then}"
         )
-    npy = suffix == ".npy"
-    if told := foreign(path, (NPY if npy else TIFF).name, SUFFIXES, SAVE):
-        raise ConfigurationError(f"{path}: {told}")
+    # The header of a MetaImage is text, and what ends in .nii.gz is read whether it is packed or not.
+    if slices is None and (
+        complaint := foreign(
+            path, kind.name, SUFFIXES, SAVE, ("text", NIFTI.name) if kind in volumes.KINDS else ()
+        )
+    ):
+        raise ConfigurationError(f"{path}: {complaint}")
     try:
-        return (_read_npy if npy else _read_tiff)(path, check, crop)
+        if slices is not None:
+            return _part(volumes.read_series(path, slices.files, check), crop)
+        if kind in volumes.KINDS:
+            return _part(volumes.read(path, kind, check), crop)
+        return (_read_npy if kind is NPY else _read_tiff)(path, check, crop)
     except ConfigurationError:
         raise
     except Exception as error:  # readers raise any kind of error on a damaged file
-        what = (NPY if npy else TIFF).name
         raise ConfigurationError(
-            f"{path}: not an image that can be read: expected {what}, got one that is damaged or cut short; copy it "
-            f"again, or {SAVE}"
+            f"{path}: not an image that can be read: expected {kind.name}, got one that is damaged or cut short; copy "
+            f"it again, or {SAVE}"
         ) from error
 
 
 def _slices(path: Path) -> Slices | None:
     try:
-        return Slices.at(path, SUFFIXES)
+        return Slices.at(path, SLICE_SUFFIXES)
     except ValueError as error:
         raise ConfigurationError(str(error)) from None
 
@@ -386,14 +421,22 @@ def _opened(path: Path) -> Any:
 
 
 def stated_voxel(path: Path) -> tuple[tuple[float, float, float], str] | None:
-    """Return the edges of a voxel along x, y, z and their unit, as a TIFF file states them.
+    """Return the edges of a voxel along x, y, z and their unit, as a file states them.
 
-    Those of ImageJ and OME state all three, others the first two with z NaN. None: it states none.
+    A TIFF of ImageJ or OME states all three, another one and a slice the first two with z NaN. None: it states none.
     """
-    if path.suffix.lower() not in TIFF.suffixes:
+    kind = kind_of(path)
+    if kind in volumes.KINDS:
+        try:
+            edges_read = volumes.edges(path, kind, _series(path))
+        except (ConfigurationError, RuntimeError, OSError):
+            return None
+        return None if edges_read is None else (edges_read, volumes.UNIT)
+    if kind is not TIFF:
         return None
+    slices = _slices(path)
     try:
-        with _opened(path) as file:
+        with _opened(path if slices is None else slices.files[0]) as file:
             if (ome := file.ome_metadata) is not None:
                 edges = [re.search(rf'PhysicalSize{axis}="([\d.eE+-]+)"', ome) for axis in "XYZ"]
                 unit = re.search(r'PhysicalSizeXUnit="([^"]+)"', ome)
@@ -413,18 +456,36 @@ def stated_voxel(path: Path) -> tuple[tuple[float, float, float], str] | None:
         return None
     if len(found) < 3 or any(edge <= 0 or edge == math.inf for edge in found) or name.startswith("pixel"):
         return None
-    return (found[0], found[1], found[2]), name
+    return (found[0], found[1], found[2] if slices is None else math.nan), name
+
+
+def remarks(path: Path) -> tuple[str, ...]:
+    """Return sentences on slices that are missing, and on other doubts about a file."""
+    slices, kind = _slices(path), kind_of(path)
+    gaps = "" if slices is None else slices.gaps
+    if kind not in volumes.KINDS:
+        return (gaps,) if gaps else ()
+    return volumes.remarks(path, kind, _series(path), lambda: open_image(path, grey=True))
+
+
+def _series(path: Path) -> tuple[Path, ...]:
+    """Return the files of a DICOM series; none for one file."""
+    slices = _slices(path)
+    return () if slices is None else slices.files
 
 
 def reversed_by(path: Path, low: float, high: float) -> str:
-    """Return the property of a TIFF file by which a viewer shows its low values brighter than its high ones.
+    """Return the property of a file by which a viewer shows its low values brighter than its high ones.
 
     Empty: it has none, as every other file. Values are read as they are stored, as in ImageJ and scikit-image. The
     first one counts for a stack of slices.
     """
-    if (slices := _slices(path)) is not None:
+    kind, slices = kind_of(path), _slices(path)
+    if slices is not None:
         path = slices.files[0]
-    if path.suffix.lower() not in TIFF.suffixes:
+    if kind is DICOM and volumes.shown_reversed(path):
+        return "its tag PhotometricInterpretation is MONOCHROME1"
+    if kind is not TIFF:
         return ""
     with _opened(path) as file:
         page = file.pages[0]
@@ -442,14 +503,22 @@ def _part(image: npt.NDArray[Any], crop: Crop | None) -> npt.NDArray[Any]:
     return image if crop is None else image[tuple(slice(first, end) for first, end in crop)]
 
 
-def _check_kind(path: Path, shape: tuple[int, ...], dtype: Any, grey: bool) -> None:
-    """Refuse what is no image in three dimensions, or no segmented one where it must be, before it is read."""
-    kinds = (np.bool_, np.integer, *((np.floating,) if grey else ()))
-    if dtype is None or not any(np.issubdtype(dtype, kind) for kind in kinds):
-        kind = "" if dtype is None else dtype.kind
-        what = "an image of numbers" if grey else "a segmented image, of whole numbers or of true and false"
+def _require_whole(path: Path, image: npt.NDArray[Any]) -> None:
+    """Refuse an image with decimals, which is no segmented one."""
+    if np.issubdtype(image.dtype, np.floating) and not all(map(whole, image)):
         raise ConfigurationError(
-            f"{path}: expected {what}, got {TYPES.get(kind, 'values of an unknown type')}; {REMEDIES.get(kind, SAVE)}"
+            f"{path}: expected a segmented image, of whole numbers or of true and false, got numbers with decimals; "
+            "segment it first, or write 'threshold: otsu' in place of 'pore'"
+        )
+
+
+def _check_kind(path: Path, shape: tuple[int, ...], dtype: Any) -> None:
+    """Refuse what is no image in three dimensions before it is read."""
+    if dtype is None or not any(np.issubdtype(dtype, kind) for kind in (np.bool_, np.integer, np.floating)):
+        kind = "" if dtype is None else dtype.kind
+        raise ConfigurationError(
+            f"{path}: expected an image of numbers, got {TYPES.get(kind, 'values of an unknown type')}; "
+            f"{REMEDIES.get(kind, SAVE)}"
         )
     got = " x ".join(map(str, shape))[:80]
     if len(shape) != 3:
@@ -470,9 +539,9 @@ def _check_kind(path: Path, shape: tuple[int, ...], dtype: Any, grey: bool) -> N
         )
 
 
-def _check(path: Path, shape: tuple[int, ...], dtype: Any, crop: Crop | None, grey: bool) -> None:
+def _check(path: Path, shape: tuple[int, ...], dtype: Any, crop: Crop | None) -> None:
     """Refuse an image of which the part that is used can be no cell, before it is read."""
-    _check_kind(path, shape, dtype, grey)
+    _check_kind(path, shape, dtype)
     got = f"got the shape {str(tuple(shape))[:80]}"
     if crop is not None:
         if any(not first < end <= length for (first, end), length in zip(crop, shape, strict=True)):
@@ -601,116 +670,3 @@ def _spline(t: Array) -> tuple[Array, Array]:
     weights = np.stack([s**3, 4 - 6 * t**2 + 3 * t**3, 4 - 6 * s**2 + 3 * s**3, t**3], axis=-1) / 6
     rates = np.stack([-(s**2), 3 * t**2 - 4 * t, 4 * s - 3 * s**2, t**2], axis=-1) / 2
     return weights, rates
-
-
-#: Distinct values of a segmented image: pores, and a handful of phases of the solid.
-HANDFUL = 6
-#: Whole numbers are counted one by one within this span.
-SPAN = 1 << 20
-#: Intervals in which other numbers are counted.
-INTERVALS = 1024
-
-
-@dataclass(frozen=True, eq=False)
-class GreyValues:
-    """Values of the voxels, ascending, and how many voxels have each.
-
-    Attributes
-    ----------
-    values, counts : (m,)
-        Distinct values; of other than whole numbers, the middles of equal intervals that are not empty.
-    """
-
-    values: Array
-    counts: IntArray
-
-    @classmethod
-    def of(cls, image: npt.NDArray[Any]) -> GreyValues:
-        """Count the values of an image, layer by layer, so that a file that is read as needed stays on the disk."""
-        if not np.issubdtype(image.dtype, np.floating):
-            low, high = int(min(map(np.min, image))), int(max(map(np.max, image)))
-            if high - low < SPAN:
-                counts = sum(
-                    np.bincount((layer.astype(np.int64) - low).ravel(), minlength=high - low + 1)
-                    for layer in image
-                )
-                found = np.flatnonzero(counts)
-                return cls(found + float(low), np.asarray(counts)[found])
-            values, counts = np.unique(image, return_counts=True)
-            return cls(values.astype(np.float64), counts)
-        known = [layer[np.isfinite(layer)].astype(np.float64) for layer in image]
-        if not (count := sum(map(len, known))):
-            return cls(np.zeros(0), np.zeros(0, dtype=np.int64))
-        low, high = min(x.min() for x in known if len(x)), max(x.max() for x in known if len(x))
-        if low == high:
-            return cls(np.array([low]), np.array([count]))
-        edges = np.linspace(low, high, INTERVALS + 1)
-        counts = np.asarray(sum(np.histogram(x, edges)[0] for x in known))
-        found = np.flatnonzero(counts)
-        return cls(((edges[1:] + edges[:-1]) / 2)[found], counts[found])
-
-    @cached_property
-    def otsu(self) -> float:
-        """Threshold after which the variance between both classes is largest [Otsu, IEEE Trans. SMC 9 (1979) 62].
-
-        It lies in the middle between two values; of equally good ones, as in the gap between two peaks, in the middle
-        of them all.
-        """
-        if len(self.values) < 2:
-            return float(self.values[0])
-        share = np.cumsum(self.counts) / self.counts.sum()
-        moment = np.cumsum(self.counts * self.values) / self.counts.sum()
-        below, above = share[:-1], 1 - share[:-1]
-        between = (moment[-1] * below - moment[:-1]) ** 2 / (below * above)
-        best = np.flatnonzero(between >= between.max() * (1 - 1e-12))
-        return float((self.values[best[0]] + self.values[best[-1] + 1]) / 2)
-
-    def share(self, threshold: float) -> float:
-        """Return the share of the voxels at or below a threshold."""
-        return float(self.counts[self.values <= threshold].sum() / self.counts.sum())
-
-    @property
-    def extent(self) -> str:
-        """The values with the numbers of their voxels, or how many values there are and how far they reach."""
-        if len(self.values) <= HANDFUL:
-            return ", ".join(f"{v:g} ({n:,})" for v, n in zip(self.values, self.counts, strict=True))
-        return f"{len(self.values):,} distinct ones from {self.values[0]:g} to {self.values[-1]:g}"
-
-
-def assumed(grey: GreyValues, pore: int) -> tuple[str, ...]:
-    """Return a sentence on which of two values was taken for the pores without being told; none for other images."""
-    if len(grey.values) != 2 or pore not in grey.values:
-        return ()
-    (other,) = (value for value in grey.values if value != pore)
-    share = 100 * float(grey.counts[grey.values == pore].sum() / grey.counts.sum())
-    return (
-        f"cell.geometry.pore is not given, so the voxels of the value {pore} are pores, {share:.3g} %, and those of "
-        f"{other:g} are solid; if it is the other way round, write 'pore: {other:g}'",
-    )
-
-
-def not_segmented(grey: GreyValues, pore: int) -> tuple[str, ...]:
-    """Return a sentence on an image that is not segmented, with a threshold; none for one of a handful of values."""
-    if len(grey.values) <= HANDFUL:
-        return ()
-    taken = 100 * float(grey.counts[grey.values == pore].sum() / grey.counts.sum())
-    dark = grey.share(grey.otsu)
-    return (
-        f"the image is not segmented, its values are {grey.extent}, and 'pore: {pore}' takes {taken:.3g} % of the "
-        f"voxels; 'threshold: otsu' in its place parts them at {grey.otsu:g} and takes the darker {100 * dark:.3g} %, "
-        f"with 'bright_pores: true' the brighter {100 - 100 * dark:.3g} %",
-    )
-
-
-def phases(grey: GreyValues, pore: int) -> tuple[str, ...]:
-    """Return a sentence on a segmented image of more than two values; none for others."""
-    if not 2 < len(grey.values) <= HANDFUL:
-        return ()
-    total = grey.counts.sum()
-    shares = ", ".join(
-        f"{v:g} ({100 * n / total:.3g} %)" for v, n in zip(grey.values, grey.counts, strict=True)
-    )
-    return (
-        f"the image has {len(grey.values)} values: {shares}; voxels of the value {pore} are pores, all others are one "
-        "solid",
-    )

@@ -14,19 +14,17 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, mod
 
 from porocore.cell.geometry.pore_geometry import CUBE, Sides, Unfolding, unit_sides
 from porocore.cell.level_sets.cutting import SPECKS, LevelSetGeometry, mesh_level_set
+from porocore.cell.level_sets.grey_values import GreyValues, assumed, not_segmented, phases
 from porocore.cell.level_sets.image import (
+    SLICE_SUFFIXES,
     SMALLEST,
-    SUFFIXES,
     Cleaned,
-    GreyValues,
     SmoothImage,
     across,
-    assumed,
     clean,
-    not_segmented,
     open_image,
-    phases,
     read_image,
+    remarks,
     reversed_by,
     stated_voxel,
 )
@@ -139,10 +137,11 @@ class Voxels(FromFile, LevelSetGeometry):
     blended into each other. The steps of the voxels are smoothed, with the same share of pores.
     """
 
-    slice_suffixes: ClassVar[tuple[str, ...]] = SUFFIXES
+    slice_suffixes: ClassVar[tuple[str, ...]] = SLICE_SUFFIXES
     kind: Literal["voxels"]
-    """A segmented image of equal voxels from a ``.npy`` or TIFF file, or from slices along z in files of their own:
-    ``path`` is that of their folder, or a pattern such as ``slices/scan_*.tif``."""
+    """A segmented or grey image of equal voxels from a ``.npy``, TIFF, MetaImage, NIfTI or NRRD file, or from slices
+    along z in files of their own, those of DICOM too: ``path`` is that of their folder, or a pattern such as
+    ``slices/scan_*.tif``."""
     pore: int = 0
     """Value of the voxels in the pores; all others are solid."""
     threshold: Annotated[float, Field(allow_inf_nan=False)] | Literal["otsu"] | None = None
@@ -242,8 +241,7 @@ class Voxels(FromFile, LevelSetGeometry):
         """Sentences on a file of any size that is not segmented, lacks slices, or looks otherwise in a viewer."""
         grey = _grey(Path(self.path), self.sha256)
         found = not_segmented(grey, self.pore) if self.threshold is None else self._of_threshold(grey)
-        gaps = "" if self.slices is None else self.slices.gaps
-        return (*([gaps] if gaps else ()), *self._of_view(grey), *found)
+        return (*remarks(Path(self.path)), *self._of_view(grey), *found)
 
     def _of_threshold(self, grey: GreyValues) -> tuple[str, ...]:
         """Return a sentence on a given threshold that takes nearly all or nearly no voxels for pores."""

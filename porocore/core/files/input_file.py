@@ -10,6 +10,7 @@ from pydantic import BaseModel, Field, field_validator, model_validator
 from pydantic_core.core_schema import ValidationInfo
 
 from porocore.core.echo import echo_path
+from porocore.core.files.metaimage import data_file
 from porocore.core.files.reading import require_ordinary
 from porocore.core.files.slices import Slices, has_signs
 from porocore.errors import ConfigurationError
@@ -104,17 +105,17 @@ def absolute_path(given: str, info: ValidationInfo, suffixes: tuple[str, ...] = 
 def _fault(path: Path, suffixes: tuple[str, ...]) -> str | None:
     """Return why a path leads to no file, or to no slices with these suffixes; None if it does."""
     try:
-        slices = Slices.at(path, suffixes) if suffixes else None
+        files = _files(path, suffixes)
     except ValueError as error:
         return str(error)
-    files = (path,) if slices is None else slices.files
     left = LARGEST
     for file in files:
         try:
             require_ordinary(file, LARGEST)
             left -= file.stat().st_size
         except OSError as error:
-            return f"{echo_path(file)}: {error.strerror or error}"
+            named = f"{echo_path(path)}: ElementDataFile: " if file != path == files[0] else ""
+            return f"{named}{echo_path(file)}: {error.strerror or error}"
     if left < 0:
         return (
             f"{echo_path(path)}: expected slices of at most {LARGEST / 1e9:.3g} GB together; leave some out"
@@ -122,17 +123,27 @@ def _fault(path: Path, suffixes: tuple[str, ...]) -> str | None:
     return None
 
 
+def _files(path: Path, suffixes: tuple[str, ...]) -> tuple[Path, ...]:
+    """Return the files whose content counts: slices, or the one of the path with that of the voxels that it names."""
+    if not suffixes:
+        return (path,)
+    if (slices := Slices.at(path, suffixes)) is not None:
+        return slices.files
+    data = data_file(path)
+    return (path,) if data is None else (path, data)
+
+
 def content_hash(path: Path, suffixes: tuple[str, ...] = ()) -> str:
-    """Return the SHA-256 of a file in hexadecimal digits; of slices that of all their names and contents.
+    """Return the SHA-256 of a file in hexadecimal digits; of several files that of all their names and contents.
 
     Raises
     ------
     ValueError
         It cannot be read.
     """
-    slices = Slices.at(path, suffixes) if suffixes else None
-    if slices is not None:
-        lines = (f"{content_hash(file)}  {file.name}\n" for file in slices.files)
+    files = _files(path, suffixes)
+    if files != (path,):
+        lines = (f"{content_hash(file)}  {file.name}\n" for file in files)
         return hashlib.sha256("".join(lines).encode("utf-8", "surrogateescape")).hexdigest()
     try:
         with path.open("rb") as file:

@@ -13,6 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from porocore.core.echo import echo_path
+from porocore.core.files import metaimage
 from porocore.core.files.reading import obstacle
 
 _NUMBER = re.compile("([0-9]+)")
@@ -30,10 +31,13 @@ class Slices:
         By ascending numbers, such that 2 is before 10.
     left_out
         Names of other files at the same place.
+    by_position
+        True for DICOM files, which state where they are; their names need to have no numbers.
     """
 
     files: tuple[Path, ...]
     left_out: tuple[str, ...]
+    by_position: bool = False
 
     @classmethod
     def at(cls, path: Path, suffixes: tuple[str, ...]) -> Slices | None:
@@ -56,22 +60,33 @@ class Slices:
             fault = obstacle(folder) or "no such folder" if not folder.is_dir() else error.strerror
             raise ValueError(f"{echo_path(folder)}: {fault}") from None
         matching = [name for name in present if whole or fnmatchcase(name, path.name)]
-        found = [name for name in matching if name.lower().endswith(suffixes) and (folder / name).is_file()]
+        ordinary = [name for name in matching if (folder / name).is_file()]
+        found = [name for name in ordinary if name.lower().endswith(suffixes)]
+        if not found and DICOM.suffixes[0] in suffixes:  # scanners often write names without a suffix
+            found = [name for name in ordinary if _is_dicom(folder / name)]
+        by_position = bool(found) and not any(
+            name.lower().endswith((*NPY.suffixes, *TIFF.suffixes)) for name in found
+        )
         if not found:
             expected = f"expected slices as {', '.join(suffixes)}"
             kinds = _kinds(folder, matching or present)
             if whole or matching:
-                raise ValueError(f"{place}: {expected}, got {kinds}; save the slices as TIFF")
+                whole_image = next((name for name in ordinary if name.lower().endswith(WHOLE)), None)
+                then = f"write the path of {whole_image} itself" if whole_image else "save the slices as TIFF"
+                raise ValueError(f"{place}: {expected}, got {kinds}; {then}")
             raise ValueError(
                 f"{place}: {expected}, got no name of this pattern in a folder of {kinds}; check the pattern"
             )
-        _require_one_stack(place, folder, found)
+        if not by_position:
+            _require_one_stack(place, folder, found)
         files = tuple(folder / name for name in sorted(found, key=_numbers))
-        return cls(files, tuple(name for name in matching if name not in set(found)))
+        return cls(files, tuple(name for name in matching if name not in set(found)), by_position)
 
     @property
     def gaps(self) -> str:
         """A sentence on numbers that are missing between the first and the last; empty where none are."""
+        if self.by_position:
+            return ""
         columns = [set(column) for column in zip(*(_numbers(file.name) for file in self.files), strict=True)]
         # Of a name with two numbers that change, such as a time and a count, neither needs to be without gaps.
         changing = [sorted(column) for column in columns if len(column) > 1]
@@ -90,7 +105,12 @@ class Slices:
     @property
     def summary(self) -> str:
         """A sentence on the slices along z, and on files that are left out."""
-        told = f"{len(self.files)} slices along z, from {self.files[0].name} to {self.files[-1].name}"
+        order = (
+            "by their positions"
+            if self.by_position
+            else f"from {self.files[0].name} to {self.files[-1].name}"
+        )
+        told = f"{len(self.files)} slices along z, {order}"
         if not self.left_out:
             return told
         names = ", ".join(self.left_out[:MOST_NAMES]) + (", …" if self.left_out[MOST_NAMES:] else "")
@@ -126,6 +146,13 @@ def _numbers(name: str) -> tuple[int, ...]:
     return tuple(map(int, _NUMBER.findall(name)))
 
 
+def _is_dicom(path: Path) -> bool:
+    try:
+        return path.name.upper() != "DICOMDIR" and told_by(path) is DICOM
+    except OSError:
+        return False
+
+
 def _kinds(folder: Path, names: list[str]) -> str:
     """Return how many files of each kind there are."""
     counts = Counter(
@@ -157,6 +184,14 @@ _UNPACK = "unpack it first"
 _DOWNLOAD = "fetch the file itself again"
 TIFF = FileKind("a TIFF image", (".tif", ".tiff"))
 NPY = FileKind("a .npy file of NumPy", (".npy",))
+DICOM = FileKind("a DICOM file", (".dcm",))
+META = FileKind("a MetaImage", metaimage.SUFFIXES)
+NIFTI = FileKind("a NIfTI image", (".nii", ".nii.gz"))
+NRRD = FileKind("an NRRD image", (".nrrd",))
+#: Endings of files that are whole images of three dimensions, read by SimpleITK.
+WHOLE = (*META.suffixes, *NIFTI.suffixes, *NRRD.suffixes)
+#: Kinds by bytes at a place inside.
+_WITHIN: tuple[tuple[int, bytes, FileKind], ...] = ((128, b"DICM", DICOM), (344, b"n+1\0", NIFTI))
 _ZIP = FileKind("a ZIP archive", (".zip", ".npz"), _UNPACK)
 _KINDS: tuple[tuple[bytes, FileKind], ...] = (
     (b"\x93NUMPY", NPY),
@@ -167,8 +202,8 @@ _KINDS: tuple[tuple[bytes, FileKind], ...] = (
     (b"\x89PNG", FileKind("a PNG picture", (".png",))),
     (b"\xff\xd8\xff", FileKind("a JPEG picture", (".jpg", ".jpeg"))),
     (b"GIF8", FileKind("a GIF picture", (".gif",))),
-    (b"NRRD", FileKind("an NRRD image", (".nrrd",))),
-    (b"ObjectType", FileKind("a MetaImage", (".mha", ".mhd"))),
+    (b"NRRD", NRRD),
+    (b"ObjectType", META),
     (b"PK\x03\x04", _ZIP),
     (b"PK\x05\x06", _ZIP),
     (b"\x1f\x8b", FileKind("a file packed by gzip", (".gz",), _UNPACK)),
@@ -211,6 +246,9 @@ def told_by(path: Path) -> FileKind | None:
     lines = begin.removeprefix(b"\xef\xbb\xbf").lstrip()
     if lines.startswith(b"<?xml"):
         lines = lines.partition(b"?>")[2].lstrip()
+    for place, magic, kind in _WITHIN:
+        if begin[place : place + len(magic)] == magic:
+            return kind
     for magic, kind in _KINDS:
         if begin.startswith(magic) or (magic.startswith(b"<") and lines.lower().startswith(magic.lower())):
             return kind

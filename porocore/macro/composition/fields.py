@@ -15,7 +15,7 @@ from typing import Annotated, Any, ClassVar, Literal
 import numpy as np
 from pydantic import AfterValidator, Discriminator, Field, Tag, field_validator, model_validator
 
-from porocore.cell.level_sets.image import SUFFIXES, open_image, reversed_by
+from porocore.cell.level_sets.image import SLICE_SUFFIXES, open_image, remarks, reversed_by
 from porocore.core.echo import echo, suggestion
 from porocore.core.files.foreign_mesh import CORNERS, read_mesh
 from porocore.core.files.input_file import FromFile
@@ -269,10 +269,10 @@ class MeasuredField(FromFile, ParameterField):
 class ImageField(MeasuredField):
     """A stack of images, each voxel of which has one value; it has to cover the body."""
 
-    slice_suffixes: ClassVar[tuple[str, ...]] = SUFFIXES
+    slice_suffixes: ClassVar[tuple[str, ...]] = SLICE_SUFFIXES
     kind: Literal["image"]
-    """A stack of images from a ``.npy`` file with the axes [x, y, z], a TIFF file with a page for each z, or a folder
-    (or pattern of names) of such slices."""
+    """A stack of images from a ``.npy`` file with the axes [x, y, z], a TIFF file with a page for each z, a MetaImage,
+    NIfTI or NRRD file, or a folder (or pattern of names) of slices."""
     voxel_size: Length | tuple[Length, Length, Length]
     """Edge of a voxel, or its edges along x, y and z; with a unit, such as 50 um, or as a multiple of the length."""
     origin: Annotated[tuple[float, float, float], Dimension("displacement")] = (0.0, 0.0, 0.0)
@@ -287,16 +287,15 @@ class ImageField(MeasuredField):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Sentences on slices that are missing, and on an image that viewers show the other way round."""
+        """Sentences on slices that are missing, other doubts, and an image that viewers show the other way round."""
         path = Path(self.path)
-        gaps = "" if self.slices is None else self.slices.gaps
         low, high = (float(end(_image(path))) for end in (np.nanmin, np.nanmax))
         why = reversed_by(path, low, high)
         view = (
             f"a viewer shows the value {low:g} of the file bright and {high:g} dark, since {why}; values are read as "
             "they are stored"
         )
-        return tuple(text for text in (gaps, why and view) if text)
+        return (*remarks(path), *((view,) if why else ()))
 
     @property
     def _edges(self) -> Array:
