@@ -31,11 +31,11 @@ from porocore.core.echo import did_you_mean, echo, joined
 from porocore.core.files.foreign_mesh import (
     IN_THREE_DIMENSIONS,
     KNOWN_DATA,
-    ForeignMesh,
     read_mesh,
     require_apart,
 )
 from porocore.core.files.input_file import FromFile
+from porocore.core.files.mesh_parts import ForeignMesh
 from porocore.core.tensors import PointGroup, Rotation, as_rotation
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray

@@ -12,16 +12,15 @@ from porocore.cell.geometry.pore_geometry import PER_CUBE, require_few
 from porocore.cell.meshing.tetrahedra import order_by_place
 from porocore.core.echo import echo, joined
 from porocore.core.files.foreign_mesh import (
-    CORNERS,
     FORMATS,
     IN_THREE_DIMENSIONS,
     SHARED,
-    ForeignMesh,
     mesh_of_model,
     read_mesh,
     require_apart,
 )
 from porocore.core.files.gmsh_model import gmsh_session, open_file
+from porocore.core.files.mesh_parts import CORNERS, ForeignMesh
 from porocore.core.files.reading import read_text, require_ordinary
 from porocore.core.files.slices import foreign
 from porocore.errors import ConfigurationError

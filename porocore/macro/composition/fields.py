@@ -17,8 +17,9 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, field_validator,
 
 from porocore.cell.level_sets.image import SLICE_SUFFIXES, open_image, remarks, reversed_by
 from porocore.core.echo import echo, suggestion
-from porocore.core.files.foreign_mesh import CORNERS, read_mesh
+from porocore.core.files.foreign_mesh import read_mesh
 from porocore.core.files.input_file import FromFile
+from porocore.core.files.mesh_parts import CORNERS
 from porocore.core.formulas import LONGEST, Expression, TimeFunction
 from porocore.core.models.bounds import MOST_TIMES
 from porocore.core.models.strict import StrictModel
