@@ -15,7 +15,7 @@ from porocore.core.models.strict import StrictModel
 from porocore.core.units import Dimension, units_now
 from porocore.interfaces.macro import Part
 from porocore.macro.body.kinds import AnyBody, Box, make_body
-from porocore.macro.body.mesh import BodyMesh, Patch, with_patches
+from porocore.macro.body.mesh import BodyMesh, Patch, called, with_patches
 from porocore.macro.composition.fields import Fields
 from porocore.macro.composition.regions import AnyRegion, composition, field_corners
 
@@ -300,6 +300,9 @@ def body_mesh(problem: MacroSetup) -> BodyMesh:
     Raises
     ------
     ConfigurationError
-        The body cannot be meshed, or a patch of its surface is of no surface.
+        The body cannot be meshed, a patch of its surface is of no surface, or a surface is called by its name and its
+        number.
     """
-    return with_patches(make_body(problem.body), problem.surfaces)
+    patches = problem.surfaces
+    names = {*problem.boundary, *problem.body.symmetry_planes, *(patch.of for patch in patches.values())}
+    return with_patches(called(make_body(problem.body), names - patches.keys()), patches)

@@ -118,9 +118,9 @@ def lines_only(mesh):
     mesh.elements = [(LINE, 1, [0, 1])]
 
 
-def turned_hexahedron(mesh):
+def folded_hexahedron(mesh):
     mesh.elements = [
-        (HEXAHEDRON, 3, [1, 10, 13, 4, 0, 9, 12, 3]),
+        (HEXAHEDRON, 3, [0, 9, 3, 12, 1, 10, 4, 13]),
         (3, 1, [0, 9, 10, 1]),
         (3, 2, [3, 12, 13, 4]),
     ]
@@ -169,8 +169,9 @@ FAULTS: dict[str, tuple[str, Content, str, str]] = {
     "VTK cut short": (".vtu", VTU[:400], "is cut short, before its last tag", "is cut short, before its last tag"),
     "STL of its first line": (".stl", "solid a\n", NO_NODES, NO_NODES),
     "STL of another program": (".stl", "Dear diary,\n", UNREADABLE, UNREADABLE),
-    "Abaqus with elements of plane stress": (
-        ".inp", "*NODE\n1, 0, 0, 0\n*ELEMENT, type=CPS8\n1, 1, 1, 1, 1, 1, 1, 1, 1\n", "got CPS8; leave", "got CPS8",
+    "Abaqus with cohesive elements": (
+        ".inp", "*NODE\n1, 0, 0, 0\n*ELEMENT, type=COH3D8\n1, 1, 1, 1, 1, 1, 1, 1, 1\n", "got COH3D8; leave",
+        "got COH3D8",
     ),
     "a picture": (".vtu", b"\x89PNG\r\n\x1a\n", "got a PNG picture by its first", "got a PNG picture by its first"),
     "gmsh's own renamed": (".vtu", WHOLE, "rename it to mesh.msh", "rename it to mesh.msh"),
@@ -201,8 +202,8 @@ FAULTS: dict[str, tuple[str, Content, str, str]] = {
     "hexahedra too": (".msh", altered(hexahedra), "expected volume elements of one kind", "expected tetrahedra"),
     "a surface only": (".msh", altered(surface_only), "has none: mesh the volume in three", "'gmsh -3' meshes it"),
     "lines only": (".msh", altered(lines_only), "expected volume elements", "no elements with a volume"),
-    "a hexahedron turned inside out": (
-        ".msh", altered(turned_hexahedron), "turned inside out or flat", "expected tetrahedra",
+    "a hexahedron folded over itself": (
+        ".msh", altered(folded_hexahedron), "turned inside out or flat", "expected tetrahedra",
     ),
     "volumes that were not meshed": (
         ".msh",

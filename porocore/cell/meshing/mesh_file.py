@@ -31,6 +31,7 @@ from porocore.core.echo import did_you_mean, echo, joined
 from porocore.core.files.foreign_mesh import (
     IN_THREE_DIMENSIONS,
     KNOWN_DATA,
+    how_to_convert,
     read_mesh,
     require_apart,
 )
@@ -163,7 +164,11 @@ def _read(geometry: MeshFile) -> tuple[dict[Phase, Tetrahedra], Sides, Array]:
     if not kinds or not {*kinds} <= {"tetra", "tetra10"} or len(kinds) > 1:
         raise ConfigurationError(
             f"{path}: expected tetrahedra of 4 or of 10 nodes (tetra, tetra10), got "
-            f"{', '.join(sorted(kinds)) or f'no elements with a volume: {BOTH_PHASES}; {IN_THREE_DIMENSIONS}'}"
+            + (
+                f"{joined(sorted(kinds))}; {how_to_convert(kinds)}"
+                if kinds
+                else f"no elements with a volume: {BOTH_PHASES}; {IN_THREE_DIMENSIONS}"
+            )
         )
     ((kind, cells),) = mesh.elements[3].items()
     parts = _parts(geometry, path, mesh, kind)

@@ -16,8 +16,11 @@ from typing import Any
 import numpy as np
 
 from porocore.core.echo import echo, joined
+from porocore.core.files.abaqus_mesh import AbaqusFile
+from porocore.core.files.exodus_mesh import SUFFIXES as EXODUS
+from porocore.core.files.exodus_mesh import exodus_parts
 from porocore.core.files.gmsh_model import Arrays, file_arrays, model_arrays
-from porocore.core.files.mesh_parts import ForeignMesh, Parts, whole
+from porocore.core.files.mesh_parts import CORNERS, SERENDIPITY, ForeignMesh, Parts, whole
 from porocore.core.files.slices import foreign, renamed, told_by
 from porocore.errors import ConfigurationError
 from porocore.states import Array
@@ -25,18 +28,21 @@ from porocore.states import Array
 #: Kinds of elements in gmsh's numbering, and the place in gmsh of each node in VTK's order where the two differ.
 _OF_GMSH = {
     2: "triangle", 3: "quad", 4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid",
-    9: "triangle6", 10: "quad9", 11: "tetra10", 12: "hexahedron27", 16: "quad8", 17: "hexahedron20",
+    9: "triangle6", 10: "quad9", 11: "tetra10", 12: "hexahedron27", 16: "quad8", 17: SERENDIPITY,
 }  # fmt: skip
+_SERENDIPITY = [*range(9), 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15]
 _ORDERS = {
     "tetra10": [0, 1, 2, 3, 4, 5, 6, 7, 9, 8],
-    "hexahedron27": [*range(9), 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15, 22, 23, 21, 24, 20, 25, 26],
+    SERENDIPITY: _SERENDIPITY,
+    "hexahedron27": [*_SERENDIPITY, 22, 23, 21, 24, 20, 25, 26],
 }
 #: Data of elements that number groups, in the order in which they are looked for; those of faces are looked for first
 #: where faces are meant, and last where volumes are.
 PHYSICAL, GEOMETRICAL = "gmsh:physical", "gmsh:geometrical"
 _OF_FACES = "surface"
 _NUMBERINGS = (
-    PHYSICAL, "medit:ref", "phase", "region", "cell_tags", "material", "su2:tag", "nastran:ref", GEOMETRICAL,
+    PHYSICAL, "medit:ref", "phase", "region", "cell_tags", "material", "su2:tag", "nastran:ref", "CellEntityIds",
+    GEOMETRICAL,
 )  # fmt: skip
 #: How a file of gmsh begins. Others gmsh would take for a script, and execute.
 _BEGINNINGS = (b"$MeshFormat", b"$Comments")
@@ -45,8 +51,8 @@ SAME_PLACE = 1e-10
 #: Names of data that number groups, as messages tell them.
 KNOWN_DATA = ", ".join((*_NUMBERINGS[:-1], _OF_FACES))
 FORMATS = (
-    "names of groups are read from .msh (gmsh), .med (Salome), .inp (Abaqus, CalculiX: *ELSET) and .su2, numbers from "
-    f"others such as .vtu, .xdmf and .mesh, where data of elements called {KNOWN_DATA} hold whole numbers"
+    "names are read from .msh (gmsh), .med (Salome), .inp (Abaqus, CalculiX), .e, .exo, .ex2 and .g (Exodus) and .su2, "
+    f"numbers from others such as .vtu, .xdmf and .mesh, where data of elements called {KNOWN_DATA} hold whole numbers"
 )
 
 #: What to do with a file of surfaces alone.
@@ -57,8 +63,6 @@ IN_THREE_DIMENSIONS = (
 SAVE = "save the mesh anew, best as .msh of gmsh of version 4.1 or 2.2"
 #: Last tags of files in XML.
 _XML = {".vtu": b"</VTKFile>", ".xdmf": b"</Xdmf>", ".xmf": b"</Xdmf>"}
-#: How meshio reports a type of elements that it does not know.
-_UNKNOWN_ELEMENT = re.compile(r"Element type not available: (\w+)")
 #: Kinds of first bytes that many formats share.
 SHARED = ("text", "an HDF5 file")
 
@@ -94,7 +98,7 @@ def read_mesh(path: Path, numbering: str | None = None) -> ForeignMesh:
                 "as .msh of version 4.1 or 2.2"
             )
         return _read_by_gmsh(path, numbering)
-    return _read_by_meshio(path, numbering)
+    return _read_other(path, numbering)
 
 
 def require_apart(points: Array, path: Path) -> None:
@@ -111,6 +115,19 @@ def require_apart(points: Array, path: Path) -> None:
             f"{path}: {twice:,} nodes lie at the same place as others, so that the mesh is torn there; merge them "
             "(gmsh: Coherence Mesh;)"
         )
+
+
+def how_to_convert(kinds: Iterable[str]) -> str:
+    """Return how a mesh of kinds of elements that are not read, or not together, becomes one that is."""
+    kinds = set(kinds)
+    if kinds <= {"tetra", "tetra10"} or kinds <= {"hexahedron", SERENDIPITY, "hexahedron27"}:
+        return "save all elements with the same order (gmsh: -order 1 or -order 2)"
+    if kinds <= CORNERS.keys() or any(kind.startswith(("wedge", "pyramid")) for kind in kinds):
+        return (
+            "mesh it with tetrahedra alone, or split all elements into tetrahedra (gmsh: without Recombine; Salome: "
+            "Split Volumes; Cubit: htet)"
+        )
+    return "save the mesh with elements of first or second order (gmsh: -order 2)"
 
 
 def mesh_of_model(gmsh: Any, path: Path) -> ForeignMesh:
@@ -132,8 +149,9 @@ def _sort_of(path: Path) -> str:
 
 def _require_suffix(path: Path) -> None:
     """Refuse a file whose suffix is that of no mesh, or whose first bytes are those of another kind."""
-    from meshio import extension_to_filetypes as suffixes  # heavy, and needed here only
+    from meshio import extension_to_filetypes  # heavy, and needed here only
 
+    suffixes = [*extension_to_filetypes, *EXODUS]
     suffix = path.suffix.lower()
     kind = told_by(path)
     if suffix not in suffixes:
@@ -247,32 +265,23 @@ def _of_model(
     return parts.mesh(arrays["points"], None if numbering in (PHYSICAL, GEOMETRICAL) else numbering)
 
 
-def _read_by_meshio(path: Path, numbering: str | None) -> ForeignMesh:
-    import meshio  # heavy, and needed here only
-
+def _read_other(path: Path, numbering: str | None) -> ForeignMesh:
     _require_suffix(path)
-    sets = _abaqus_sets(path) if path.suffix.lower() == ".inp" else []
     said = io.StringIO()
     try:
-        # What it prints is redirected for all threads.
-        with _ONE_AT_A_TIME, redirect_stdout(said), redirect_stderr(said):
-            mesh = _read_med(path) if path.suffix.lower() == ".med" else meshio.read(path)
-    # meshio's readers raise whatever the file makes them stumble over; some of them print and end the process.
+        parts, points = _parts(path, numbering, said)
+    except ConfigurationError:
+        raise
+    # Readers raise whatever the file makes them stumble over; some of meshio's print and end the process.
     except (Exception, SystemExit) as error:
-        if unknown := _UNKNOWN_ELEMENT.search(said.getvalue()):
-            raise ConfigurationError(
-                f"{path}: expected elements of types that meshio reads, got {unknown[1]}; leave these elements out, or "
-                "save the mesh as .msh (gmsh) or .med"
-            ) from error
-        how = (
-            "is cut short, before its last tag"
-            if _is_cut(path)
-            else "is damaged, cut short or of another kind"
-        )
+        how = "is damaged, cut short or of another kind"
+        if isinstance(error, KeyError):
+            how = f"has parts, or elements of a type, that meshio does not know ({error.args[0]})"
+        elif _is_cut(path):
+            how = "is cut short, before its last tag"
         raise ConfigurationError(
             f"{path}: not a mesh that can be read: expected {_sort_of(path)}, got a file that {how}; {SAVE}"
         ) from error
-    points = np.asarray(mesh.points)
     if not points.size:
         raise ConfigurationError(
             f"{path}: expected {_sort_of(path)}, got a file without nodes, which is damaged, cut short or of another "
@@ -282,7 +291,22 @@ def _read_by_meshio(path: Path, numbering: str | None) -> ForeignMesh:
         raise ConfigurationError(
             f"{path}: expected nodes in three dimensions, got {points.shape[-1]} coordinates of each; {SAVE}"
         )
-    return _of_meshio(mesh, path, numbering, sets).mesh(points.astype(float), numbering)
+    return parts.mesh(points.astype(float), numbering)
+
+
+def _parts(path: Path, numbering: str | None, said: io.StringIO) -> tuple[Parts, Any]:
+    """Return the parts of a mesh and its nodes; what readers print goes to ``said``."""
+    suffix = path.suffix.lower()
+    if suffix == ".inp":
+        return AbaqusFile(path).mesh_parts()
+    if suffix in EXODUS:
+        return exodus_parts(path)
+    import meshio  # heavy, and needed here only
+
+    # What it prints is redirected for all threads.
+    with _ONE_AT_A_TIME, redirect_stdout(said), redirect_stderr(said):
+        mesh = _READERS.get(suffix, meshio.read)(path)
+    return _of_meshio(mesh, path, numbering), np.asarray(mesh.points)
 
 
 def _read_med(path: Path) -> Any:
@@ -309,8 +333,23 @@ def _read_med(path: Path) -> Any:
             del file[name]
             file[name] = of.view(np.uint8)
     mesh = meshio.med.read(content)
-    mesh.cell_tags = {family: [_decoded(name) for name in of] for family, of in mesh.cell_tags.items()}
+    for tags in (mesh.cell_tags, mesh.point_tags):
+        tags |= {family: [_decoded(name) for name in of] for family, of in tags.items()}
     return mesh
+
+
+def _read_nastran(path: Path) -> Any:
+    """Read a file of Nastran, which meshio takes with the line BEGIN BULK only, which gmsh does not write."""
+    import meshio  # heavy, and needed here only
+
+    text = "\n".join(_lines(path))
+    if not re.search(r"^BEGIN BULK", text, re.MULTILINE):
+        text = f"BEGIN BULK\n{re.sub('^BEGIN +BULK.*', '', text, flags=re.MULTILINE | re.IGNORECASE)}"
+    return meshio.read(io.StringIO(f"{text}\nENDDATA\n"), file_format="nastran")
+
+
+#: Readers of formats of which meshio takes a part only.
+_READERS = {".med": _read_med, **dict.fromkeys((".bdf", ".fem", ".nas"), _read_nastran)}
 
 
 def _decoded(name: str) -> str:
@@ -321,13 +360,15 @@ def _decoded(name: str) -> str:
         return name
 
 
-def _of_meshio(mesh: Any, path: Path, numbering: str | None, of_blocks: list[str]) -> Parts:
-    """Return the parts of a mesh of meshio: its sets, families and numbers are groups.
-
-    ``of_blocks`` are the sets of whole blocks, as far as the file names them.
-    """
+def _of_meshio(mesh: Any, path: Path, numbering: str | None) -> Parts:
+    """Return the parts of a mesh of meshio: its sets, families and numbers are groups."""
     parts, markers = Parts(path), _su2_names(path) if path.suffix.lower() == ".su2" else {}
     families = getattr(mesh, "cell_tags", None) or {}
+    for name, nodes in mesh.point_sets.items():
+        parts.gather(name, np.asarray(nodes, dtype=np.int64))
+    for family, names in (getattr(mesh, "point_tags", None) or {}).items():
+        for name in names:
+            parts.gather(name.strip(), np.flatnonzero(mesh.point_data["point_tags"] == family))
     chosen = {dim: _numbering(mesh, dim) for dim in (2, 3)}
     for i, block in enumerate(mesh.cells):
         nodes = np.asarray(block.data)
@@ -344,10 +385,8 @@ def _of_meshio(mesh: Any, path: Path, numbering: str | None, of_blocks: list[str
                 parts.set_data(name, block.type, rows, _without_columns(values[i]))
         if numbering is not None and dim == 3:
             continue
-        if i < len(of_blocks) and of_blocks[i]:
-            parts.join(dim, block.type, rows, of_blocks[i])
         for name, sets in mesh.cell_sets.items():
-            if name not in of_blocks and i < len(sets) and sets[i] is not None and len(sets[i]):
+            if i < len(sets) and sets[i] is not None and len(sets[i]):
                 parts.join(dim, block.type, rows[np.asarray(sets[i], dtype=np.int64)], name)
         if chosen[dim] is None:
             continue
@@ -411,45 +450,4 @@ def _su2_names(path: Path) -> dict[int, str]:
                     f"{path}: the markers '{found[last]}' and '{name}' cannot be told apart; give all of them names "
                     "that are no numbers"
                 )
-    return found
-
-
-def _abaqus_sets(path: Path) -> list[str]:
-    """Return the set that each *ELEMENT of a file of Abaqus names, of which meshio keeps some only; empty without.
-
-    Raises
-    ------
-    ConfigurationError
-        Sets are given in a way that meshio reads in part only.
-    """
-    found, known, current = list[str](), set[str](), ""
-    for line in _lines(path):
-        words = [word.strip() for word in line.split(",")]
-        if line.startswith("**"):
-            continue
-        if not line.startswith("*"):
-            if current and any(word and not word.isdecimal() for word in words):
-                raise ConfigurationError(
-                    f"{path}: the set '{current}' is made of other sets, which is not read; give its elements by "
-                    "their numbers, or save the mesh as .msh or .med"
-                )
-            continue
-        keyword = words[0].upper()
-        pairs = (word.partition("=") for word in words[1:])
-        current = next((name.strip() for key, _, name in pairs if key.strip().upper() == "ELSET"), "")
-        if keyword == "*INCLUDE":
-            raise ConfigurationError(
-                f"{path}: expected one file, got *INCLUDE of another, which sha256 does not cover; put it in its place"
-            )
-        if keyword == "*ELEMENT":
-            found.append(current)
-        if keyword == "*ELSET":
-            if current.upper() in known or current.upper() in (name.upper() for name in found):
-                raise ConfigurationError(
-                    f"{path}: the set '{current}' is given in several places, of which only one would be read; give "
-                    "it in one *ELSET, or save the mesh as .msh or .med"
-                )
-            known.add(current.upper())
-        else:
-            current = ""
     return found

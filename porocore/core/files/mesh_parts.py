@@ -14,13 +14,15 @@ import numpy as np
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 
+#: Hexahedron with nodes at its corners and in the middle of its edges.
+SERENDIPITY = "hexahedron20"
 #: Nodes and corners of the kinds of elements that are made use of.
 NODES = {
-    "tetra": 4, "tetra10": 10, "hexahedron": 8, "hexahedron27": 27,
+    "tetra": 4, "tetra10": 10, "hexahedron": 8, SERENDIPITY: 20, "hexahedron27": 27,
     "triangle": 3, "triangle6": 6, "quad": 4, "quad8": 8, "quad9": 9,
 }  # fmt: skip
 CORNERS = {
-    "tetra": 4, "tetra10": 4, "hexahedron": 8, "hexahedron27": 8,
+    "tetra": 4, "tetra10": 4, "hexahedron": 8, SERENDIPITY: 8, "hexahedron27": 8,
     "triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4,
 }  # fmt: skip
 #: Coordinates whose cubes are finite.
@@ -46,6 +48,8 @@ class ForeignMesh:
         be in several groups.
     tags
         Names of the groups that have a number, by dimension and number.
+    node_groups
+        Nodes (k,) of each named set of nodes.
     clashes
         Why a text that is the name of one group and the number of another stands for neither, by dimension and text.
     data
@@ -56,6 +60,7 @@ class ForeignMesh:
     elements: Mapping[int, Mapping[str, IntArray]]
     groups: Mapping[int, Mapping[str, Rows]]
     tags: Mapping[int, Mapping[int, str]]
+    node_groups: Mapping[str, IntArray]
     clashes: Mapping[int, Mapping[str, str]]
     data: Mapping[str, Mapping[str, Array]]
 
@@ -81,6 +86,7 @@ class Parts:
         self.members: dict[int, dict[str, dict[int | None, _Pieces]]] = {2: {}, 3: {}}
         self.tags: dict[int, dict[int, str]] = {2: {}, 3: {}}
         self.data: dict[str, dict[str, list[tuple[IntArray, Array]]]] = {}
+        self.node_groups: dict[str, list[IntArray]] = {}
 
     def add(self, dim: int, kind: str, nodes: IntArray) -> IntArray:
         """Add elements and return their rows."""
@@ -104,6 +110,10 @@ class Parts:
         values, starts = np.unique(numbers[order], return_index=True)
         for value, own in zip(values.tolist(), np.split(rows[order], starts[1:]), strict=True):
             self.join(dim, kind, own, names.get(value, ""), value)
+
+    def gather(self, name: str, nodes: IntArray) -> None:
+        """Make nodes members of a named set of nodes."""
+        self.node_groups.setdefault(name, []).append(nodes)
 
     def set_data(self, name: str, kind: str, rows: IntArray, values: Array) -> None:
         """Give elements with a volume their data (k, ...)."""
@@ -151,7 +161,8 @@ class Parts:
             for label, members in sorted(joint.items(), key=lambda each: first.get(each[0], -1)):
                 groups[dim][label] = {kind: np.unique(places[kind][rows]) for kind, rows in members.items()}
             clashes[dim] = self._clashes(dim, places)
-        return ForeignMesh(points, nodes, groups, self.tags, clashes, data)
+        node_groups = {name: np.unique(np.concatenate(of)) for name, of in self.node_groups.items()}
+        return ForeignMesh(points, nodes, groups, self.tags, node_groups, clashes, data)
 
     def _clashes(self, dim: int, places: Rows) -> dict[str, str]:
         """Return why a text that is the name of one group and the number of another cannot be used.

@@ -213,6 +213,8 @@ class BodyMesh:
         Why nothing can be prescribed on a surface that a file names.
     unusable_volumes
         Why a volume that a file names cannot be a region.
+    numbers, volume_numbers
+        Names of the surfaces and volumes that have a number in the file too, by that.
     """
 
     points: Array
@@ -221,6 +223,8 @@ class BodyMesh:
     volumes: Mapping[str, IntArray] = field(default_factory=dict)
     unusable: Mapping[str, str] = field(default_factory=dict)
     unusable_volumes: Mapping[str, str] = field(default_factory=dict)
+    numbers: Mapping[str, str] = field(default_factory=dict)
+    volume_numbers: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def element(self) -> ReferenceElement:
@@ -618,6 +622,31 @@ class Patch(StrictModel):
         if self.centre is not None and self.radius is not None:
             inside &= np.linalg.norm(places - np.array(self.centre), axis=1) <= self.radius
         return inside
+
+
+def called(mesh: BodyMesh, names: Iterable[str]) -> BodyMesh:
+    """Return the mesh whose surfaces are called as by ``names``: by their numbers, where these are among them.
+
+    Raises
+    ------
+    ConfigurationError
+        The number and the name of one surface are among them.
+    """
+    names = set(names)
+    new: dict[str, str] = {}
+    for number in sorted(names - mesh.surfaces.keys() - mesh.unusable.keys()):
+        if (name := mesh.numbers.get(number)) is None:
+            continue
+        if name in names:
+            raise ConfigurationError(
+                f"macro: '{name}' and '{number}' are the name and the number of one surface; call it by one of them "
+                "everywhere"
+            )
+        new[name] = number
+    if not new:
+        return mesh
+    surfaces = {new.get(name, name): facets for name, facets in mesh.surfaces.items()}
+    return replace(mesh, surfaces=surfaces, unusable={new.get(k, k): why for k, why in mesh.unusable.items()})
 
 
 def with_patches(mesh: BodyMesh, patches: Mapping[str, Patch]) -> BodyMesh:

@@ -15,12 +15,13 @@ from porocore.core.files.foreign_mesh import (
     FORMATS,
     IN_THREE_DIMENSIONS,
     SHARED,
+    how_to_convert,
     mesh_of_model,
     read_mesh,
     require_apart,
 )
 from porocore.core.files.gmsh_model import gmsh_session, open_file
-from porocore.core.files.mesh_parts import CORNERS, ForeignMesh
+from porocore.core.files.mesh_parts import CORNERS, SERENDIPITY, ForeignMesh
 from porocore.core.files.reading import read_text, require_ordinary
 from porocore.core.files.slices import foreign
 from porocore.errors import ConfigurationError
@@ -38,7 +39,7 @@ REACHING_OUT = re.compile(
     re.DOTALL,
 )
 #: Volume elements that are understood.
-VOLUMES = ("tetra", "tetra10", "hexahedron", "hexahedron27")
+VOLUMES = ("tetra", "tetra10", "hexahedron", SERENDIPITY, "hexahedron27")
 
 
 def read_body(path: Path, size: float | None, scale: float) -> BodyMesh:
@@ -71,15 +72,16 @@ def read_body(path: Path, size: float | None, scale: float) -> BodyMesh:
 
 def _body(foreign: ForeignMesh, path: Path, scale: float) -> BodyMesh:
     if len(foreign.elements[3]) != 1 or next(iter(foreign.elements[3])) not in VOLUMES:
-        held = " and ".join(foreign.elements[3]) or f"none: {IN_THREE_DIMENSIONS}"
+        held = joined(foreign.elements[3]) if foreign.elements[3] else ""
         raise ConfigurationError(
-            f"expected volume elements of one kind, {', '.join(VOLUMES)}; {path.name} has {held}"
+            f"expected volume elements of one kind, {', '.join(VOLUMES)}; {path.name} has "
+            + (f"{held}; {how_to_convert(foreign.elements[3])}" if held else f"none: {IN_THREE_DIMENSIONS}")
         )
     ((kind, cells),) = foreign.elements[3].items()
     kept, flat = np.unique(cells, return_inverse=True)
     points, cells = foreign.points[kept], flat.reshape(cells.shape)
     require_apart(points, path)
-    mesh = _quadratic(points * scale, kind, _upright(points, cells))
+    mesh = _upright(_quadratic(points * scale, kind, cells))
     # What is near in the body is near in memory.
     elements, nodes = order_by_place(mesh.points, mesh.cells, mesh.element.corners)
     number, place = np.empty_like(nodes), np.empty_like(elements)
@@ -88,37 +90,19 @@ def _body(foreign: ForeignMesh, path: Path, scale: float) -> BodyMesh:
     #: Of the file's nodes; negative for one that no element with a volume has.
     new = -1 - np.arange(len(foreign.points))
     new[kept] = number[: len(kept)]
-    faces = {
-        name: [
-            new[foreign.elements[2][kind][rows][:, : CORNERS[kind]]]
-            for kind, rows in members.items()
-            if kind in CORNERS
-        ]
-        for name, members in foreign.groups[2].items()
-    }
-    surfaces, unusable = _surfaces(mesh, faces, foreign, path)
+    surfaces, unusable = _surfaces(mesh, new, foreign, path)
     volumes = {
         name: np.sort(place[members[kind]]) for name, members in foreign.groups[3].items() if kind in members
     }
+    clashes = [
+        {text: f"in {path.name} {why}" for text, why in foreign.clashes[dim].items()} for dim in (2, 3)
+    ]
+    numbers = [
+        {str(tag): name for tag, name in foreign.tags[dim].items() if name != str(tag)} for dim in (2, 3)
+    ]
     return BodyMesh(
-        mesh.points,
-        mesh.cells,
-        surfaces,
-        volumes,
-        unusable | _numbers(foreign, 2, path),
-        _numbers(foreign, 3, path),
+        mesh.points, mesh.cells, surfaces, volumes, unusable | clashes[0], clashes[1], numbers[0], numbers[1]
     )
-
-
-def _numbers(foreign: ForeignMesh, dimension: int, path: Path) -> dict[str, str]:
-    """Return why the number of a group that has a name cannot be used."""
-    what = "surface" if dimension == 2 else "volume"
-    own = {
-        str(tag): f"this is the number of the {what} '{name}' of {path.name}; call it by its name"
-        for tag, name in foreign.tags[dimension].items()
-        if name != str(tag)
-    }
-    return own | {text: f"in {path.name} {why}" for text, why in foreign.clashes[dimension].items()}
 
 
 def _meshed(path: Path, size: float) -> ForeignMesh:
@@ -178,53 +162,55 @@ def _require_few(gmsh: Any, size: float) -> None:
     )
 
 
-def _upright(points: Array, cells: IntArray) -> IntArray:
-    """Elements of positive volume: those of the file that are turned over are mirrored."""
-    corners = 4 if cells.shape[1] in (4, 10) else 8
-    spokes = (1, 2, 3) if corners == 4 else (1, 3, 4)
-    edges = np.stack([points[cells[:, i]] - points[cells[:, 0]] for i in spokes], axis=1)
-    over = np.linalg.det(edges) < 0
-    if not over.any() or corners == 8:
-        return cells
-    swapped = [0, 2, 1, 3, 6, 5, 4, 7, 9, 8][: cells.shape[1]]
-    cells = cells.copy()
-    cells[over] = cells[over][:, swapped]
-    return cells
+def _upright(mesh: BodyMesh) -> BodyMesh:
+    """Return the mesh with the elements mirrored that are turned over at all of their quadrature points."""
+    over = (mesh.weights < 0).all(axis=1)
+    if not over.any():
+        return mesh
+    place = {tuple(node): i for i, node in enumerate(mesh.element.nodes.tolist())}
+    mirrored = [place[y, x, z] for x, y, z in mesh.element.nodes.tolist()]
+    return BodyMesh(mesh.points, np.where(over[:, None], mesh.cells[:, mirrored], mesh.cells))
 
 
 def _quadratic(points: Array, kind: str, cells: IntArray) -> BodyMesh:
-    """Add the nodes of second order, where the file has corners only."""
+    """Add the nodes that the file lacks, in the middle of straight edges and faces.
+
+    The 20-node hexahedron gets the middles of its faces and its own where its shape functions place them: a quarter of
+    the corners is subtracted from half of the middles of a face's edges, and from a quarter of all of them.
+    """
     if kind == "tetra10" or kind == "hexahedron27":
         return BodyMesh(points, cells)
     element = TETRAHEDRON if kind == "tetra" else HEXAHEDRON
     places = element.corner_values(element.nodes)
     #: A node is known by the corners among which it lies.
     members = [np.flatnonzero(row) for row in places]
+    known = cells.shape[1]
     columns, found = [], [points]
     first = len(points)
-    for size in sorted({len(m) for m in members} - {1}):
-        local = [m for m in members if len(m) == size]
+    for size in sorted({len(m) for m in members[known:]}):
+        local = [m for m in members[known:] if len(m) == size]
         keys = np.sort(np.stack([cells[:, m] for m in local], axis=1).reshape(-1, size), axis=1)
-        unique, inverse = np.unique(keys, axis=0, return_inverse=True)
-        found.append(points[unique].mean(axis=1))
-        columns.append((local, first + inverse.reshape(len(cells), len(local))))
-        first += len(unique)
-    whole = np.empty((len(cells), len(element.nodes)), dtype=np.int64)
-    whole[:, : element.corners] = cells
-    order = {tuple(m): i for i, m in enumerate(members)}
-    for local, numbers in columns:
-        for j, m in enumerate(local):
-            whole[:, order[tuple(m)]] = numbers[:, j]
-    return BodyMesh(np.concatenate(found), whole)
+        _, where, inverse = np.unique(keys, axis=0, return_index=True, return_inverse=True)
+        middles = []
+        for corners in local:
+            middle = points[cells[:, corners]].mean(axis=1)
+            if own := [i for i in range(element.corners, known) if set(members[i]) <= set(corners)]:
+                middle = points[cells[:, own]].sum(axis=1) * 2 / size - middle * size / 4
+            middles.append(middle)
+        found.append(np.stack(middles, axis=1).reshape(-1, 3)[where])
+        columns.append(first + inverse.reshape(len(cells), len(local)))
+        first += len(where)
+    return BodyMesh(np.concatenate(found), np.concatenate([cells, *columns], axis=1))
 
 
 def _surfaces(
-    mesh: BodyMesh, faces: dict[str, list[IntArray]], foreign: ForeignMesh, path: Path
+    mesh: BodyMesh, new: IntArray, foreign: ForeignMesh, path: Path
 ) -> tuple[dict[str, IntArray], dict[str, str]]:
     """Return the facets whose corners are those of the faces of each name, and why names cannot be used.
 
     A name can be used if all of its faces lie on the boundary: with a part of them, it would stand for less than the
-    file says.
+    file says. A set of nodes has the facets of which it has all corners; where faces have its name, it stands back.
+    ``new`` are the numbers of the file's nodes in the mesh.
     """
     facets, count = counted_facets(mesh.cells)
     if (count > 2).any():
@@ -236,13 +222,30 @@ def _surfaces(
     outer = facets[count == 1]
     number = {key: i for i, key in enumerate(mesh.corners_of(outer))}
     surfaces, unusable = dict[str, IntArray](), dict[str, str]()
-    for name, parts in faces.items():
-        keys = {tuple(sorted(face)) for part in parts for face in part.tolist()}
+    for name, members in foreign.groups[2].items():
+        keys = {
+            tuple(sorted(face))
+            for kind, rows in members.items()
+            if kind in CORNERS
+            for face in new[foreign.elements[2][kind][rows][:, : CORNERS[kind]]].tolist()
+        }
         if lost := keys - number.keys():
             unusable[name] = _of_lost(mesh, facets[count == 2], lost, len(keys), path)
         elif keys:
             surfaces[name] = outer[np.sort([number[key] for key in keys])]
-    if not surfaces and not unusable:
+    corners = outer[:, : mesh.element.facet_corners]
+    for name, nodes in foreign.node_groups.items():
+        own = np.isin(corners, new[nodes]).all(axis=1)
+        if name in surfaces or name in unusable:
+            continue
+        if own.any():
+            surfaces[name] = outer[own]
+        else:
+            unusable[name] = (
+                f"this is a set of {len(nodes):,} nodes in {path.name}, in which no facet of the boundary has all of "
+                "its corners"
+            )
+    if not surfaces:
         held = (
             f"its elements have the data {joined(map(echo, sorted(foreign.data)))}; " if foreign.data else ""
         )

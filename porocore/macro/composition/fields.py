@@ -204,7 +204,7 @@ def formula_values(text: str, places: Array, time: float, key: str) -> Array:
 
 Length = Annotated[float, Field(gt=0), Dimension("displacement")]
 #: Elements whose data are read.
-KINDS = ("tetra", "tetra10", "hexahedron", "hexahedron27")
+KINDS = ("tetra", "tetra10", "hexahedron", "hexahedron20", "hexahedron27")
 
 
 class MeasuredField(FromFile, ParameterField):

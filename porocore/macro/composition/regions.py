@@ -147,13 +147,14 @@ class VolumeRegion(Region):
     kind: Literal["volume"]
     """A named volume of the body's file, such as a physical volume of gmsh."""
     name: Annotated[Name, Field(min_length=1)]
-    """Its name, or its number where it has none."""
+    """Its name, or its number in the file, in quotes or not."""
 
     def holds(self, mesh: BodyMesh, centres: Array, key: str) -> Array:
         """Return the elements of the volume."""
         if self.name in mesh.unusable_volumes:
             raise ConfigurationError(f"{key}.name: {mesh.unusable_volumes[self.name]}")
-        if self.name not in mesh.volumes:
+        name = self.name if self.name in mesh.volumes else mesh.volume_numbers.get(self.name)
+        if name is None:
             known = ", ".join(mesh.volumes)
             told = (
                 f"its volumes are {known}"
@@ -162,7 +163,7 @@ class VolumeRegion(Region):
             )
             raise ConfigurationError(f"{key}.name: the body has no volume {echo(self.name)}; {told}")
         inside = np.zeros(len(centres), bool)
-        inside[mesh.volumes[self.name]] = True
+        inside[mesh.volumes[name]] = True
         return inside
 
 

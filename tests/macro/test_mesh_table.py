@@ -1,0 +1,573 @@
+"""Files of meshes of many programs: each is read right, or refused in one message."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from porocore.core.files.gmsh_model import gmsh_session
+from porocore.errors import ConfigurationError
+from porocore.macro.body.mesh import BodyMesh, Facets
+from porocore.macro.body.mesh_file import read_body
+from porocore.macro.problem import MacroProblem
+from porocore.plugins.registry import registry
+from porocore.testing.synthetic.response import linear_law
+from tests.helpers.column_meshes import GROUPS, KINDS, Column, column, to_gmsh, to_meshio
+
+VOLUMES = {"lower": 1.0, "upper": 1.0, "all": 2.0}
+AREAS = {"bottom": 1.0, "top": 1.0, "side": 8.0, "skin": 10.0}
+BY_NUMBER = {"11": 1.0, "12": 1.0}, {"21": 1.0, "22": 1.0, "23": 8.0}
+
+
+@dataclass(frozen=True)
+class Row:
+    """A file, and the volumes and areas that it gives, or the words of its refusal."""
+
+    name: str
+    write: Callable[[Path], None]
+    suffix: str = ".inp"
+    volumes: Mapping[str, float] = field(default_factory=lambda: VOLUMES)
+    areas: Mapping[str, float] = field(default_factory=lambda: AREAS)
+    refused: str = ""
+    slow: bool = False
+
+
+def by_gmsh(
+    kind: str, *, turned: bool = False, names: Mapping[str, int] | None = None, **options: float
+) -> Any:
+    """Return the writer of a file of gmsh; 'Mesh_Binary=1' is its option Mesh.Binary."""
+
+    def write(path: Path) -> None:
+        with gmsh_session() as gmsh:
+            to_gmsh(gmsh, column(kind), None if names is None else dict(names), turned)
+            for option, value in options.items():
+                gmsh.option.setNumber(option.replace("_", "."), value)
+            gmsh.write(str(path))
+
+    return write
+
+
+def by_meshio(kind: str, data: str = "material") -> Callable[[Path], None]:
+    return lambda path: to_meshio(column(kind), data).write(path)
+
+
+def text(content: str) -> Callable[[Path], None]:
+    def write(path: Path) -> None:
+        path.write_text(content, encoding="utf-8")
+
+    return write
+
+
+# --- Abaqus and CalculiX, by hand -----------------------------------------------------------------------------------
+
+#: Numbers with gaps.
+GAP = 10
+
+
+def nodes_of(mesh: Column) -> str:
+    return "*NODE, NSET=Nall\n" + "".join(
+        f"{GAP * (i + 1)}, {x:.3f}, {y:.3f}, {z:.3f}\n" for i, (x, y, z) in enumerate(mesh.points)
+    )
+
+
+def elements_of(mesh: Column, type_: str, order: Any = None, turned: bool = False) -> str:
+    lines = [f"*ELEMENT, TYPE={type_}, ELSET=Eall"]
+    for e, nodes in enumerate(mesh.cells):
+        own = nodes if order is None else nodes[order]
+        if turned:
+            own = own[[0, 3, 2, 1, 4, 7, 6, 5]] if len(own) == 8 else own[[0, 2, 1, 3]]
+        words = [str(e + 101), *(str(GAP * (n + 1)) for n in own)]
+        # Lines of Abaqus hold 16 numbers at most.
+        lines += [
+            ", ".join(words[i : i + 16]) + ("," if i + 16 < len(words) else "")
+            for i in range(0, len(words), 16)
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def node_set(mesh: Column, name: str, axis: int, value: float, head: str = "*NSET, NSET=") -> str:
+    own = np.flatnonzero(mesh.points[:, axis] == value)
+    return f"{head}{name}\n" + ",\n".join(str(GAP * (i + 1)) for i in own) + "\n"
+
+
+def abaqus(kind: str, type_: str, more: str = "", order: Any = None, turned: bool = False) -> str:
+    mesh = column(kind)
+    first, last = 101, 100 + len(mesh.cells)
+    half = 100 + mesh.half
+    return (
+        "*HEADING\nA column\n** a comment\n"
+        + nodes_of(mesh)
+        + elements_of(mesh, type_, order, turned)
+        + f"*ELSET, ELSET=lower, GENERATE\n{first}, {half}, 1\n*ELSET, ELSET=upper, GENERATE\n{half + 1}, {last}\n"
+        + "*ELSET, ELSET=all\nlower, upper\n"
+        + node_set(mesh, "bottom", 1, 0)
+        + node_set(mesh, "top", 1, 2)
+        + more
+    )
+
+
+OF_SETS = {**VOLUMES, "Eall": 2.0}
+ENDS = {"bottom": 1.0, "top": 1.0, "Nall": 10.0}
+#: The faces of a hexahedron of Abaqus by their numbers: S1 is z-, S2 z+, S3 y-, S4 x+, S5 y+, S6 x-.
+FACES = (
+    "*SURFACE, NAME=front, TYPE=ELEMENT\nlower, S2\nupper, S2\n"
+    "*SURFACE, NAME=lid, TYPE=ELEMENT\n102, S5\n*SURFACE, NAME=foot\n101, S3\n"
+    "*SURFACE, NAME=left\nall, S6\n*SURFACE, TYPE=NODE, NAME=crown\ntop,\n"
+    "*SURFACE, NAME=mantle, TYPE=ELEMENT\nall, S1\nall, S2\nall, S4\nall, S6\n"
+)
+OF_FACES = {**ENDS, "front": 2.0, "lid": 1.0, "foot": 1.0, "left": 2.0, "crown": 1.0, "mantle": 8.0}
+#: The face of a tetrahedron.
+ONE = "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 0, 1, 0\n4, 0, 0, 1\n*ELEMENT, TYPE=C3D4, ELSET=one\n1, 1, 2, 3, 4\n"
+
+
+def cae(sets: str = "", instance: str = "", more: str = "") -> str:
+    """A file as Abaqus CAE writes it: a part, and an assembly whose sets name the instance."""
+    mesh = column("hexahedron")
+    top = np.flatnonzero(mesh.points[:, 1] == 2)
+    return (
+        "*Heading\n*Preprint, echo=NO\n*Part, name=Part-1\n"
+        + nodes_of(mesh).replace(", NSET=Nall", "")
+        + elements_of(mesh, "C3D8R").replace(", ELSET=Eall", "")
+        + '*Elset, elset="Set-1", generate\n101, 102, 1\n*Solid Section, elset=Set-1, material=m\n,\n'
+        + "*End Part\n*Assembly, name=Assembly\n*Instance, name=Part-1-1, part=Part-1\n"
+        + instance
+        + "*End Instance\n*Node\n10, 0.5, 3., 0.5\n*Nset, nset=point\n10,\n*Nset, nset=Set-1, instance=Part-1-1\n"
+        + ", ".join(str(GAP * (i + 1)) for i in top)
+        + "\n*Elset, elset=_foot_S3, internal, instance=Part-1-1\n101\n"
+        + "*Surface, type=ELEMENT, name=foot\n_foot_S3, S3\n"
+        + "*Surface, type=NODE, name=crown\nPart-1-1.Set-1, 1.\n"
+        + sets
+        + "*End Assembly\n"
+        + more
+    )
+
+
+# --- Exodus, by hand, after its manual ------------------------------------------------------------------------------
+
+#: Places of the nodes: middles of vertical edges before those of the top; centre, bottom, top, x-, x+, y-, y+.
+EXODUS = {
+    "hexahedron20": [*range(12), 16, 17, 18, 19, 12, 13, 14, 15],
+    "hexahedron27": [*range(12), 16, 17, 18, 19, 12, 13, 14, 15, 26, 24, 25, 20, 21, 22, 23],
+}
+TYPES = {"tetra": "TETRA", "tetra10": "TETRA10", "hexahedron": "HEX8", "hexahedron20": "HEX20"}
+TYPES |= {"hexahedron27": "HEX27", "wedge": "WEDGE6"}
+#: Corners of the sides of hexahedra and tetrahedra from 1.
+SIDES = {
+    8: [(0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (0, 4, 7, 3), (0, 3, 2, 1), (4, 5, 6, 7)],
+    4: [(0, 1, 3), (1, 2, 3), (0, 3, 2), (0, 2, 1)],
+    6: [(0, 1, 4, 3), (1, 2, 5, 4), (0, 3, 5, 2), (0, 2, 1), (3, 4, 5)],
+}
+
+
+def exodus(kind: str, *, netcdf4: bool = False, names: bool = True) -> Callable[[Path], None]:
+    """Return the writer of a file with two blocks, three side sets, and a set of the nodes on top."""
+    mesh = column(kind)
+    corners = KINDS[kind][0]
+    order = EXODUS.get(kind, list(range(mesh.cells.shape[1])))
+    arrays: dict[str, Any] = {"coord" + a: mesh.points[:, i] for i, a in enumerate("xyz")}
+    for i, rows in enumerate((mesh.cells[: mesh.half], mesh.cells[mesh.half :]), start=1):
+        arrays[f"connect{i}"] = rows[:, order].astype(np.int32) + 1
+    for i, name in enumerate(mesh.faces, start=1):
+        elements, sides = [], []
+        keys = {tuple(sorted(mesh.number(f))) for f in mesh.face_corners[name]}
+        for e, nodes in enumerate(mesh.cells[:, :corners]):
+            for s, side in enumerate(SIDES[corners], start=1):
+                if tuple(sorted(nodes[list(side)])) in keys:
+                    elements.append(e + 1)
+                    sides.append(s)
+        arrays[f"elem_ss{i}"] = np.array(elements, dtype=np.int32)
+        arrays[f"side_ss{i}"] = np.array(sides, dtype=np.int32)
+    arrays["node_ns1"] = np.flatnonzero(mesh.points[:, 1] == 2).astype(np.int32) + 1
+    arrays |= {
+        "eb_prop1": np.array([11, 12], dtype=np.int32),
+        "ss_prop1": np.array([21, 22, 23], dtype=np.int32),
+    }
+    arrays["ns_prop1"] = np.array([5], dtype=np.int32)
+    for what, own in (("eb", ["lower", "upper"]), ("ss", ["bottom", "top", "side"]), ("ns", ["crown"])):
+        if names:
+            padded = [name.ljust(33, "\0").encode() for name in own]
+            arrays[f"{what}_names"] = np.array([[bytes([c]) for c in name] for name in padded], dtype="S1")
+
+    def write(path: Path) -> None:
+        if netcdf4:
+            import h5py
+
+            with h5py.File(path, "w") as file:
+                for name, values in arrays.items():
+                    file[name] = values
+                    if name.startswith("connect"):
+                        file[name].attrs["elem_type"] = np.bytes_(TYPES[kind])
+            return
+        from scipy.io import netcdf_file
+
+        with netcdf_file(path, "w") as file:
+            for name, values in arrays.items():
+                dims = tuple(f"{name}_{k}" for k in range(values.ndim))
+                for dim, length in zip(dims, values.shape, strict=True):
+                    file.createDimension(dim, length)
+                variable = file.createVariable(
+                    name, values.dtype.char if values.dtype.char != "S" else "c", dims
+                )
+                variable[:] = values
+                if name.startswith("connect"):
+                    variable.elem_type = TYPES[kind]
+
+    return write
+
+
+OF_EXODUS = {"lower": 1.0, "upper": 1.0}, {"bottom": 1.0, "top": 1.0, "side": 8.0, "crown": 1.0}
+
+# --- others by hand --------------------------------------------------------------------------------------------------
+
+
+def nastran(kind: str) -> str:
+    mesh = column(kind)
+    lines = ["SOL 101", "CEND", "BEGIN BULK"]
+    lines += [f"GRID,{i + 1},,{x:.2f},{y:.2f},{z:.2f}" for i, (x, y, z) in enumerate(mesh.points)]
+    card = {"tetra": "CTETRA", "hexahedron": "CHEXA"}[kind]
+    number = 0
+    for e, nodes in enumerate(mesh.cells):
+        number += 1
+        words = [card, number, 11 if e < mesh.half else 12, *(nodes + 1)]
+        lines.append(",".join(map(str, words[:9])))
+        if len(words) > 9:
+            lines.append(",".join(["+", *map(str, words[9:])]))
+    for name, of in mesh.faces.items():
+        for rows in of.values():
+            for nodes in rows:
+                number += 1
+                lines.append(
+                    ",".join(
+                        map(
+                            str,
+                            ["CTRIA3" if len(nodes) == 3 else "CQUAD4", number, GROUPS[name], *(nodes + 1)],
+                        )
+                    )
+                )
+    return "\n".join([*lines, "ENDDATA", ""])
+
+
+def gmsh_text(elements: str, names: str = "", more: str = "") -> str:
+    """Two tetrahedra on one triangle, in lines of gmsh's format 2.2; their volumes are 1/6 each."""
+    lines = elements.strip().splitlines()
+    return (
+        f"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n{names}$Nodes\n{5 + more.count(chr(10))}\n1 0 0 0\n2 1 0 0\n3 0 1 0\n"
+        f"4 0 0 -1\n5 0 0 1\n{more}$EndNodes\n$Elements\n{len(lines)}\n"
+        + "\n".join(lines)
+        + "\n$EndElements\n"
+    )
+
+
+PAIR = "1 4 2 11 1 1 2 3 5\n2 4 2 12 1 1 3 2 4\n"
+SIXTHS = {"11": 1 / 6, "12": 1 / 6}
+CONVERT = "mesh it with tetrahedra alone, or split all elements into tetrahedra"
+WEDGES = "has wedge; " + CONVERT
+
+ROWS = [
+    # gmsh
+    Row("gmsh 4.1", by_gmsh("tetra"), ".msh"),
+    Row("gmsh 4.1 binary", by_gmsh("hexahedron", Mesh_Binary=1), ".msh"),
+    Row("gmsh 4.1 with all elements", by_gmsh("tetra", Mesh_SaveAll=1), ".msh", slow=True),
+    Row("gmsh 4.0", by_gmsh("tetra", Mesh_MshFileVersion=4.0), ".msh", slow=True),
+    Row("gmsh 2.2", by_gmsh("tetra", Mesh_MshFileVersion=2.2), ".msh"),
+    Row("gmsh 2.2 binary", by_gmsh("tetra", Mesh_MshFileVersion=2.2, Mesh_Binary=1), ".msh", slow=True),
+    Row("gmsh, 10 nodes", by_gmsh("tetra10"), ".msh"),
+    Row("gmsh, 20 nodes", by_gmsh("hexahedron20"), ".msh"),
+    Row("gmsh, 27 nodes", by_gmsh("hexahedron27"), ".msh"),
+    Row("gmsh, tetrahedra turned", by_gmsh("tetra10", turned=True), ".msh", slow=True),
+    Row("gmsh, hexahedra turned", by_gmsh("hexahedron", turned=True), ".msh", slow=True),
+    Row("gmsh, 20 nodes turned", by_gmsh("hexahedron20", turned=True), ".msh"),
+    Row("gmsh, 27 nodes turned", by_gmsh("hexahedron27", turned=True), ".msh", slow=True),
+    Row("gmsh, wedges", by_gmsh("wedge"), ".msh", refused=WEDGES, slow=True),
+    Row(
+        "gmsh without groups",
+        by_gmsh("tetra", names={}),
+        ".msh",
+        {"1": 1.0, "2": 1.0},
+        {"1": 1.0, "2": 1.0, "3": 8.0},
+    ),
+    Row(
+        "gmsh, surfaces without numbers in names",
+        text(gmsh_text(PAIR + "3 2 2 5 1 1 2 4")),
+        ".msh",
+        SIXTHS,
+        {"5": 0.5},
+    ),
+    Row(
+        "gmsh, an element twice in its group",
+        text(gmsh_text(PAIR + "3 4 2 11 1 1 2 3 5\n4 2 2 5 1 1 2 4")),
+        ".msh",
+        refused="1 tetra elements are there more than once, with the same nodes, in '11'",
+    ),
+    Row(
+        "gmsh, an element in two groups",
+        text(gmsh_text(PAIR + "3 4 2 13 1 1 2 3 5\n4 2 2 5 1 1 2 4")),
+        ".msh",
+        {**SIXTHS, "13": 1 / 6},
+        {"5": 0.5},
+        slow=True,
+    ),
+    Row(
+        "gmsh, nodes not merged",
+        text(gmsh_text(PAIR + "3 4 2 13 1 6 2 3 5\n4 2 2 5 1 1 2 4", more="6 0 0 0\n")),
+        ".msh",
+        refused="1 nodes lie at the same place as others",
+        slow=True,
+    ),
+    Row(
+        "gmsh, tetrahedra and pyramid",
+        text(gmsh_text(PAIR + "3 7 2 13 1 1 2 3 4 6", more="6 3 3 3\n")),
+        ".msh",
+        refused="has tetra and pyramid; " + CONVERT,
+    ),
+    Row(
+        "gmsh, of both orders",
+        text(gmsh_text(PAIR + "3 11 2 13 1 1 2 3 4 1 2 3 4 1 2")),
+        ".msh",
+        refused="has tetra and tetra10; save all elements with the same order",
+        slow=True,
+    ),
+    # Salome
+    *(
+        Row(f"Salome, {kind}", by_gmsh(kind), ".med")
+        for kind in ("tetra", "tetra10", "hexahedron", "hexahedron20")
+    ),
+    Row("Salome, 27 nodes", by_gmsh("hexahedron27"), ".med", refused="that meshio does not know (H27)"),
+    Row("Salome, wedges", by_gmsh("wedge"), ".med", refused=WEDGES),
+    Row("Salome, hexahedra turned", by_gmsh("hexahedron20", turned=True), ".med"),
+    # Abaqus and CalculiX
+    *(
+        Row(
+            f"Abaqus of gmsh, {kind}",
+            by_gmsh(kind, Mesh_SaveGroupsOfElements=1),
+            ".inp",
+            {**VOLUMES, "Volume1": 1.0, "Volume2": 1.0},
+            {**AREAS, "Surface1": 1.0, "Surface2": 1.0, "Surface3": 8.0},
+        )
+        for kind in ("tetra", "hexahedron20")
+    ),
+    *(
+        Row(f"Abaqus, {type_}", text(abaqus(kind, type_)), volumes=OF_SETS, areas=ENDS)
+        for kind, type_ in (
+            ("tetra", "C3D4"),
+            ("tetra10", "C3D10"),
+            ("hexahedron", "C3D8R"),
+            ("hexahedron20", "C3D20R"),
+        )
+    ),
+    Row(
+        "Abaqus, C3D27",
+        text(abaqus("hexahedron27", "C3D27", order=[*range(20), 26, 24, 25, 22, 21, 23, 20])),
+        volumes=OF_SETS,
+        areas=ENDS,
+    ),
+    Row("Abaqus, turned", text(abaqus("hexahedron", "C3D8", turned=True)), volumes=OF_SETS, areas=ENDS),
+    Row("Abaqus, C3D6", text(abaqus("wedge", "C3D6")), refused=WEDGES),
+    Row(
+        "Abaqus, surfaces of elements",
+        text(abaqus("hexahedron", "C3D8", FACES)),
+        volumes=OF_SETS,
+        areas=OF_FACES,
+    ),
+    Row("CalculiX, surfaces", text(abaqus("hexahedron20", "C3D20", FACES)), volumes=OF_SETS, areas=OF_FACES),
+    Row(
+        "Abaqus, a set in two pieces",
+        text(abaqus("hexahedron", "C3D8", "*ELSET, ELSET=Lower\n102\n")),
+        volumes={**OF_SETS, "lower": 2.0},
+        areas=ENDS,
+    ),
+    Row(
+        "Abaqus CAE",
+        text(cae()),
+        volumes={"Set-1": 2.0},
+        areas={"Set-1": 1.0, "foot": 1.0, "crown": 1.0},
+    ),
+    Row(
+        "Abaqus CAE, an instance moved",
+        text(cae(instance="1., 0., 0.\n")),
+        refused="the instance 'Part-1-1' is moved",
+    ),
+    Row(
+        "Abaqus CAE, two instances",
+        text(cae().replace("*End Assembly", "*Instance, name=b, part=Part-1\n*End Instance\n*End Assembly")),
+        refused="expected one part and one instance of it",
+    ),
+    Row(
+        "Abaqus CAE, one set twice",
+        text(cae(sets="*Elset, elset=Set-1, instance=Part-1-1\n101\n")),
+        refused="the set 'Set-1' is in the part and in the assembly, with other members",
+    ),
+    Row("Abaqus, INCLUDE", text(ONE + "*INCLUDE, INPUT=b.inp\n"), refused="got *INCLUDE of another"),
+    Row(
+        "Abaqus, a set that is not there",
+        text(ONE + "*ELSET, ELSET=b\nc\n"),
+        refused="the set 'C', to which 'B' refers, is not there",
+    ),
+    Row("Abaqus, a set within itself", text(ONE + "*ELSET, ELSET=b\nb\n"), refused="contains itself"),
+    Row(
+        "Abaqus, a node that is not there",
+        text(ONE.replace("1, 1, 2, 3, 4", "1, 1, 2, 3, 9")),
+        refused="has the node 9, which is not there",
+    ),
+    Row(
+        "Abaqus, a number twice",
+        text(ONE + "*ELEMENT, TYPE=C3D4\n1, 1, 2, 3, 4\n"),
+        refused="the element 1 is there twice",
+    ),
+    Row(
+        "Abaqus, an element twice",
+        text(ONE + "*ELEMENT, TYPE=C3D4, ELSET=one\n2, 1, 2, 3, 4\n"),
+        refused="1 tetra elements are there more than once, with the same nodes, in 'one'",
+    ),
+    Row(
+        "Abaqus, no face S5",
+        text(ONE + "*SURFACE, NAME=s\none, S5\n"),
+        refused="the surface 's' has no face 'S5' of tetra elements",
+    ),
+    Row("Abaqus, generated nodes", text(ONE + "*NGEN\n1, 4\n"), refused="*NGEN is not read"),
+    # Exodus
+    *(
+        Row(f"Exodus, {TYPES[kind]}", exodus(kind), ".exo", *OF_EXODUS)
+        for kind in ("tetra", "tetra10", "hexahedron", "hexahedron20", "hexahedron27")
+    ),
+    Row("Exodus as NetCDF-4", exodus("hexahedron20", netcdf4=True), ".e", *OF_EXODUS),
+    Row(
+        "Exodus without names",
+        exodus("hexahedron", names=False),
+        ".g",
+        BY_NUMBER[0],
+        {**BY_NUMBER[1], "5": 1.0},
+    ),
+    Row("Exodus, wedges", exodus("wedge"), ".exo", refused=WEDGES),
+    # SU2
+    *(Row(f"SU2, {kind}", by_gmsh(kind), ".su2", {"0": 2.0}, AREAS) for kind in ("tetra", "hexahedron")),
+    Row("SU2, second order", by_gmsh("tetra10"), ".su2", refused="that meshio does not know (24)"),
+    # Nastran
+    *(
+        Row(
+            f"Nastran of gmsh, {kind}",
+            by_gmsh(kind),
+            ".bdf",
+            {"1": 1.0, "2": 1.0},
+            {"1": 1.0, "2": 1.0, "3": 8.0},
+        )
+        for kind in ("tetra", "tetra10", "hexahedron", "hexahedron20")
+    ),
+    *(Row(f"Nastran, {kind}", text(nastran(kind)), ".nas", *BY_NUMBER) for kind in ("tetra", "hexahedron")),
+    # Medit
+    *(
+        Row(f"Medit, {kind}", by_gmsh(kind), ".mesh", {"1": 1.0, "2": 1.0}, {"1": 1.0, "2": 1.0, "3": 8.0})
+        for kind in ("tetra", "hexahedron")
+    ),
+    Row("Medit, second order", by_gmsh("tetra10"), ".mesh", refused="not a mesh that can be read"),
+    # VTK
+    *(
+        Row(f"VTK of gmsh, {kind}", by_gmsh(kind), ".vtk", *BY_NUMBER)
+        for kind in ("tetra10", "hexahedron20", "hexahedron27")
+    ),
+    *(
+        Row(f"VTU, {kind}", by_meshio(kind), ".vtu", *BY_NUMBER)
+        for kind in ("tetra", "tetra10", "hexahedron", "hexahedron20", "hexahedron27")
+    ),
+    Row(
+        "VTU, data with another name",
+        by_meshio("tetra", "part"),
+        ".vtu",
+        refused="its elements have the data 'part'",
+    ),
+    # XDMF
+    *(Row(f"XDMF, {kind}", by_meshio(kind), ".xdmf", *BY_NUMBER) for kind in ("tetra", "hexahedron")),
+    Row("XDMF, second order", by_meshio("tetra10"), ".xdmf", refused="that meshio does not know (38)"),
+]
+
+
+def sizes(body: BodyMesh) -> tuple[dict[str, float], dict[str, float]]:
+    return (
+        {name: float(body.weights[own].sum()) for name, own in body.volumes.items()},
+        {name: float(Facets(body, own).areas.sum()) for name, own in body.surfaces.items()},
+    )
+
+
+@pytest.mark.parametrize(
+    "row", [pytest.param(row, id=row.name, marks=[pytest.mark.slow] if row.slow else []) for row in ROWS]
+)
+def test_a_file_is_read_right_or_refused_in_one_message(tmp_path, row):
+    path = tmp_path / f"column{row.suffix}"
+    row.write(path)
+    if row.refused:
+        with pytest.raises(ConfigurationError) as refused:
+            read_body(path, None, 1.0).check("macro.body")
+        told = str(refused.value)
+        assert row.refused in told
+        assert told.startswith("macro.body")
+        assert "\n" not in told
+        return
+    body = read_body(path, None, 1.0).check("macro.body")
+    volumes, areas = sizes(body)
+    assert volumes == pytest.approx(dict(row.volumes), rel=1e-12)
+    assert areas == pytest.approx(dict(row.areas), rel=1e-12)
+
+
+def test_the_table_has_sixty_rows_of_as_many_names():
+    assert len({row.name for row in ROWS}) == len(ROWS) >= 60
+
+
+#: One file of each format, and how its surfaces are called.
+FORMATS: dict[str, tuple[str, tuple[str, ...], tuple[str, ...]]] = {
+    "tetra": (
+        "gmsh 4.1",
+        ("gmsh 2.2", "Salome, tetra", "Abaqus of gmsh, tetra", "Exodus, TETRA", "SU2, tetra"),
+        ("Nastran, tetra", "VTU, tetra", "XDMF, tetra"),
+    ),
+    "hexahedron20": (
+        "gmsh, 20 nodes",
+        (
+            "gmsh, 20 nodes turned",
+            "Salome, hexahedron20",
+            "Abaqus of gmsh, hexahedron20",
+            "Exodus as NetCDF-4",
+        ),
+        ("VTK of gmsh, hexahedron20", "VTU, hexahedron20", "VTU, hexahedron27"),
+    ),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", FORMATS)
+def test_a_column_settles_alike_through_every_format(tmp_path, kind):
+    """It is held below, at the side by its displacement, and drained and loaded on top."""
+    pytest.importorskip("porocore_fem_skfem")
+    reference, named, numbered = FORMATS[kind]
+    rows = {row.name: row for row in ROWS}
+
+    def settlement(name: str, bottom: str, top: str, side: str) -> Any:
+        path = tmp_path / f"{len(list(tmp_path.iterdir()))}{rows[name].suffix}"
+        rows[name].write(path)
+        problem = MacroProblem.model_validate(
+            {
+                "body": {"kind": "file", "path": str(path), "symmetry": []},
+                "boundary": {
+                    bottom: {"displacement": [0, 0, 0]},
+                    side: {"displacement": [0, None, 0]},
+                    top: {"traction": [0, -0.01, 0], "pressure": 0},
+                },
+                "time": {"end": 1000, "step": 100, "ramp_increments": 2, "ramp_step": 0.1, "profiles": [1]},
+            }
+        )
+        solver = registry().get("macro solver", "skfem")()
+        return np.asarray(solver.solve(solver.prepare(problem), linear_law()).history.settlement)
+
+    expected = settlement(reference, "bottom", "top", "side")
+    # In the end the height times the traction over the modulus of a confined column.
+    modulus = linear_law().coefficients.stiffness[1, 1, 1, 1]
+    assert expected[-1] == pytest.approx(2 * 0.01 / modulus, rel=1e-9)
+    for name in named:
+        np.testing.assert_allclose(settlement(name, "bottom", "top", "side"), expected, rtol=1e-10)
+    for name in numbered:
+        np.testing.assert_allclose(settlement(name, "21", "22", "23"), expected, rtol=1e-10)
+    np.testing.assert_allclose(settlement(reference, "21", "22", "23"), expected, rtol=1e-12)
