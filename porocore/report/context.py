@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from porocore.cell.level_sets.grey_values import Parting
 from porocore.core.formulas import TimeFunction, Value
 from porocore.core.inputs import InputSpace
 from porocore.core.units import ResultUnits, Scales
@@ -222,6 +223,8 @@ class CellSummary:
         Sentences on the pores, such as how an image was made periodic, and the edges of the cell.
     image_porosity
         Porosity of the image; None where there is none.
+    parting
+        Grey values of the image and their threshold; None where there is no image, or a segmented one.
     which
         Member of a family that it is, such as ``in the middle of the ranges``; empty for a cell without parameters.
     """
@@ -236,6 +239,7 @@ class CellSummary:
     law: ConductivityLaw = "piola"
     remarks: tuple[str, ...] = ()
     image_porosity: float | None = None
+    parting: Parting | None = None
     which: str = ""
 
     @property

@@ -172,6 +172,7 @@ def _cell_parts(context: ReportContext, pictures: Pictures) -> dict[str, Any]:
         "linear_rows": linear_rows(cell.properties),
         "mesh_rows": mesh_rows(cell.mesh),
         "picture": _cell_picture(context, pictures),
+        "histogram": _histogram(context, pictures),
         "parameter_rows": [] if family is None else parameter_rows(family, used),
         "over_parameters": [] if family is None else over_parameters(context, family, pictures),
         "spent_on_body": bool(sampling.inputs.used),
@@ -202,6 +203,17 @@ def _cell_picture(context: ReportContext, pictures: Pictures) -> Picture | None:
     if context.cell.surface is None:
         return None
     return pictures.png("cell", figures.cell_picture(*context.cell.surface), "The solid of the cell")
+
+
+def _histogram(context: ReportContext, pictures: Pictures) -> Picture | None:
+    """Return the picture of the grey values of an image."""
+    if context.cell.parting is None:
+        return None
+    return pictures.svg(
+        "grey-values",
+        figures.histogram_figure(context.cell.parting),
+        "Voxels by their grey value, with the threshold",
+    )
 
 
 def _surrogate_parts(surrogate: SurrogateSummary, pictures: Pictures) -> dict[str, Any]:

@@ -105,6 +105,28 @@ class GreyValues:
         return f"{len(self.values):,} distinct ones from {self.values[0]:g} to {self.values[-1]:g}"
 
 
+@dataclass(frozen=True, eq=False)
+class Parting:
+    """Grey values of an image and the threshold that parts them.
+
+    Attributes
+    ----------
+    grey
+        Of all voxels of the file.
+    threshold
+        Voxels of at most this value are of one phase.
+    name
+        Of the threshold: where it comes from.
+    bright_pores
+        Pores are the voxels above it; None: the threshold is not used.
+    """
+
+    grey: GreyValues
+    threshold: float
+    name: str
+    bright_pores: bool | None
+
+
 def assumed(grey: GreyValues, pore: int) -> tuple[str, ...]:
     """Return a sentence on which of two values was taken for the pores without being told; none for other images."""
     if len(grey.values) != 2 or pore not in grey.values:

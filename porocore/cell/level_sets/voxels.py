@@ -14,7 +14,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, mod
 
 from porocore.cell.geometry.pore_geometry import CUBE, Sides, Unfolding, unit_sides
 from porocore.cell.level_sets.cutting import SPECKS, LevelSetGeometry, mesh_level_set
-from porocore.cell.level_sets.grey_values import GreyValues, assumed, not_segmented, phases
+from porocore.cell.level_sets.grey_values import HANDFUL, GreyValues, Parting, assumed, not_segmented, phases
 from porocore.cell.level_sets.image import (
     SLICE_SUFFIXES,
     SMALLEST,
@@ -202,6 +202,17 @@ class Voxels(FromFile, LevelSetGeometry):
             The file is no image of numbers.
         """
         return _grey(Path(self.path), self.sha256).otsu if self.threshold == "otsu" else self.threshold
+
+    @property
+    def parting(self) -> Parting | None:
+        """Grey values and their threshold, that of Otsu where none is given; None for a segmented image."""
+        grey = _grey(Path(self.path), self.sha256)
+        if self.threshold is None:
+            return None if len(grey.values) <= HANDFUL else Parting(grey, grey.otsu, "Otsu's, not used", None)
+        name = "Otsu's" if self.threshold == "otsu" else "as given"
+        return Parting(
+            grey, grey.otsu if self.threshold == "otsu" else self.threshold, name, self.bright_pores
+        )
 
     def pores_of(self, values: npt.NDArray[Any]) -> BoolArray:
         """Return True for those values of voxels that are pores."""

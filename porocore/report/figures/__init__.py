@@ -1,7 +1,7 @@
 """The report's figures, as matplotlib Figure objects that share no global state."""
 
 from porocore.report.figures.body import body_figure
-from porocore.report.figures.cell import cell_picture
+from porocore.report.figures.cell import cell_picture, histogram_figure
 from porocore.report.figures.curves import (
     PROFILE_FIELDS,
     history_figure,
@@ -16,6 +16,7 @@ __all__ = [
     "PROFILE_FIELDS",
     "body_figure",
     "cell_picture",
+    "histogram_figure",
     "history_figure",
     "parity_figure",
     "png_bytes",

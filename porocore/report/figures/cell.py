@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from mpl_toolkits.mplot3d.axes3d import Axes3D
 
+from porocore.cell.level_sets.grey_values import GreyValues, Parting
 from porocore.cell.meshing.tetrahedra import boundary_facets
 from porocore.core.units import units_now
 from porocore.report.figures import style
@@ -24,7 +25,7 @@ from porocore.report.words.parameters import (
     binned_rms,
     group_errors,
 )
-from porocore.states import Array, IntArray
+from porocore.states import Array, BoolArray, IntArray
 
 if TYPE_CHECKING:
     from porocore.report.context import ReportContext
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
 PIECES = 4
 SOLID = to_rgb("#c9a27a")
 WALL = to_rgb("#5b8db8")
+#: Intervals of a histogram of grey values.
+GREY_BINS = 128
 #: Height and azimuth of the viewer in degrees.
 VIEW = (24.0, -58.0)
 #: Of a cube; a longer box is drawn smaller.
@@ -116,6 +119,54 @@ def _on_box(triangles: Array, points: Array) -> npt.NDArray[np.bool_]:
 ERROR_BINS, STATE_BINS = 6, 8
 #: Errors below this share of the largest shown one stand at the lower edge [% of % ].
 LEAST_ERROR = 1e-5
+
+
+@styled
+def histogram_figure(parting: Parting) -> Figure:
+    """Draw how many voxels have which grey value, coloured by phase, with the threshold as a line."""
+    edges, counts, dark = _bins(parting.grey, parting.threshold)
+    figure = new_figure(5.4, 3.0)
+    axes = figure.add_subplot()
+    below = np.arange(len(counts)) < dark
+    phases: list[tuple[str, BoolArray, Any]] = [("all voxels", np.full(len(counts), True), style.GREY)]
+    if parting.bright_pores is not None:
+        share = 100 * parting.grey.share(parting.threshold)
+        share = 100 - share if parting.bright_pores else share
+        pores = ~below if parting.bright_pores else below
+        phases = [(f"pores, {share:.3g} %", pores, WALL), (f"solid, {100 - share:.3g} %", ~pores, SOLID)]
+    for label, rows, colour in phases:
+        axes.stairs(np.where(rows, counts, 0), edges, fill=True, color=colour, label=label)
+    axes.axvline(
+        parting.threshold,
+        color=style.BLACK,
+        ls=style.DASHED,
+        lw=1.2,
+        label=f"threshold {parting.threshold:.6g} ({parting.name})",
+    )
+    axes.set_xlim(edges[0], edges[-1])
+    axes.set_xlabel("grey value")
+    axes.set_ylabel("voxels")
+    legend_above(figure, axes, columns=3)
+    return figure
+
+
+def _bins(grey: GreyValues, threshold: float) -> tuple[Array, IntArray, int]:
+    """Return the edges of at most about ``GREY_BINS`` equal intervals, their counts, and how many a threshold is above.
+
+    Values at equal distances have equally many in each interval, which else would look like a comb.
+    """
+    low, high = min(grey.values[0], threshold), max(grey.values[-1], threshold)
+    width = (high - low) / GREY_BINS
+    step = np.diff(grey.values).min(initial=np.inf)
+    multiples = np.diff(grey.values) / step
+    if np.abs(multiples - np.rint(multiples)).max(initial=0.0) < 1e-3:
+        width = step * np.ceil(width / step)
+        # Between two values.
+        threshold = grey.values[0] + step * (np.floor((threshold - grey.values[0]) / step + 1e-6) + 0.5)
+    before, behind = np.ceil((threshold - low) / width + 0.5), np.ceil((high - threshold) / width + 0.5)
+    edges = threshold + width * np.arange(-before, behind + 1)
+    places = np.searchsorted(edges, grey.values, side="left") - 1
+    return edges, np.bincount(places, grey.counts, len(edges) - 1).astype(np.int64), int(before)
 
 
 @styled

@@ -263,6 +263,7 @@ def _cell_summary(results: RunResults) -> CellSummary:
             *([cell.geometry.error_of_shape] if cell.geometry.error_of_shape else []),
         ),
         image_porosity=cell.geometry.porosity if isinstance(cell.geometry, Voxels) else None,
+        parting=cell.geometry.parting if isinstance(cell.geometry, Voxels) else None,
         which="in the middle of the ranges" if cell.is_family else "",
     )
 
