@@ -89,9 +89,7 @@ class CellDomain:
         ``dofs`` is the (cells, k) table of the space. Dofs are ordered in a cell as its nodes are, vertices first, so
         k nodes of each cell are enough.
         """
-        nodes = np.asarray(self.domain.geometry.input_global_indices)[
-            compat.cell_dofs(self.domain.geometry.dofmap)
-        ]
+        nodes = np.asarray(self.domain.geometry.input_global_indices)[compat.cell_nodes(self.domain)]
         table = np.full(int(dofs.max()) + 1, -1, dtype=np.int64)
         table[dofs] = nodes[:, : dofs.shape[1]]
         return table

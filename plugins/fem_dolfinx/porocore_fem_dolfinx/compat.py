@@ -1,4 +1,4 @@
-"""Differences between dolfinx 0.5 (Debian 12) and 0.9 (Debian 13): meshes, spaces, forms, assembly.
+"""Differences between dolfinx 0.5 (Debian 12) and 0.11: meshes, spaces, forms, assembly.
 
 Elements, which differ too, have a module of their own.
 """
@@ -61,9 +61,9 @@ def quiet() -> Iterator[None]:
 
 def _compile(comm: MPI.Intracomm, make: Callable[..., Made], *arguments: object) -> Made:
     """Call a function that compiles forms or takes them from our cache."""
-    name = "jit_options" if "jit_options" in inspect.signature(make).parameters else "jit_params"
+    names = {"jit_options", "jit_params"} & set(inspect.signature(make).parameters)
     with quiet(), compiling(FORMS, comm):
-        return make(*arguments, **{name: {"cache_dir": str(FORMS)}})
+        return make(*arguments, **{name: {"cache_dir": str(FORMS)} for name in names})
 
 
 def _comm_of(integrand: Expr) -> MPI.Intracomm:
@@ -117,9 +117,15 @@ def from_vtk(cell: str, nodes: int) -> IntArray:
 
 
 def cell_dofs(dofmap: fem.DofMap) -> IntArray:
-    """Return the table (cells, n) of a space's or a geometry's dofmap, local numbers, ghosts included."""
+    """Return the table (cells, n) of a space's dofmap, local numbers, ghosts included."""
     table = dofmap.list if hasattr(dofmap, "list") else dofmap
     return np.asarray(table if isinstance(table, np.ndarray) else table.array.reshape(table.num_nodes, -1))
+
+
+def cell_nodes(domain: Mesh) -> IntArray:
+    """Return the table (cells, n) of the nodes of a mesh, local numbers, ghosts included."""
+    by_kind = getattr(domain.geometry, "dofmaps", None)  # one for each kind of cell
+    return cell_dofs(by_kind[0] if isinstance(by_kind, list) else domain.geometry.dofmap)
 
 
 def constant(domain: Mesh, value: Array | float) -> Constant:
@@ -228,11 +234,13 @@ def make_matrix(
 
 def block_matrix(blocks: CompiledForm) -> PETSc.Mat:
     """Return an empty matrix for a list of lists of bilinear forms; each process has the first rows first."""
-    return fem_petsc.create_matrix_block(blocks)
+    make = getattr(fem_petsc, "create_matrix_block", None) or fem_petsc.create_matrix
+    return make(blocks)
 
 
 def assemble_blocks(blocks: CompiledForm, matrix: PETSc.Mat) -> None:
     """Assemble into a matrix of :func:`block_matrix`."""
     matrix.zeroEntries()
-    fem_petsc.assemble_matrix_block(matrix, blocks, bcs=[])
+    assemble = getattr(fem_petsc, "assemble_matrix_block", None) or fem_petsc.assemble_matrix
+    assemble(matrix, blocks, bcs=[])
     matrix.assemble()

@@ -31,9 +31,9 @@ from petsc4py import PETSc
 
 __all__ = ["MODERN", "PETSc", "basix", "dolfinx", "fem", "fem_petsc", "mesh", "ufl"]
 
-OLDEST, NEWEST = (0, 5), (0, 9)
+OLDEST, NEWEST = (0, 5), (0, 11)
 #: These versions as messages name them.
-SUPPORTED = "0.5 (Debian 12) to 0.9 (Debian 13)"
+SUPPORTED = "0.5 (Debian 12) to 0.11"
 VERSION = tuple(int(number) for number in re.findall(r"\d+", dolfinx.__version__)[:2])
 
 

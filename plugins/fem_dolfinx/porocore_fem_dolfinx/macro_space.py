@@ -61,7 +61,7 @@ class MacroSpace:
         u_cells = 3 * compat.cell_dofs(self.V.dofmap)[:count, :, None] + np.arange(3)
         p_cells = compat.cell_dofs(self.Q.dofmap)[:count]
         self.dofs = np.concatenate([self.of_u[u_cells.reshape(count, -1)], self.of_p[p_cells]], axis=1)
-        middles = domain.geometry.x[compat.cell_dofs(domain.geometry.dofmap)[:count, :corners]].mean(axis=1)
+        middles = domain.geometry.x[compat.cell_nodes(domain)[:count, :corners]].mean(axis=1)
         theirs = cKDTree(mesh.points[mesh.cells[:, :corners]].mean(axis=1))
         self.elements = np.asarray(theirs.query(middles)[1], dtype=np.int64)
         self.order = _quadrature_order(mesh.element)

@@ -61,7 +61,7 @@ def test_the_tables_of_a_mesh_and_of_a_space_lead_back_to_the_cells():
     cells = np.array([[0, 1, 2, 3], [1, 2, 3, 4]])
     mesh = compat.make_mesh(MPI.COMM_SELF, "tetrahedron", 1, corners, cells)
     original = np.asarray(mesh.geometry.input_global_indices)
-    assert {frozenset(row) for row in original[compat.cell_dofs(mesh.geometry.dofmap)].tolist()} == {
+    assert {frozenset(row) for row in original[compat.cell_nodes(mesh)].tolist()} == {
         frozenset(row) for row in cells.tolist()
     }
     space = compat.function_space(mesh, elements.lagrange_element("tetrahedron", 2))
@@ -69,7 +69,7 @@ def test_the_tables_of_a_mesh_and_of_a_space_lead_back_to_the_cells():
     assert table.shape == (2, 10)
     assert set(table.ravel()) == set(range(5 + 9))  # the two share a face with its three edges
     at = space.tabulate_dof_coordinates()
-    for row, nodes in zip(table, compat.cell_dofs(mesh.geometry.dofmap), strict=True):
+    for row, nodes in zip(table, compat.cell_nodes(mesh), strict=True):
         x = mesh.geometry.x[nodes]
         expected = [*x, *((x[i] + x[j]) / 2 for i, j in combinations(range(4), 2))]
         assert sorted(at[row].round(12).tolist()) == sorted(np.round(expected, 12).tolist())
