@@ -1,44 +1,47 @@
 # `make run` does the main job, `make test` runs all tests; both share .venv.
+# NEWEST=1 takes the newest release of every package instead of the pins, in .venv-newest.
 
-PORO := .venv/bin/porocore
+export NEWEST
+VENV := .venv$(if $(NEWEST),-newest)
+PORO := $(VENV)/bin/porocore
 RUN ?= runs/dehghani2022
 
 .PHONY: run test test-slow coverage lint docs dist benchmarks clean
 
-run: .venv/.ready-run
+run: $(VENV)/.ready-run
 	$(PORO) run --out $(RUN) --resume
 
-test: .venv/.ready-test
+test: $(VENV)/.ready-test
 	sh tools/test.sh
 
 # Everything, the tests marked slow included.
-test-slow: .venv/.ready-test
+test-slow: $(VENV)/.ready-test
 	sh tools/test.sh --run-slow
 
 # The fast tests once more, with the lines of core and plugins that they run; pages below build/coverage.
-coverage: .venv/.ready-test
+coverage: $(VENV)/.ready-test
 	sh tools/test.sh --cov=porocore --cov=plugins --cov-report=term:skip-covered --cov-report=html:build/coverage
 
-lint: .venv/.ready-test
-	.venv/bin/ruff check .
-	.venv/bin/ruff format --check .
-	.venv/bin/mypy
-	.venv/bin/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
+lint: $(VENV)/.ready-test
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/ruff format --check .
+	$(VENV)/bin/mypy
+	$(VENV)/bin/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*.yml
 
 # The site, below build/docs.
-docs: .venv/.ready-test
-	.venv/bin/python -m sphinx -W --keep-going -c docs -b html . build/docs
+docs: $(VENV)/.ready-test
+	$(VENV)/bin/python -m sphinx -W --keep-going -c docs -b html . build/docs
 
 # The distributions, in dist/: built, and tried in empty environments, which fetches what they need (some 2 GB on the disk).
-dist: .venv/.ready-test
-	.venv/bin/python tools/distributions.py --out dist
-	POROCORE_DIST=dist .venv/bin/python -m pytest --run-slow tests/release
+dist: $(VENV)/.ready-test
+	$(VENV)/bin/python tools/distributions.py --out dist
+	POROCORE_DIST=dist $(VENV)/bin/python -m pytest --run-slow tests/release
 
-benchmarks: .venv/.ready-test
-	.venv/bin/python benchmarks/run.py
+benchmarks: $(VENV)/.ready-test
+	$(VENV)/bin/python benchmarks/run.py
 
-.venv/.ready-%: tools/setup.sh $(wildcard constraints/*.txt) pyproject.toml $(wildcard plugins/*/pyproject.toml)
+$(VENV)/.ready-%: tools/setup.sh $(wildcard constraints/*.txt) pyproject.toml $(wildcard plugins/*/pyproject.toml)
 	sh tools/setup.sh $*
 
 clean:
-	rm -rf .venv runs build dist
+	rm -rf .venv .venv-newest runs build dist

@@ -1,9 +1,12 @@
 #!/bin/sh
 # Make .venv with everything that `make run` (argument: run) or `make test` (argument: test) needs.
+# With NEWEST=1 it is .venv-newest, with the newest release of every package and no pins.
 # Exit status 2: something is missing that only the user can provide; the last line says what.
 set -eu
 what=$1
 cd "$(dirname "$0")/.."
+newest=${NEWEST:-}
+venv=.venv${newest:+-newest}
 
 # The shared libraries that gmsh's wheel loads, and the Debian packages that hold them.
 libraries="libGLU.so.1 libGL.so.1 libXrender.so.1 libXcursor.so.1 libXfixes.so.3 libXft.so.2 libfontconfig.so.1 libXinerama.so.1 libgomp.so.1"
@@ -17,6 +20,9 @@ page_packages="chromium fonts-dejavu-core"
 
 # As in debian12.
 release=$(. /etc/os-release 2>/dev/null && echo "${ID:-}${VERSION_ID:-}") || release=unknown
+# The dolfinx of Debian 12 does not import with numpy 2.
+with_dolfinx=yes
+if [ "$what" != test ] || { [ -n "$newest" ] && [ "$release" = debian12 ]; }; then with_dolfinx=""; fi
 
 say() { echo "setup: $*"; }
 
@@ -75,21 +81,24 @@ at_least_3_11 "$python" || give_up "porocore needs Python 3.11 or later; set PYT
 
 if [ "$(base_of "$python")" = "$(base_of $system)" ] && command -v apt-get >/dev/null; then
     "$python" -c 'import ensurepip, venv' 2>/dev/null || install "Python's venv module is missing" python3-venv
+    # shellcheck disable=SC2086
+    [ -z "$with_dolfinx" ] || install "the tests run on dolfinx too" $dolfinx_packages
     if [ "$what" = test ]; then
-        # shellcheck disable=SC2086
-        install "the tests run on dolfinx too" $dolfinx_packages
         # shellcheck disable=SC2086
         install "the tests draw pictures without a display" $picture_packages
         # shellcheck disable=SC2086
         install "the tests lay out pages" $page_packages
         # Its torch comes without CUDA.
-        [ "$release" != debian13 ] || install "the tests run on torch too" python3-torch
+        [ "$release" != debian13 ] || [ -n "$newest" ] || install "the tests run on torch too" python3-torch
     fi
-elif [ "$what" = test ] && ! has_dolfinx "$python"; then
+elif [ -n "$with_dolfinx" ] && [ -n "$newest" ] && ! has_dolfinx "$python"; then
+    with_dolfinx=""
+elif [ -n "$with_dolfinx" ] && ! has_dolfinx "$python"; then
     give_up "the tests need dolfinx, and $python cannot have it: pip has no dolfinx. On Debian 12 or 13 leave PYTHON unset, and" \
-        "apt-get provides it. Elsewhere: conda create -n fenicsx -c conda-forge 'fenics-dolfinx=0.9', then" \
+        "apt-get provides it. Elsewhere: conda create -n fenicsx -c conda-forge fenics-dolfinx, then" \
         "make test PYTHON=the Python of that environment"
 fi
+[ "$what" != test ] || [ -n "$with_dolfinx" ] || say "no dolfinx here that works with the newest numpy; its tests are skipped"
 
 missing=""
 for library in $libraries; do
@@ -103,19 +112,23 @@ fi
 
 # Packages of the system are let in where dolfinx is among them or will be; so `run` and `test` share one environment.
 sees=""
-if [ "$(base_of "$python")" = "$(base_of $system)" ] || has_dolfinx "$python"; then sees=--system-site-packages; fi
-if [ -e .venv ] && ! at_least_3_11 .venv/bin/python; then
-    say ".venv is broken or of a Python before 3.11; making it anew"
-    rm -rf .venv
-elif [ -e .venv ] && [ "$what" = test ] && ! has_dolfinx .venv/bin/python; then
-    say ".venv does not see dolfinx (another Python made it, or it shuts the system's packages out); making it anew"
-    rm -rf .venv
+if [ -n "$newest" ]; then
+    sees=${with_dolfinx:+--system-site-packages}
+elif [ "$(base_of "$python")" = "$(base_of $system)" ] || has_dolfinx "$python"; then
+    sees=--system-site-packages
+fi
+if [ -e $venv ] && ! at_least_3_11 $venv/bin/python; then
+    say "$venv is broken or of a Python before 3.11; making it anew"
+    rm -rf $venv
+elif [ -e $venv ] && [ -n "$with_dolfinx" ] && ! has_dolfinx $venv/bin/python; then
+    say "$venv does not see dolfinx (another Python made it, or it shuts the system's packages out); making it anew"
+    rm -rf $venv
 fi
 # shellcheck disable=SC2086
-[ -e .venv ] || "$python" -m venv $sees .venv
+[ -e $venv ] || "$python" -m venv $sees $venv
 
 constraints=constraints/other.txt
-if [ "$(base_of .venv/bin/python)" = "$(base_of $system)" ]; then
+if [ "$(base_of $venv/bin/python)" = "$(base_of $system)" ]; then
     [ ! -f "constraints/$release.txt" ] || constraints="constraints/$release.txt"
 fi
 if [ "$what" = test ]; then
@@ -124,10 +137,16 @@ if [ "$what" = test ]; then
 else
     set -- -e . -e plugins/fem_skfem -e plugins/surrogate_torch
 fi
-say "installing porocore and its plugins into .venv, with the pins of $constraints"
-.venv/bin/python -m pip install -q --disable-pip-version-check -c "$constraints" "$@"
-if [ "$what" = test ]; then
-    .venv/bin/python -c 'import porocore_fem_dolfinx.compat' || give_up "dolfinx is installed but does not work here, see above"
-    touch .venv/.ready-test
+if [ -n "$newest" ]; then
+    # Eager: else what the system has would do.
+    versions="the newest of all packages" && set -- --upgrade --upgrade-strategy eager "$@"
+else
+    versions="the pins of $constraints" && set -- -c "$constraints" "$@"
 fi
-touch .venv/.ready-run
+say "installing porocore and its plugins into $venv, with $versions"
+$venv/bin/python -m pip install -q --disable-pip-version-check "$@"
+if [ -n "$with_dolfinx" ]; then
+    $venv/bin/python -c 'import porocore_fem_dolfinx.compat' || give_up "dolfinx is installed but does not work here, see above"
+fi
+[ "$what" != test ] || touch $venv/.ready-test
+touch $venv/.ready-run

@@ -14,7 +14,7 @@ REASONS: dict[str, str] = {
     r"pip install \. \./plugins/.*": "needs an index with torch; that the folders are distributions is tested",
     r"pip install distributed": "needs an index; the tests have it",
     r"podman .*": "needs a container engine; that the Containerfile names what exists is tested",
-    r"sudo sh tools/debian13\.sh": "needs root and a network",
+    r"sudo (NEWEST=1 )?sh tools/debian\.sh \w+": "needs root and a network",
     r"\.venv/bin/python benchmarks/\w+\.py( .*)?": "takes an hour; that the script takes these arguments is tested",
 }
 

@@ -1,20 +1,22 @@
 #!/bin/sh
-# Test the dolfinx plugin on Debian 13 (dolfinx 0.9), in a chroot that debootstrap makes. No part of `make test`.
+# Test the dolfinx plugin on another Debian, in a chroot that debootstrap makes. No part of `make test`.
 #
-#     sh tools/debian13.sh [FOLDER [PYTEST-ARGUMENT...]]
+#     [NEWEST=1] sh tools/debian.sh SUITE [FOLDER [PYTEST-ARGUMENT...]]
 #
+# SUITE is trixie (Debian 13, dolfinx 0.9), sid (what is to be Debian's next release, dolfinx 0.11 at present) or another.
 # Needs root, debootstrap, unshare, 5 GB and some minutes. FOLDER holds the chroot and is used again when it has one;
 # without it a temporary one is made and removed. What is tested is the commit HEAD, by the plugin's own tests and
-# tests/consistency unless pytest is given other arguments.
+# tests/consistency unless pytest is given other arguments; with NEWEST=1 on the newest release of every package of
+# Python, as by `make test NEWEST=1`, which may take 10 GB.
 # Debian comes from DEBIAN_MIRROR, by default from where this machine has it; pip's settings are this machine's too.
 set -eu
 source=$(cd "$(dirname "$0")/.." && pwd)
 checkout=/root/porocore # in the chroot
 
-say() { echo "debian13: $*"; }
+say() { echo "debian: $*"; }
 
 give_up() {
-    echo "debian13: $*" >&2
+    echo "debian: $*" >&2
     exit 2
 }
 
@@ -50,7 +52,7 @@ inside() {
     done
 
     mkdir -p "$root$checkout"
-    find "$root$checkout" -mindepth 1 -maxdepth 1 ! -name .venv -exec rm -rf {} +
+    find "$root$checkout" -mindepth 1 -maxdepth 1 ! -name '.venv*' -exec rm -rf {} +
     git -c safe.directory="$source" -C "$source" archive HEAD | tar -x -C "$root$checkout"
 
     cat >"$root/root/test.sh" <<'SCRIPT'
@@ -60,8 +62,10 @@ shift
 export DEBIAN_FRONTEND=noninteractive OMP_NUM_THREADS=1
 apt-get update -qq
 apt-get install -y -qq --no-install-recommends git make python3 >/dev/null
+apt-get dist-upgrade -y -qq >/dev/null # sid moves on
 sh tools/setup.sh test
-.venv/bin/python - <<'PYTHON'
+python=.venv${NEWEST:+-newest}/bin/python
+$python - <<'PYTHON'
 import platform
 from importlib.metadata import version
 
@@ -71,9 +75,9 @@ from porocore_fem_dolfinx import compat
 petsc = ".".join(map(str, compat.PETSc.Sys.getVersion()))
 print(f"Debian {open('/etc/debian_version').read().strip()}, Python {platform.python_version()},", end=" ")
 print(f"dolfinx {compat.dolfinx.__version__}, PETSc {petsc}, {MPI.Get_library_version().split(',')[0]},", end=" ")
-print(", ".join(f"{name} {version(name)}" for name in ("numpy", "h5py", "torch", "scikit-fem")))
+print(", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy", "h5py", "torch", "jax", "scikit-fem")))
 PYTHON
-.venv/bin/python -m pytest -q "$@"
+$python -m pytest -q "$@"
 SCRIPT
     # CI: a backend that is missing fails.
     env -u PYTHON -u PYTHONPATH -u PYTHONHOME -u VIRTUAL_ENV -u XDG_CACHE_HOME -u TMPDIR HOME=/root LANG=C.UTF-8 CI=true \
@@ -92,7 +96,7 @@ case ${1:-} in
     ;;
 esac
 
-[ "$(id -u)" = 0 ] || give_up "debootstrap and chroot need root; run: sudo sh tools/debian13.sh $*"
+[ "$(id -u)" = 0 ] || give_up "debootstrap and chroot need root; run: sudo sh tools/debian.sh $*"
 for tool in debootstrap unshare git; do
     command -v "$tool" >/dev/null || give_up "$tool is missing; run: apt-get install debootstrap util-linux git"
 done
@@ -100,6 +104,9 @@ mirror=${DEBIAN_MIRROR:-$(cat /etc/apt/sources.list /etc/apt/sources.list.d/*.li
     grep -E '^(deb |URIs:)' | grep -oE '[a-z]+://[^ ]*/debian/?( |$)' | head -n 1 | tr -d ' ')}
 [ -n "$mirror" ] || give_up "/etc/apt names no Debian mirror; set DEBIAN_MIRROR to one"
 
+[ $# -gt 0 ] || give_up "which suite of Debian? For example: sudo sh tools/debian.sh trixie"
+suite=$1
+shift
 if [ $# -gt 0 ]; then
     mkdir -p "$1"
     root=$(cd "$1" && pwd)
@@ -112,9 +119,9 @@ fi
 [ $# -gt 0 ] || set -- tests/test_environment.py plugins/fem_dolfinx/tests tests/consistency
 
 if [ ! -f "$root/etc/debian_version" ] || [ -d "$root/debootstrap" ]; then
-    say "making Debian 13 in $root from $mirror"
+    say "making Debian's $suite in $root from $mirror"
     log=$(mktemp)
-    debootstrap --variant=minbase --include=ca-certificates trixie "$root" "$mirror" >"$log" 2>&1 || {
+    debootstrap --variant=minbase --include=ca-certificates "$suite" "$root" "$mirror" >"$log" 2>&1 || {
         tail -n 20 "$log" >&2
         give_up "debootstrap failed; its log is $log"
     }
