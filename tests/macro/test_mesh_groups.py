@@ -186,6 +186,8 @@ def test_a_surface_with_faces_that_are_no_boundary_cannot_be_used(tmp_path):
     assert (list(by_number.surfaces), by_number.unnamed) == (["5"], 5)
     with pytest.raises(ConfigurationError, match=r"^key: 1 of its 2 faces in a\.msh lie inside the body"):
         by_number.surface("6", "key")
+    with pytest.raises(ConfigurationError, match=r"no surface 'top'; its surfaces are 5 \('base'\)"):
+        by_number.surface("top", "key")
     with pytest.raises(ConfigurationError, match="'base' and '5' are the name and the number of one surface"):
         called(body, ["5", "base"])
 

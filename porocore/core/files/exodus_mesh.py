@@ -13,6 +13,8 @@ from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 
 SUFFIXES = (".e", ".exo", ".ex2", ".g")
+#: Beginnings of the names of the variables that are read.
+_VARIABLES = ("coord", "connect", "eb_", "ss_", "ns_", "elem_ss", "side_ss", "node_ns")
 #: Kinds by the first letters of their types and their number of nodes.
 _KINDS = {
     "TET": {4: "tetra", 10: "tetra10"},
@@ -45,19 +47,25 @@ def exodus_parts(path: Path) -> tuple[Parts, Array]:
         The file is damaged or of another kind.
     """
     with path.open("rb") as file:
-        hdf5 = file.read(4) == b"\x89HDF"
-    if hdf5:
+        beginning = file.read(4)
+    if beginning == b"CDF\x05":
+        raise ConfigurationError(
+            f"{path}: expected a file of NetCDF-4 or NetCDF-3, got one of CDF-5; convert it (nccopy -k nc4 OLD NEW)"
+        )
+    if beginning == b"\x89HDF":
         import h5py  # heavy, and needed here only
 
         with h5py.File(path) as opened:
-            held = {name: np.asarray(of) for name, of in opened.items() if not name.startswith("num_")}
-            types = {name: of.attrs.get("elem_type", b"") for name, of in opened.items()}
+            chosen = {name: opened[name] for name in opened if name.startswith(_VARIABLES)}
+            held = {name: np.asarray(of) for name, of in chosen.items()}
+            types = {name: of.attrs.get("elem_type", b"") for name, of in chosen.items()}
     else:
         from scipy.io import netcdf_file
 
         with netcdf_file(path, mmap=False) as opened:
-            held = {name: of[:] for name, of in opened.variables.items()}
-            types = {name: getattr(of, "elem_type", b"") for name, of in opened.variables.items()}
+            chosen = {name: of for name, of in opened.variables.items() if name.startswith(_VARIABLES)}
+            held = {name: of[:] for name, of in chosen.items()}
+            types = {name: getattr(of, "elem_type", b"") for name, of in chosen.items()}
     return _parts(path, held, types)
 
 

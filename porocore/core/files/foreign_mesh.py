@@ -120,7 +120,8 @@ def require_apart(points: Array, path: Path) -> None:
 def how_to_convert(kinds: Iterable[str]) -> str:
     """Return how a mesh of kinds of elements that are not read, or not together, becomes one that is."""
     kinds = set(kinds)
-    if kinds <= {"tetra", "tetra10"} or kinds <= {"hexahedron", SERENDIPITY, "hexahedron27"}:
+    of_one_shape = kinds <= {"tetra", "tetra10"} or kinds <= {"hexahedron", SERENDIPITY, "hexahedron27"}
+    if len(kinds) > 1 and of_one_shape:
         return "save all elements with the same order (gmsh: -order 1 or -order 2)"
     if kinds <= CORNERS.keys() or any(kind.startswith(("wedge", "pyramid")) for kind in kinds):
         return (

@@ -339,7 +339,12 @@ class BodyMesh:
             raise ConfigurationError(f"{key}: {self.unusable[name]}")
         if name not in self.surfaces:
             listed = (
-                f"{each} (a number, without a name)" if each.isdecimal() else each for each in self.surfaces
+                each
+                if not each.isdecimal()
+                else f"{each} ('{self.numbers[each]}')"
+                if each in self.numbers
+                else f"{each} (a number, without a name)"
+                for each in self.surfaces
             )
             names = ", ".join(listed) or "none; give the surfaces of the mesh file names"
             near = did_you_mean(name, self.surfaces)
