@@ -1,5 +1,6 @@
 """Grey images: their values, a threshold, what is said where none was given, and meshes of another porosity."""
 
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from scipy.ndimage import gaussian_filter
 
 from porocore.cell.cell import Cell
 from porocore.cell.level_sets.grey_values import GreyValues
-from porocore.cell.level_sets.image import read_image, stated_voxel
+from porocore.cell.level_sets.image import read_image, remarks, stated_voxel
 from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.meshing.mesh import MISSED
 from porocore.cell.quality import measure_mesh_quality, quality_lines
@@ -325,3 +326,33 @@ def test_a_page_that_is_stored_in_another_way_is_refused(tmp_path):
         match=r"got page 5 \(of 6\) with another tag PhotometricInterpretation than page 1",
     ):
         read_image(tmp_path / "odd.tif")
+
+
+def test_a_stack_that_was_compressed_by_jpeg_is_told(tmp_path):
+    """The library that decompresses it need not be there; without it the image is refused with the same word."""
+    from PIL import Image
+
+    pages = [Image.fromarray(page) for page in np.where(PORES, 0, 255).astype(np.uint8).T]
+    path = tmp_path / "image.tif"
+    pages[0].save(path, save_all=True, append_images=pages[1:], compression="jpeg")
+    assert any("compressed with loss" in each for each in remarks(path))
+    if find_spec("imagecodecs") is None:
+        with pytest.raises(ConfigurationError, match="compressed by JPEG: pip install imagecodecs"):
+            read_image(path)
+
+
+def test_a_mask_after_jpeg_is_not_taken_for_a_segmented_one(tmp_path):
+    """Slices of a mask through JPEG and back have many values beside 0 and 255, and Otsu finds the phases again."""
+    from PIL import Image
+
+    mask = np.where(PORES, 0, 255).astype(np.uint8).repeat(4, 0).repeat(4, 1)
+    pages = []
+    for page in mask.T:
+        Image.fromarray(page).save(tmp_path / "slice.jpg", quality=75)
+        pages.append(np.asarray(Image.open(tmp_path / "slice.jpg")))
+    values = np.stack(pages).T
+    lossy = image(tmp_path / "image.npy", values, pore=0)
+    assert any("the image is not segmented" in each for each in lossy.warnings)
+    assert (values == 0).mean() < 0.9 * (mask == 0).mean()
+    found = image(tmp_path / "image.npy", values, threshold="otsu")
+    np.testing.assert_array_equal(found.solid, mask > 0)

@@ -271,9 +271,17 @@ def test_one_of_several_series_is_chosen_by_a_pattern(tmp_path):
     with pytest.raises(
         ConfigurationError,
         match=r"expected one DICOM series, got 2: 'scan' \(14 files, such as a0.dcm\), 'other' \(14 .*b0.dcm\); choose",
+    ) as refused:
+        read_image(tmp_path)
+    pattern = re.search("'path: .*/(.*)', or move", str(refused.value))[1]
+    assert pattern == "a*"
+    np.testing.assert_array_equal(read_image(tmp_path / pattern), GREY)
+    for k in range(14):
+        (tmp_path / f"a{k}.dcm").rename(tmp_path / f"b{20 + k}.dcm")
+    with pytest.raises(
+        ConfigurationError, match=r"b20.dcm\); move the files of one to a folder of their own"
     ):
         read_image(tmp_path)
-    np.testing.assert_array_equal(read_image(tmp_path / "b*.dcm"), GREY)
 
 
 def _twice(folder):

@@ -72,6 +72,13 @@ def test_what_a_file_covers_is_told_beside_the_body(kind, tmp_path):
     assert line == f"macro.fields.radius: {ends}, the body (0, 0, 0) to (1, 2, 1)"
 
 
+def test_an_image_of_a_field_may_be_a_metaimage(tmp_path):
+    sitk = pytest.importorskip("SimpleITK", reason="pip install SimpleITK")
+    sitk.WriteImage(sitk.GetImageFromArray(np.array([[[0.5], [2.5]]])), str(tmp_path / "a.mha"))
+    field = {"kind": "image", "path": str(tmp_path / "a.mha"), "voxel_size": 1.0}
+    np.testing.assert_array_equal(radius(field), np.where(Y < 1, 0.5, 2.5))
+
+
 def test_slices_of_a_field_are_told_with_their_gaps_and_how_viewers_show_them(tmp_path):
     for k, value in ((2, 0), (3, 100), (9, 200), (10, 255)):
         tifffile.imwrite(tmp_path / f"{k}.tif", np.full((2, 1), value, np.uint8), photometric="miniswhite")

@@ -139,6 +139,8 @@ SLICE_SUFFIXES = (*NPY.suffixes, *TIFF.suffixes, *DICOM.suffixes)
 RESOLUTION_UNITS = {2: "in", 3: "cm"}
 #: Dots per inch that programs write for screens and paper, which say nothing about a voxel.
 OF_PAGES = (72, 96, 100, 150, 200, 240, 300, 600)
+#: Compressions of a TIFF that lose values, by tifffile's names.
+JPEG = ("JPEG", "OJPEG", "JPEG_LOSSY", "JPEG_2000_LOSSY")
 #: Pages of a TIFF that are looked at.
 MOST_PAGES = 1_000_000
 SAVE = "save the image as a TIFF stack, or by numpy.save as an array of numbers with the axes x, y, z"
@@ -462,10 +464,18 @@ def stated_voxel(path: Path) -> tuple[tuple[float, float, float], str] | None:
 def remarks(path: Path) -> tuple[str, ...]:
     """Return sentences on slices that are missing, and on other doubts about a file."""
     slices, kind = _slices(path), kind_of(path)
-    gaps = "" if slices is None else slices.gaps
     if kind not in volumes.KINDS:
-        return (gaps,) if gaps else ()
+        gaps = "" if slices is None else slices.gaps
+        lossy = (
+            volumes.LOSSY if kind is TIFF and _is_jpeg(path if slices is None else slices.files[0]) else ""
+        )
+        return tuple(text for text in (gaps, lossy) if text)
     return volumes.remarks(path, kind, _series(path), lambda: open_image(path, grey=True))
+
+
+def _is_jpeg(path: Path) -> bool:
+    with _opened(path) as file:
+        return file.pages[0].compression.name in JPEG
 
 
 def _series(path: Path) -> tuple[Path, ...]:
@@ -541,7 +551,7 @@ def _check_kind(path: Path, shape: tuple[int, ...], dtype: Any) -> None:
 
 def _check(path: Path, shape: tuple[int, ...], dtype: Any, crop: Crop | None) -> None:
     """Refuse an image of which the part that is used can be no cell, before it is read."""
-    _check_kind(path, shape, dtype)
+    _check_kind(path, shape[:2] if shape[2:] == (1,) else shape, dtype)
     got = f"got the shape {str(tuple(shape))[:80]}"
     if crop is not None:
         if any(not first < end <= length for (first, end), length in zip(crop, shape, strict=True)):

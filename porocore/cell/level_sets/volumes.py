@@ -9,6 +9,8 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from glob import escape
+from os.path import commonprefix
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +30,9 @@ _READERS = {META: "MetaImageIO", NIFTI: "NiftiImageIO", NRRD: "NrrdImageIO", DIC
 UNIT = "mm"
 #: Transfer syntaxes of DICOM that lose values: JPEG baseline and extended, JPEG-LS near-lossless.
 _LOSSY = re.compile(rb"1\.2\.840\.10008\.1\.2\.4\.(50|51|81)\0")
+LOSSY = (
+    "the file was compressed with loss, which changes values beside the walls; export it anew without loss"
+)
 #: Bytes within which a DICOM file names its transfer syntax.
 _BEGIN = 2048
 #: Share of the distance of two slices by which another one may differ.
@@ -85,9 +90,8 @@ def read(path: Path, kind: FileKind, check: Check) -> npt.NDArray[Any]:
     """
     head = _head(path, kind)
     _require_one_value(path, head)
-    # A time, or a slice, that is the only one.
     shape = head.shape
-    while len(shape) > 2 and shape[-1] == 1:
+    while len(shape) > 3 and shape[-1] == 1:  # the only time
         shape = shape[:-1]
     check(shape, head.dtype)
     _require_all(path, kind, head)
@@ -156,9 +160,7 @@ def remarks(
     else:
         head = _head(path, kind)
     if kind is DICOM and any(map(_is_lossy, files or (path,))):
-        found.append(
-            "the file was compressed with loss, which changes values beside the walls; export it without compression"
-        )
+        found.append(LOSSY)
     axes = head.direction[:3, :3]
     if len(axes) == 3 and np.abs(np.abs(axes) - np.eye(3)).max() > EVEN:
         lie = [
@@ -263,14 +265,25 @@ def _series(path: Path, files: tuple[Path, ...], changed: tuple[int, ...]) -> _S
     for file, head in heads.items():
         series.setdefault(head.tags.get("0020|000e", "").strip(), []).append(file)
     if len(series) > 1:
+        groups = sorted(series.values(), key=len, reverse=True)
         told = [
             f"'{heads[group[0]].tags.get('0008|103e', '').strip()}' ({len(group)} files, such as {group[0].name})"
-            for group in series.values()
+            for group in groups
         ]
+        begins = [commonprefix([file.name for file in group]) for group in groups]  # noqa: RUF071 - of letters
+        own = [
+            begin
+            for begin, group in zip(begins, groups, strict=True)
+            if begin and sum(file.name.startswith(begin) for file in files) == len(group)
+        ]
+        pattern = (
+            f"choose one by a pattern of names, such as 'path: {files[0].parent.name}/{escape(own[0])}*', or "
+            if own
+            else ""
+        )
         raise ConfigurationError(
             f"{path}: expected one DICOM series, got {len(series)}: {', '.join(told[:NAMED])}"
-            f"{', …' if len(told) > NAMED else ''}; choose one by a pattern of names, such as 'path: "
-            f"{files[0].parent.name}/{files[0].name[:2]}*', or move it to a folder of its own"
+            f"{', …' if len(told) > NAMED else ''}; {pattern}move the files of one to a folder of their own"
         )
     planes = {file: (head.shape, *np.round(head.direction, 2).ravel()) for file, head in heads.items()}
     (usual, _), *others = Counter(planes.values()).most_common()
