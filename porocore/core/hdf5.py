@@ -19,7 +19,7 @@ import struct
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -36,8 +36,12 @@ from h5py import h5a, h5d, h5g, h5l, h5o, h5t, h5z
 from porocore.core.echo import reason
 from porocore.core.files.atomic import atomic_path
 from porocore.core.files.reading import require_ordinary, set_aside
+from porocore.core.parallel.limits import OUT_OF_TIME
 from porocore.core.parallel.memory import THREAD_VARIABLES
 from porocore.errors import ConfigurationError, DataError
+
+if sys.platform != "win32":
+    import fcntl
 
 #: It finds what this process finds, whatever the environment and the folder say.
 _COMMAND = "import sys; sys.path[:] = sys.argv[1:]; from porocore.core.hdf5_trial import serve; serve()"
@@ -60,45 +64,58 @@ def require_harmless(path: Path) -> None:
         raise ValueError(reason)
 
 
+_CRASHED = "HDF5 crashes with it, so it is damaged"
+
+
 @lru_cache(maxsize=4096)
 def _reason(path: str, inode: int, size: int, changed: int) -> str:
     with _LOCK:
-        return _trial().ask(path)
+        trial = _trial()
+        found = trial.ask(path)
+        if found == _CRASHED and trial.answers > 1:  # a file before may have done the harm
+            found = _trial().ask(path)
+    return found
 
 
 class _Trial:
-    """The other process; it ends when this one does, whichever way."""
+    """The other process; it ends when this one does, whichever way, or when a file ends it."""
 
     def __init__(self) -> None:
-        self.owner = os.getpid()
+        self.owner, self.answers = os.getpid(), 0
         self._process = subprocess.Popen(
             [sys.executable, "-I", "-c", _COMMAND, *sys.path],
             stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, encoding="ascii",
             env={name: value for name, value in os.environ.items() if not name.startswith(_OF_MPI)}
             | dict.fromkeys(THREAD_VARIABLES, "1"),
-            start_new_session=True,
+            start_new_session=True, creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),
         )  # fmt: skip
 
     def ask(self, path: str) -> str:
         """Return what speaks against reading a file; empty if nothing does."""
         assert self._process.stdin is not None
         assert self._process.stdout is not None
+        self.answers += 1
         try:
-            self._process.stdin.write(json.dumps(path) + "\n")
-            self._process.stdin.flush()
-            return str(json.loads(self._process.stdout.readline()))
+            with suppress(OSError):  # it has ended
+                self._process.stdin.write(json.dumps(path) + "\n")
+                self._process.stdin.flush()
+            if line := self._process.stdout.readline():
+                return str(json.loads(line))
         except BaseException:
             # An answer that was not waited for would be taken for the next one.
             self.end()
             raise
+        ended = self._process.wait() in OUT_OF_TIME
+        self.end()
+        return "HDF5 comes to no end with it, so it is damaged" if ended else _CRASHED
 
     def alive(self) -> bool:
         """Return whether it can be asked by this process, which may be a copy of the one that started it."""
         return self.owner == os.getpid() and self._process.poll() is None
 
     def end(self) -> None:
-        """Stop the process."""
-        if self.alive():
+        """Stop the process, unless another one started it."""
+        if self.owner == os.getpid():
             self._process.kill()
             self._process.communicate()
 
@@ -109,15 +126,11 @@ _RUNNING: list[_Trial] = []
 
 def _trial() -> _Trial:
     if not _RUNNING or not _RUNNING[0].alive():
+        if not _RUNNING:
+            atexit.register(lambda: _RUNNING[0].end())
         _RUNNING[:] = [_Trial()]
-        atexit.register(_RUNNING[0].end)
     return _RUNNING[0]
 
-
-try:
-    from fcntl import LOCK_NB, LOCK_SH, flock
-except ImportError:  # Windows
-    flock = None  # type: ignore[assignment]
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _LABEL = b"\nporocore-sha256:"
@@ -190,11 +203,10 @@ def use_elsewhere(path: Path) -> Literal["", "open", "not closed"]:
             head = file.read(64)
             if not head.startswith(SIGNATURE):
                 return ""
-            if flock is not None:
-                try:
-                    flock(file.fileno(), LOCK_SH | LOCK_NB)
-                except BlockingIOError:
-                    return "open"
+            if sys.platform != "win32":  # which keeps a locked file from all readers
+                fcntl.flock(file.fileno(), fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return "open"
     except OSError:
         return ""
     return "not closed" if len(head) == 64 and head[8] in (2, 3) and head[11] & _WRITTEN else ""
@@ -409,9 +421,9 @@ class Contents:
     Everything raises ValueError or KeyError where the file does not hold what is asked for.
     """
 
-    def __init__(self, file: Any, path: Path) -> None:
+    def __init__(self, file: Any, path: Path, stat: os.stat_result) -> None:
         self.path, self.sizes = path, dict[str, int]()
-        self._file, self._structure = file, _examined(file, path)
+        self._file, self._structure = file, _examined(file, path, stat)
 
     def __contains__(self, name: str) -> bool:
         return name in self._structure.datasets or name in self._structure.groups
@@ -553,8 +565,7 @@ _KNOWN: dict[tuple[Any, ...], Structure] = {}
 _MOST_KNOWN = 256
 
 
-def _examined(file: Any, path: Path) -> Structure:
-    stat = os.fstat(file.id.get_vfd_handle())
+def _examined(file: Any, path: Path, stat: os.stat_result) -> Structure:
     key = (str(path), stat.st_ino, stat.st_size, stat.st_mtime_ns)
     if key not in _KNOWN:
         found = examine(file.id, stat.st_size)
@@ -605,8 +616,9 @@ def opened(path: str | Path, what: str, then: str | None, missing: str | None = 
         require_ordinary(path)
         if not check_ends(path):
             require_harmless(path)
+        stat = path.stat()  # not that of HDF5's handle, which has no meaning here on Windows
         with h5py.File(path, "r") as file:
-            yield Contents(file, path)
+            yield Contents(file, path, stat)
     except FileNotFoundError as error:
         raise DataError(f"{path}: {error.strerror}; {missing or then or f'expected a {what}'}") from None
     except UNREADABLE as error:

@@ -83,6 +83,27 @@ def test_a_process_that_was_killed_is_started_again(tmp_path: Path) -> None:
     read(foreign(tmp_path / "two.h5"))
 
 
+def test_a_crash_after_other_files_is_no_fault_of_the_last_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read(foreign(tmp_path / "one.h5"))
+    killed = guard._trial()
+    killed._process.kill()
+    killed._process.wait()
+    monkeypatch.setattr(killed, "alive", lambda: guard._RUNNING[0].answers < 2)
+    read(foreign(tmp_path / "two.h5"))
+    assert guard._trial() is not killed
+
+
+def test_a_crash_over_the_first_file_is_its_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    guard._trial().end()
+    with monkeypatch.context() as patched:
+        patched.setattr(guard, "_COMMAND", "import os; os._exit(9)")
+        with pytest.raises(DataError, match="HDF5 crashes with it, so it is damaged"):
+            read(foreign(tmp_path / "one.h5"))
+    read(foreign(tmp_path / "two.h5"))
+
+
 def test_names_of_files_may_be_anything(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for name in ("a\nb.h5", "∇ .h5", "-c", os.fsdecode(b"\xff.h5")):

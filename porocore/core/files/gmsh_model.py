@@ -7,13 +7,14 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
+from porocore.core.parallel.limits import memory_limited
 from porocore.errors import ConfigurationError, PorocoreError
 
 SYSTEM_LIBRARIES = (
@@ -190,12 +191,7 @@ def file_arrays(path: Path, by_group: bool) -> Arrays:
 def serve() -> None:
     """Read the file that the command line of this process names, and write its arrays to another one."""
     path, result, by_group, memory = sys.argv[1:5]
-    with suppress(ImportError, ValueError):
-        import resource
-
-        _, hard = resource.getrlimit(resource.RLIMIT_DATA)
-        most = int(memory) if hard == resource.RLIM_INFINITY else min(int(memory), hard)
-        resource.setrlimit(resource.RLIMIT_DATA, (most, hard))
+    memory_limited(int(memory))
     kind = "other"
     try:
         with gmsh_session() as gmsh:

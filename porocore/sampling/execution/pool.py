@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -119,12 +118,10 @@ def check_choice(
     Raises
     ------
     ConfigurationError
-        The executor is unknown, the settings exclude each other, or this system has no time limits.
+        The executor is unknown, or the settings exclude each other.
     """
     if workers < 1:
         raise ValueError(f"expected at least one worker, got {workers}")
-    if state_seconds is not None and not hasattr(signal, "setitimer"):
-        raise ConfigurationError("sampling.state_seconds: this system cannot end a solve that takes too long")
     if not isinstance(executor, str):
         if scheduler is not None or state_seconds is not None:
             raise ConfigurationError(

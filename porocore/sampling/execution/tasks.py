@@ -7,21 +7,20 @@ from __future__ import annotations
 
 import atexit
 import os
-import signal
 import socket
 import threading
 import time
 from abc import ABC, abstractmethod
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
 from typing import Any, Protocol
 
 from porocore.core.inputs import InputSpace
 from porocore.core.parallel.calls import Failure
+from porocore.core.parallel.limits import ended_after
 from porocore.core.parallel.memory import THREAD_VARIABLES
 from porocore.errors import PorocoreError
 from porocore.interfaces.cell import CellField, CellSolver
@@ -137,7 +136,7 @@ def solve(
         began = time.perf_counter()
         # A member that has to be prepared is no part of what is limited, like the cell of a worker.
         missing = solver.why_missing(prepared, state) if isinstance(solver, MemberSolver) else []
-        with _ended_after(limit):
+        with ended_after(limit):
             solution = solution_of(
                 solver, prepared, state, start=[start], tangent=recipe.tangent, fields=recipe.fields
             )
@@ -160,19 +159,6 @@ def prepare_and_solve(
         if isinstance(made, Failure):
             return made
     return solve(recipe.token, key, state, start, place=place)
-
-
-@contextmanager
-def _ended_after(seconds: float | None) -> Iterator[None]:
-    # The system itself takes the default action of SIGALRM, so no library can block it.
-    if seconds is None:
-        yield
-        return
-    signal.setitimer(signal.ITIMER_REAL, seconds)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
 
 
 class Worker(ABC):
