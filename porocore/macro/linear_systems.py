@@ -11,6 +11,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
+import psutil
 from scipy import sparse
 
 from porocore.core.echo import echo
@@ -171,8 +172,7 @@ def step_in_words(work: StepWork | None) -> str:
     return f", {work.iterations:.0f} iterations for {work.systems:.0f} systems{set_up}, {work.seconds:.1f} s a step"
 
 
-#: Files of Linux that tell the memory of the machine, and the limits of the present control group, in both versions.
-_MACHINE = Path("/proc/meminfo")
+#: Files of Linux that tell the limits of the present control group, in both versions.
 _GROUPS = (
     (Path("/sys/fs/cgroup"), "memory.max", "memory.current"),
     (Path("/sys/fs/cgroup/memory"), "memory.limit_in_bytes", "memory.usage_in_bytes"),
@@ -182,17 +182,14 @@ SHARE = 0.8
 GIB = 2**30
 
 
-def available_bytes() -> float | None:
-    """Return the memory that this machine has left for its processes; None where the system does not tell."""
-    found: list[float] = []
-    for line in _text(_MACHINE).splitlines():
-        if line.startswith("MemAvailable:"):
-            found.append(float(line.split()[1]) * 1024)
+def available_bytes() -> float:
+    """Return the memory that this machine has left for its processes."""
+    found = [float(psutil.virtual_memory().available)]
     for folder, limit, used in _GROUPS:
         most, now = _text(folder / limit).strip(), _text(folder / used).strip()
         if most.isdigit() and now.isdigit():
             found.append(float(most) - float(now) + _cached(folder))
-    return max(min(found), 0.0) if found else None
+    return max(min(found), 0.0)
 
 
 def factor_bytes(unknowns: int, at: int, gib: float, exponent: float) -> float:
@@ -200,9 +197,9 @@ def factor_bytes(unknowns: int, at: int, gib: float, exponent: float) -> float:
     return float(gib * GIB * (unknowns / at) ** exponent)
 
 
-def fits(needed: float, available: float | None) -> bool:
-    """Return whether a factor fits; where the system does not tell, it is tried."""
-    return available is None or needed <= SHARE * available
+def fits(needed: float, available: float) -> bool:
+    """Return whether a factor fits."""
+    return needed <= SHARE * available
 
 
 def spoken_bytes(size: float) -> str:

@@ -405,9 +405,7 @@ class PetscLinearSolver:
         needed = factor_bytes(unknowns, FACTOR_AT, FACTOR_GIB, FACTOR_EXPONENT)
         left = self._available()
         said = f"the iteration for {unknowns:,} unknowns does not converge in {ITERATIONS} steps"
-        share = f"about {spoken_bytes(needed)}" + (
-            "" if left is None else f" of the {spoken_bytes(left)} left"
-        )
+        share = f"about {spoken_bytes(needed)} of the {spoken_bytes(left)} left"
         if not fits(needed, left):
             raise StepFailed(
                 f"{said}, and a direct factor would take {share}: take elements that are less stretched, fewer "
@@ -419,10 +417,9 @@ class PetscLinearSolver:
         self._multigrid.destroy()
         self._multigrid, self._configured = None, self._make_configured()
 
-    def _available(self) -> float | None:
+    def _available(self) -> float:
         """Return the memory that is left on all machines together."""
         machine = self._comm.Split_type(MPI.COMM_TYPE_SHARED)
         found = available_bytes() if machine.rank == 0 else 0.0
         machine.Free()
-        total = self._comm.allreduce(np.inf if found is None else found)
-        return None if np.isinf(total) else total
+        return float(self._comm.allreduce(found))

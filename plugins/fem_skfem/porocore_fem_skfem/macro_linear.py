@@ -412,9 +412,9 @@ class MacroLinearSolver:
             f"the iteration for {self._unknowns:,} unknowns left {reduction:.1g} of the residual "
             f"after {iterations} steps"
         )
-        factor = f"a direct factorisation takes about {spoken_bytes(needed)}"
-        if free is not None:
-            factor += f", and {spoken_bytes(free)} are free"
+        factor = (
+            f"a direct factorisation takes about {spoken_bytes(needed)}, and {spoken_bytes(free)} are free"
+        )
         if not fits(needed, free):
             raise StepFailed(
                 f"{failed}; {factor}. Use elements that are less stretched, fewer elements, dolfinx on several "

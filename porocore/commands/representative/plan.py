@@ -383,9 +383,8 @@ def foresee(scan: Scan, plan: SubvolumePlan, size: int, workers: int) -> SizeOut
     # Each sub-volume is the first state of its cell.
     seconds = cost.first + cost.state + cost.conductivity
     memory, there = max(cost.memory, cost.memory_of_flow), memory_here()
-    side_by_side = workers if there is None else min(workers, int(there / memory))
+    side_by_side = min(workers, int(there / memory))
     if side_by_side < 1:
-        assert there is not None
         left_out = (
             f"one needs some {memory / 1e9:.3g} GB of memory, but this machine has {there / 1e9:.3g} GB"
         )

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterable, Iterator, Mapping
 from functools import partial
 
 import numpy as np
+import psutil
 
 from porocore.cell.cell import Cell
 from porocore.cell.family.mesh import undeformed_count
@@ -240,7 +240,7 @@ def require_memory(cell: Cell, sampling: SamplingSettings) -> None:
     """
     workers, there = sampling.workers_here, memory_here()
     expected = expected_cost(cell, sampling.inputs)
-    if there is None or workers == 0:
+    if workers == 0:
         return
     (nodes, flow), mesh, process = expected.nodes, cell.mesh, expected.memory
     spare = max(there - LIBRARIES, LIBRARIES)
@@ -299,12 +299,9 @@ def require_states(sampler: str, expected: int) -> None:
         )
 
 
-def memory_here() -> float | None:
-    """Return the memory of this machine [bytes]; None if the system does not tell."""
-    try:
-        return float(os.sysconf("SC_PHYS_PAGES")) * os.sysconf("SC_PAGE_SIZE")
-    except (AttributeError, ValueError, OSError):
-        return None
+def memory_here() -> float:
+    """Return the memory of this machine [bytes]."""
+    return float(psutil.virtual_memory().total)
 
 
 def unit_of_the_modulus(scales: Scales | None, name: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import sys
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from multiprocessing import current_process
@@ -411,7 +412,6 @@ def decisions(macro: MacroSettings, closure: str, sampler: Sampler) -> Iterator[
 
 def slowness() -> float:
     """Return how many processes share a core of this machine, at least 1."""
-    try:
-        return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
-    except (AttributeError, OSError):
+    if sys.platform == "win32":  # which does not count them
         return 1.0
+    return max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1))
