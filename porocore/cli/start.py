@@ -60,7 +60,7 @@ def schema(
 
     --to FILE writes it to a file instead and prints the path; an older schema there is replaced.
     """
-    from porocore.core.files.atomic import atomic_path, place_for
+    from porocore.core.files.atomic import place_for, write_text
     from porocore.study.config.schema import DIALECT, schema_text
 
     if to is None:
@@ -68,8 +68,7 @@ def schema(
         return
     if place_for(to, "--to").exists() and DIALECT not in _beginning(to):
         raise ConfigurationError(f"--to: {to} is no JSON schema; choose another file, or remove it")
-    with atomic_path(to) as part:
-        part.write_text(schema_text(), encoding="utf-8")
+    write_text(to, schema_text())
     typer.echo(to)
 
 
@@ -138,9 +137,8 @@ def _beginning(path: Path) -> str:
 
 def _write_new(path: Path, text: str) -> None:
     """Write a file that must not exist."""
-    from porocore.core.files.atomic import atomic_path, place_for
+    from porocore.core.files.atomic import place_for, write_text
 
     if place_for(path, "--to").exists():
         raise ConfigurationError(f"{path} exists and is not overwritten; choose another --to")
-    with atomic_path(path) as part:
-        part.write_text(text, encoding="utf-8")
+    write_text(path, text)

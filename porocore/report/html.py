@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from porocore.core.files.atomic import atomic_path
+from porocore.core.files.atomic import write_text
 from porocore.core.parallel.calls import CallProcesses
 from porocore.core.units import units_now, using_units
 from porocore.report import figures
@@ -82,8 +82,7 @@ def write_report(
         The file cannot be written.
     """
     html = render(context, Pictures(figures_folder, tell, processes))
-    with atomic_path(path) as part:
-        part.write_text(html, encoding="utf-8")
+    write_text(path, html)
 
 
 def render(context: ReportContext, pictures: Pictures = EMBEDDED) -> str:

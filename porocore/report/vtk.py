@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
-from porocore.core.files.atomic import atomic_path
+from porocore.core.files.atomic import atomic_path, write_text
 from porocore.core.units import ResultUnits
 from porocore.errors import RunFolderError
 from porocore.interfaces.cell import ElementCells
@@ -87,12 +87,11 @@ def write_vtu_series(
 
 
 def _write_series(path: Path, entries: list[str]) -> Path:
-    with atomic_path(path) as part:
-        part.write_text(
-            '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
-            f"  <Collection>\n{''.join(entries)}  </Collection>\n</VTKFile>\n",
-            encoding="utf-8",
-        )
+    write_text(
+        path,
+        '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n'
+        f"  <Collection>\n{''.join(entries)}  </Collection>\n</VTKFile>\n",
+    )
     return path
 
 

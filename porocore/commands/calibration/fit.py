@@ -60,7 +60,7 @@ class RecordedModel(CurveModel):
             text = read_text(path, LARGEST) if path.exists() else ""
             whole = text[: text.rfind("\n") + 1]
             if whole != text:
-                path.write_text(whole, encoding="utf-8")
+                path.write_text(whole, encoding="utf-8", newline="\n")
             self._read(whole.splitlines())
         except OSError as error:
             raise self._unusable(f"cannot be used: {error.strerror or error}") from None
@@ -118,7 +118,7 @@ class RecordedModel(CurveModel):
 
     def _append(self, line: dict[str, Any]) -> None:
         try:
-            with self.path.open("a", encoding="utf-8") as file:
+            with self.path.open("a", encoding="utf-8", newline="\n") as file:
                 file.write(json.dumps(line) + "\n")
                 file.flush()
                 os.fsync(file.fileno())

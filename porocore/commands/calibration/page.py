@@ -21,7 +21,7 @@ from porocore.commands.calibration.results import Calibration
 from porocore.commands.calibration.suggestions import Suggestion
 from porocore.core.console import duration
 from porocore.core.echo import joined
-from porocore.core.files.atomic import atomic_path
+from porocore.core.files.atomic import write_text
 from porocore.core.units import pretty
 from porocore.report.format import NONE, number, percent
 from porocore.report.page import Pictures, environment
@@ -184,8 +184,7 @@ def write_report(done: Calibration, tell: Callable[[str], None] = lambda name: N
     """
     (done.path / FIGURES).mkdir(exist_ok=True)
     html = render(done, Pictures(done.path / FIGURES, tell))
-    with atomic_path(done.path / PAGE) as part:
-        part.write_text(html, encoding="utf-8")
+    write_text(done.path / PAGE, html)
     return done.path / PAGE
 
 

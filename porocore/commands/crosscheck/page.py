@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from porocore.commands.crosscheck.bodies import BodyRun, history_difference
 from porocore.commands.crosscheck.check import CrossCheck, document
 from porocore.commands.crosscheck.comparison import BODY, Comparison, Part
-from porocore.core.files.atomic import atomic_path
+from porocore.core.files.atomic import write_text
 from porocore.core.files.plain_data import write_json
 from porocore.report.figures.style import DASHED, DOTTED, GREY, TIME_COLOURS, legend_above, new_figure, styled
 from porocore.report.page import Picture, Pictures, environment
@@ -125,8 +125,7 @@ def write(folder: Path, result: CrossCheck) -> tuple[Path, Path]:
     """
     data, page = folder / "crosscheck.json", folder / "crosscheck.html"
     write_json(data, document(result), allow_nan=False)
-    with atomic_path(page) as part:
-        part.write_text(render(result), encoding="utf-8")
+    write_text(page, render(result))
     return data, page
 
 

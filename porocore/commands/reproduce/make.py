@@ -15,7 +15,7 @@ from porocore.commands.reproduce.figures import PaperFigure, Stage
 from porocore.commands.reproduce.study import Results
 from porocore.commands.sensitivity.figures import write_figures
 from porocore.core.echo import reason
-from porocore.core.files.atomic import atomic_path
+from porocore.core.files.atomic import atomic_path, write_text
 from porocore.core.files.claim import claim_folder
 from porocore.core.files.plain_data import write_json
 from porocore.core.files.reading import read_json
@@ -118,8 +118,7 @@ def write_pages(results: Results, figures: Sequence[PaperFigure], command: str) 
         (results.folder / "reproduction.md", markdown(found, command, timings)),
         (page, html(found, figures, timings)),
     ):
-        with atomic_path(path) as part:
-            part.write_text(text, encoding="utf-8")
+        write_text(path, text)
     return page
 
 

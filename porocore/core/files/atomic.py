@@ -142,3 +142,15 @@ def atomic_path(path: Path) -> Iterator[Path]:
     finally:
         with suppress(OSError):  # not only a missing file: the error above is the one to tell
             part.unlink()
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file whole, in UTF-8 and with the same ends of lines on every system.
+
+    Raises
+    ------
+    RunFolderError
+        The disk is full or read-only.
+    """
+    with atomic_path(path) as part:
+        part.write_text(text, encoding="utf-8", newline="\n")

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from porocore.core.files.atomic import atomic_path
+from porocore.core.files.atomic import write_text
 
 
 def json_ready(value: Any) -> Any:
@@ -35,8 +35,7 @@ def write_json(path: Path, document: Any, **how: Any) -> None:
     RunFolderError
         The disk is full or read-only.
     """
-    with atomic_path(path) as part:
-        part.write_text(json.dumps(document, **how) + "\n", encoding="utf-8")
+    write_text(path, json.dumps(document, **how) + "\n")
 
 
 def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) -> Path:
@@ -52,8 +51,7 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) 
     writer.writerow(header)
     for row in rows:
         writer.writerow([f"{x:.8g}" if isinstance(x, float) else x for x in row])
-    with atomic_path(path) as part:
-        part.write_text(text.getvalue(), encoding="utf-8")
+    write_text(path, text.getvalue())
     return path
 
 

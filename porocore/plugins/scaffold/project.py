@@ -59,7 +59,7 @@ def write_project(name: str, kind: str, to: Path | None = None) -> Path:
         for path, text in project_files(name, kind, distribution).items():
             target = part / path
             target.parent.mkdir(parents=True, exist_ok=True)
-            target.write_text(text, encoding="utf-8")
+            target.write_text(text, encoding="utf-8", newline="\n")
         part.rename(folder)
     except OSError as error:
         raise ConfigurationError(f"cannot write {folder}: {reason(error)}; choose another --to") from None

@@ -26,7 +26,7 @@ from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 from porocore.core.echo import reason
-from porocore.core.files.atomic import RUN_RECORD, atomic_path, require_outside_a_run
+from porocore.core.files.atomic import RUN_RECORD, require_outside_a_run, write_text
 from porocore.core.files.claim import claim_folder, is_half_written, lock_folder, some_of
 from porocore.core.files.plain_data import write_json
 from porocore.core.files.reading import obstacle, read_json
@@ -434,8 +434,7 @@ class RunFolder:
         return is_half_written(name, CONFIG)
 
     def _write_record(self) -> None:
-        with atomic_path(self.path / CONFIG) as part:
-            part.write_text(self.config.resolved_yaml(), encoding="utf-8")
+        write_text(self.path / CONFIG, self.config.resolved_yaml())
         record = {
             "format": FORMAT,
             "version": VERSION,

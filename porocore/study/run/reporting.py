@@ -13,7 +13,7 @@ import numpy as np
 
 from porocore.cell.family.family import parameter_quantities
 from porocore.core.console import Console
-from porocore.core.files.atomic import atomic_path
+from porocore.core.files.atomic import write_text
 from porocore.core.files.plain_data import write_json
 from porocore.core.parallel.calls import CallProcesses
 from porocore.core.units import using_units
@@ -122,8 +122,7 @@ def kept_report(folder: RunFolder, *, console: Console) -> bool:
         page_now = retitled(page, (found.heading, heading), (found.configuration, text))
         if page_now is None:
             return False
-        with atomic_path(folder.report) as part:
-            part.write_text(page_now, encoding="utf-8")
+        write_text(folder.report, page_now)
         replace(found, title=shown.title, heading=heading, configuration=text).keep(folder.path)
     for warning in found.warnings:
         console.warn(warning)

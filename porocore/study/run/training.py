@@ -146,7 +146,7 @@ class TrainingCurveFile:
             text = read_text(path) if path.exists() else ""
             whole = text[: text.rfind("\n") + 1] or f"{HEADER}\n"
             if whole != text:
-                path.write_text(whole, encoding="utf-8")
+                path.write_text(whole, encoding="utf-8", newline="\n")
         except OSError as error:
             raise self._cannot_write(error) from None
 
@@ -154,7 +154,7 @@ class TrainingCurveFile:
         """Append one row."""
         row = f"{progress.epoch},{progress.loss:.6e},{progress.validation_loss:.6e}\n"
         try:
-            with self.path.open("a", encoding="utf-8") as file:
+            with self.path.open("a", encoding="utf-8", newline="\n") as file:
                 file.write(row)
         except OSError as error:
             raise self._cannot_write(error) from None
