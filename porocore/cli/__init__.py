@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import atexit
+import codecs
+import io
 import os
 import sys
 
@@ -28,6 +30,7 @@ def main() -> None:
         Always, with the status of the command.
     """
     _open_streams()
+    _write_any_text()
     _require_a_folder()
     try:
         from porocore.cli.entry import main as command
@@ -47,8 +50,22 @@ def _open_streams() -> None:
         if getattr(sys, name) is None:
             access = os.O_RDONLY if name == "stdout" else os.O_RDWR
             # The lowest number that is free: that of the stream, unless something has taken it already.
-            setattr(sys, name, os.fdopen(os.open(os.devnull, access), mode))
+            setattr(sys, name, os.fdopen(os.open(os.devnull, access), mode, encoding="utf-8"))
             os.set_inheritable(number, True)
+
+
+def _write_any_text() -> None:
+    """Let standard streams in an encoding without some sign, as pipes of Windows, have another in its place."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and codecs.lookup(stream.encoding).name != "utf-8":
+            codecs.register_error("porocore", _without_the_sign)
+            stream.reconfigure(errors="porocore")
+
+
+def _without_the_sign(error: UnicodeError) -> tuple[str | bytes, int]:
+    if isinstance(error, UnicodeEncodeError) and error.object[error.start] == "−":
+        return "-", error.start + 1
+    return codecs.backslashreplace_errors(error)
 
 
 def _require_a_folder() -> None:

@@ -204,7 +204,16 @@ def command(*words: object, **options: object) -> str:
         for value in given if isinstance(given, list | tuple) else [given]:
             if value is not None and value is not False:
                 said += [option] if value is True else [option, str(value)]
-    return shlex.join(["porocore", *said])
+    return shell_line(["porocore", *said])
+
+
+def shell_line(words: Sequence[str]) -> str:
+    """Return words as a line for the shells of this system."""
+    if sys.platform == "win32":
+        from subprocess import list2cmdline
+
+        return list2cmdline(words)
+    return shlex.join(words)
 
 
 def parse_pressure(option: str, text: str, scales: Scales | None) -> float:

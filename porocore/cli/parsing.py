@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import re
-import shlex
 import sys
 from collections.abc import Callable, Mapping
 from functools import wraps
@@ -15,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from porocore.cli.common import interruptible
+from porocore.cli.common import interruptible, shell_line
 from porocore.core.echo import choices, cut, did_you_mean, echo, joined, suggestion, without_long_words
 from porocore.errors import PluginError
 
@@ -133,7 +132,7 @@ def _interruptible(run: Callable[..., None]) -> Callable[..., None]:
     def guarded(*arguments: Any, **options: Any) -> None:
         again = ["porocore", *sys.argv[1:]]
         again += ["--resume"] if resumes and "--resume" not in again else []
-        with interruptible(shlex.join(again)):
+        with interruptible(shell_line(again)):
             run(*arguments, **options)
 
     return guarded

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shlex
 from dataclasses import asdict, replace
 from importlib.util import find_spec
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from porocore.cli.common import command, interruptible
+from porocore.cli.common import command, interruptible, shell_line
 from porocore.cli.parsing import command_group
 from porocore.errors import PluginError
 from porocore.plugins.kinds import Kind, kind_of
@@ -46,7 +45,7 @@ def new(
     folder = write_project(name, kind, to)
     typer.echo(folder)
     # The checks are run by pytest, which the extra brings.
-    install = shlex.join(["pip", "install", "-e", f"{folder}[test]"])
+    install = shell_line(["pip", "install", "-e", f"{folder}[test]"])
     typer.secho(f"next: {install}, then {command('plugin', 'check', name, '--kind', kind)}", err=True)
 
 
