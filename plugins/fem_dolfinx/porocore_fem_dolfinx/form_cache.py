@@ -8,7 +8,6 @@ that is found under the lock was left by the dead.
 
 from __future__ import annotations
 
-import fcntl
 import os
 import sys
 from collections.abc import Iterator
@@ -17,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cffi import VerificationError
+from filelock import FileLock
 
 from porocore.errors import PluginError
 
@@ -67,8 +67,7 @@ def compiling(forms: Path, comm: MPI.Intracomm) -> Iterator[None]:
 @contextmanager
 def _locked(forms: Path) -> Iterator[None]:
     forms.mkdir(parents=True, exist_ok=True)
-    with open(forms / "lock", "w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with FileLock(forms / "lock"):
         for mark in forms.glob("*.c"):
             if not mark.with_suffix(".c.cached").exists():
                 mark.unlink()

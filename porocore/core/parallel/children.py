@@ -19,6 +19,9 @@ from porocore.errors import PorocoreError
 @contextmanager
 def interrupts_blocked() -> Iterator[None]:
     """Keep Ctrl-C from processes that are started during the block, even while they import."""
+    if sys.platform == "win32":  # Ctrl-C ends a process that is just starting
+        yield
+        return
     # If it is started along with the first process, it unblocks the signal.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})

@@ -298,9 +298,13 @@ def sole_writer(path: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        with suppress(OSError):
+        try:
             lock.unlink()  # still held: whoever opened it meanwhile finds that it is no longer the one at this path
-        os.close(held)
+            os.close(held)
+        except OSError:  # Windows removes no file that anybody has open
+            os.close(held)
+            with suppress(OSError):
+                lock.unlink()
 
 
 #: Times that a file is read again when another process replaces it meanwhile.

@@ -233,8 +233,8 @@ class DaskBackend(WorkerBackend):
             for nanny in self._cluster.workers.values():
                 nanny.auto_restart = False
             for process in self._processes.values():
-                with suppress(ProcessLookupError):
-                    os.kill(process, signal.SIGKILL)
+                with suppress(OSError):  # it has ended; on Windows any signal ends it
+                    os.kill(process, getattr(signal, "SIGKILL", signal.SIGTERM))
         self.close()
 
     def _look(self) -> None:
