@@ -51,6 +51,9 @@ GOOD_REASONS = (
     "a small disk cannot be mounted here",
     "there is no 'unshare' here",
 )
+#: Words for what this platform cannot have, as in POROCORE_WITHOUT=dolfinx,mpirun: a test whose reason has one of them
+#: may be skipped with CI set, too.
+WITHOUT = tuple(filter(None, os.environ.get("POROCORE_WITHOUT", "").lower().split(",")))
 #: What an implementation need not offer: reasons from the kit, and from tests that compare what only some offer.
 OFFERED_BY_SOME = ("porocore/testing/", "gives no access to its tangent")
 
@@ -111,6 +114,7 @@ def bad_skips(skipped):
         for file, _, reason in skipped
         if not reason.removeprefix("Skipped: ").startswith(GOOD_REASONS)
         and not any(part in file or part in reason for part in OFFERED_BY_SOME)
+        and not any(word in reason.lower() for word in WITHOUT)
     )
 
 

@@ -13,11 +13,12 @@ ROOT = Path(__file__).parents[1]
 
 
 @pytest.mark.parametrize(
-    ("body", "ci", "status"),
+    ("body", "ci", "without", "status"),
     [
-        ("import pytest\ndef test_a(): pytest.importorskip('no_such_package')", "true", 1),
+        ("import pytest\ndef test_a(): pytest.importorskip('no_such_package')", "true", "", 1),
         pytest.param(
             "import pytest\ndef test_a(): pytest.importorskip('no_such_package')",
+            "",
             "",
             0,
             marks=pytest.mark.slow,
@@ -25,20 +26,35 @@ ROOT = Path(__file__).parents[1]
         pytest.param(
             "import pytest\npytest.skip('it is not installed', allow_module_level=True)",
             "true",
+            "",
             1,
             marks=pytest.mark.slow,
         ),
-        ("import pytest\n@pytest.mark.slow\ndef test_a(): pass", "true", 0),
+        ("import pytest\n@pytest.mark.slow\ndef test_a(): pass", "true", "", 0),
         pytest.param(
             "import pytest\ndef test_a(): pytest.skip('Own gives no access to its tangent')",
             "true",
+            "",
             0,
             marks=pytest.mark.slow,
         ),
+        (
+            "import pytest\ndef test_a(): pytest.importorskip('no_such_package')",
+            "true",
+            "dolfinx,no_such_package",
+            0,
+        ),
+        pytest.param(
+            "import pytest\ndef test_a(): pytest.importorskip('no_such_package')",
+            "true",
+            "dolfinx",
+            1,
+            marks=pytest.mark.slow,
+        ),
     ],
-    ids=["missing package", "not in CI", "missing for a module", "slow", "not offered"],
+    ids=["missing package", "not in CI", "missing for a module", "slow", "not offered", "not here", "other"],
 )
-def test_a_skip_fails_in_ci_unless_it_is_a_good_one(body, ci, status, tmp_path):
+def test_a_skip_fails_in_ci_unless_it_is_a_good_one(body, ci, without, status, tmp_path):
     (tmp_path / "tests").mkdir()
     for name in ("conftest.py", "tests/slow_tests.txt"):
         (tmp_path / name).write_bytes((ROOT / name).read_bytes())
@@ -56,7 +72,8 @@ def test_a_skip_fails_in_ci_unless_it_is_a_good_one(body, ci, status, tmp_path):
     ]
     done = subprocess.run(
         [*command, "--rootdir", str(tmp_path), str(tmp_path)],
-        cwd=tmp_path, env={**os.environ, "CI": ci}, capture_output=True, text=True, check=False,
+        env={**os.environ, "CI": ci, "POROCORE_WITHOUT": without},
+        cwd=tmp_path, capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == status, done.stdout
     if ci:

@@ -14,6 +14,7 @@ from tests.combinations.levels import FACTORS
 from tests.combinations.pairs import all_pairs, pairs_of
 from tests.combinations.row_runs import SAME, run_row
 from tests.combinations.table import FIGURES, PAGE, cells_of, factors
+from tests.helpers.platform_parts import without
 
 #: Of the slow test: how long it draws further rows, and by which seed; CI may turn to other rows by the variable.
 MINUTES, SEED = 12, int(os.environ.get("POROCORE_COMBINATIONS_SEED", "1"))
@@ -46,7 +47,7 @@ SHORT = (
 
 def needs_dolfinx():
     """Skip without dolfinx and MPI, which CI has."""
-    if not os.environ.get("CI"):
+    if not os.environ.get("CI") or without("dolfinx"):
         pytest.importorskip("dolfinx")
         if shutil.which("mpirun") is None:
             pytest.skip("mpirun is missing")

@@ -27,9 +27,10 @@ from tests.e2e.study import (
     succeeded,
     write_study,
 )
+from tests.helpers.platform_parts import without
 
 MPIRUN = shutil.which("mpirun")
-if not os.environ.get("CI"):
+if not os.environ.get("CI") or without("dolfinx"):
     if MPIRUN is None:
         pytest.skip("mpirun is missing", allow_module_level=True)
     if not find_spec("dolfinx"):
