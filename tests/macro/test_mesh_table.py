@@ -39,13 +39,20 @@ class Row:
 
 
 def by_gmsh(
-    kind: str, *, turned: bool = False, names: Mapping[str, int] | None = None, **options: float
+    kind: str,
+    *,
+    turned: bool = False,
+    names: Mapping[str, int] | None = None,
+    partitions: int = 0,
+    **options: float,
 ) -> Any:
     """Return the writer of a file of gmsh; 'Mesh_Binary=1' is its option Mesh.Binary."""
 
     def write(path: Path) -> None:
         with gmsh_session() as gmsh:
             to_gmsh(gmsh, column(kind), None if names is None else dict(names), turned)
+            if partitions:
+                gmsh.model.mesh.partition(partitions)
             for option, value in options.items():
                 gmsh.option.setNumber(option.replace("_", "."), value)
             gmsh.write(str(path))
@@ -330,7 +337,22 @@ ROWS = [
         ".msh",
         refused="has tetra and tetra10; save all elements with the same order",
     ),
+    *(
+        Row(
+            f"gmsh {version}, in two partitions",
+            by_gmsh("tetra", partitions=2, Mesh_MshFileVersion=version),
+            ".msh",
+        )
+        for version in (2.2, 4.1)
+    ),
     # Salome
+    Row(
+        "Salome, families without groups",
+        by_gmsh("tetra", names={}),
+        ".med",
+        {"-4": 1.0, "-5": 1.0},
+        {"-1": 1.0, "-2": 1.0, "-3": 8.0},
+    ),
     *(
         Row(f"Salome, {kind}", by_gmsh(kind), ".med")
         for kind in ("tetra", "tetra10", "hexahedron", "hexahedron20")
@@ -399,6 +421,12 @@ ROWS = [
         "Abaqus CAE, one set twice",
         text(cae(sets="*Elset, elset=Set-1, instance=Part-1-1\n101\n")),
         refused="the set 'Set-1' is in the part and in the assembly, with other members",
+    ),
+    Row(
+        "Abaqus, nodes of elements",
+        text(abaqus("hexahedron", "C3D8", "*NSET, NSET=low, ELSET=lower\n")),
+        volumes=OF_SETS,
+        areas={**ENDS, "low": 5.0},
     ),
     Row("Abaqus, INCLUDE", text(ONE + "*INCLUDE, INPUT=b.inp\n"), refused="got *INCLUDE of another"),
     Row(

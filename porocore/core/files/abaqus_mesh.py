@@ -42,11 +42,12 @@ _MAKING = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM")
 
 @dataclass
 class _Set:
-    """Members by their numbers, and by names of other sets."""
+    """Members by their numbers, by names of other sets, and of sets of elements whose nodes they are."""
 
     name: str
     numbers: list[IntArray] = field(default_factory=list)
     others: list[str] = field(default_factory=list)
+    elements: list[str] = field(default_factory=list)
     hidden: bool = False
 
 
@@ -215,9 +216,7 @@ class AbaqusFile:
         own = self._set(which, given.get(which, ""))
         own.hidden |= "INTERNAL" in given
         if which == "NSET" and "ELSET" in given:
-            raise self.refuse(
-                f"the set '{own.name}' has the nodes of elements, which is not read; give its nodes by their numbers"
-            )
+            own.elements.append(given["ELSET"])
         words = [list(filter(None, _words(line))) for line in lines]
         if "GENERATE" in given:
             for first, last, *step in ([int(word) for word in line] for line in words):
@@ -243,6 +242,8 @@ class AbaqusFile:
             why = "contains itself" if name in above else "is not there"
             of = f", to which '{above[-1]}' refers," if above else ""
             raise self.refuse(f"the set '{name}'{of} {why}; give it by its members' numbers")
+        for each in own:
+            each.numbers += [self._nodes_of(elements) for elements in each.elements]
         found: list[IntArray] = [
             np.unique(
                 np.concatenate(
@@ -260,6 +261,13 @@ class AbaqusFile:
                 f"the set '{own[0].name}' is in the part and in the assembly, with other members; rename one of them"
             )
         return found[0]
+
+    def _nodes_of(self, name: str) -> IntArray:
+        """Return the numbers of the nodes of the elements in a set."""
+        members = self._members("ELSET", name)
+        return np.concatenate(
+            [_NONE, *(nodes[np.isin(own, members)].ravel() for _, _, own, nodes in self.blocks)]
+        )
 
     def _names(self, which: str) -> list[str]:
         """Return the names, in capitals, of the sets that are meant for others than the program itself."""

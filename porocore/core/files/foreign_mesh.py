@@ -311,7 +311,7 @@ def _parts(path: Path, numbering: str | None, said: io.StringIO) -> tuple[Parts,
 
 
 def _read_med(path: Path) -> Any:
-    """Read a file of Salome, of which meshio takes names of groups in ASCII alone.
+    """Read a file of Salome, of which meshio takes names of groups in ASCII alone, and no families without groups.
 
     The bytes of the names are signed there. meshio makes a letter of each, which fails with negative ones.
     """
@@ -319,20 +319,25 @@ def _read_med(path: Path) -> Any:
     import meshio
 
     names: dict[str, Any] = {}
+    bare: list[str] = []
 
     def collect(name: str, entry: Any) -> None:
         if name.endswith("/GRO/NOM"):
             names[name] = entry[()]
+        elif re.search(r"/(ELEME|NOEUD)/[^/]+$", name) and "GRO" not in entry:
+            bare.append(name)
 
     with h5py.File(path) as file:
         file.visititems(collect)
-    if all((of >= 0).all() for of in names.values()):
+    if not bare and all((of >= 0).all() for of in names.values()):
         return meshio.read(path)
     content = io.BytesIO(path.read_bytes())
     with h5py.File(content, "r+") as file:
         for name, of in names.items():
             del file[name]
             file[name] = of.view(np.uint8)
+        for name in bare:
+            del file[name]
     mesh = meshio.med.read(content)
     for tags in (mesh.cell_tags, mesh.point_tags):
         tags |= {family: [_decoded(name) for name in of] for family, of in tags.items()}

@@ -120,11 +120,15 @@ def model_arrays(gmsh: Any) -> dict[str, Any]:
                     f"expected numbers of groups from 1, got {entity}; give that group a positive number"
                 )
             groups = gmsh.model.getPhysicalGroupsForEntity(dim, entity)
+            # Of a mesh that is divided among processes, which has parts of entities, and faces between such parts.
+            parent_dim, parent = gmsh.model.getParent(dim, entity)
+            if parent_dim > dim:
+                continue
             for type_, elements, nodes in zip(*gmsh.model.mesh.getElements(dim, entity), strict=True):
                 i = len(blocks)
                 found[f"elements{i}"], found[f"nodes{i}"] = elements, nodes.reshape(len(elements), -1)
                 found[f"groups{i}"] = np.abs(groups)
-                blocks.append((dim, type_, entity))
+                blocks.append((dim, type_, parent if parent_dim == dim else entity))
                 kinds[int(type_)] = gmsh.model.mesh.getElementProperties(type_)[0]
     for view in gmsh.view.getTags():
         kind, tags, values, _, _ = gmsh.view.getModelData(view, 0)
