@@ -428,6 +428,14 @@ ROWS = [
         volumes=OF_SETS,
         areas={**ENDS, "low": 5.0},
     ),
+    Row(
+        "Abaqus, a wedge as a hexahedron",
+        text(
+            "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 1, 1, 0\n4, 0, 1, 0\n5, 0, 0, 1\n6, 1, 0, 1\n"
+            "*ELEMENT, TYPE=C3D8\n1, 1, 2, 3, 4, 5, 6, 6, 5\n"
+        ),
+        refused="1 of 1 hexahedron elements have one node at several corners, such as wedges",
+    ),
     Row("Abaqus, INCLUDE", text(ONE + "*INCLUDE, INPUT=b.inp\n"), refused="got *INCLUDE of another"),
     Row(
         "Abaqus, a set that is not there",
@@ -553,6 +561,30 @@ def test_a_file_is_read_right_or_refused_in_one_message(tmp_path, row):
 
 def test_the_table_has_sixty_rows_of_as_many_names():
     assert len({row.name for row in ROWS}) == len(ROWS) >= 60
+
+
+@pytest.mark.parametrize("kind", ["hexahedron20", "hexahedron27"])
+def test_curved_hexahedra_have_their_nodes_where_the_shape_functions_place_them(tmp_path, kind):
+    """x (1 + y²/4) is one of the shape functions of 20 nodes, and the Jacobian that of the volume, exactly."""
+    mesh = column(kind)
+    mesh.points = bent(mesh.points)
+    to_meshio(mesh, "material").write(tmp_path / "bent.vtu")
+    body = read_body(tmp_path / "bent.vtu", None, 1.0)
+    volumes, areas = sizes(body)
+    # ∫ 1 + y²/4 dy from 0 to 1, and to 2.
+    assert volumes == pytest.approx({"11": 13 / 12, "12": 8 / 3 - 13 / 12}, rel=1e-12)
+    assert areas["21"] == pytest.approx(1, rel=1e-12)
+    assert areas["22"] == pytest.approx(2, rel=1e-12)
+    straight = bent(column("hexahedron27").points)
+    np.testing.assert_allclose(by_rows(body.points), by_rows(straight), atol=1e-13)
+
+
+def bent(points: Any) -> Any:
+    return points * np.column_stack([1 + points[:, 1] ** 2 / 4, *np.ones((2, len(points)))])
+
+
+def by_rows(points: Any) -> Any:
+    return points[np.lexsort(np.round(points, 9).T)]
 
 
 @pytest.mark.parametrize(

@@ -81,6 +81,12 @@ def _body(foreign: ForeignMesh, path: Path, scale: float) -> BodyMesh:
     kept, flat = np.unique(cells, return_inverse=True)
     points, cells = foreign.points[kept], flat.reshape(cells.shape)
     require_apart(points, path)
+    corners = np.sort(cells[:, : CORNERS[kind]], axis=1)
+    if collapsed := int((corners[:, 1:] == corners[:, :-1]).any(axis=1).sum()):
+        raise ConfigurationError(
+            f"{path}: {collapsed:,} of {len(cells):,} {kind} elements have one node at several corners, such as wedges "
+            f"that are written as hexahedra; {how_to_convert(['wedge'])}"
+        )
     mesh = _upright(_quadratic(points * scale, kind, cells))
     # What is near in the body is near in memory.
     elements, nodes = order_by_place(mesh.points, mesh.cells, mesh.element.corners)
