@@ -1,7 +1,7 @@
 """What belongs to a release beside its distributions: one version in all files, the notes, the recipe for conda.
 
 .venv/bin/python tools/release.py check [v0.1.0] [--notes FILE]
-.venv/bin/python tools/release.py recipe --dist dist --out build/recipe [--local]
+.venv/bin/python tools/release.py recipe --dist dist --out build/recipe [--sdists URL]
 """
 
 from __future__ import annotations
@@ -68,15 +68,15 @@ def faults(tag: str | None, root: Path = ROOT) -> list[str]:
     return wrong
 
 
-def recipe(dist: Path, local: bool = False, root: Path = ROOT) -> str:
-    """The recipe for conda with the hashes of the sdists in a folder.
+def recipe(dist: Path, sdists: str | None = None, root: Path = ROOT) -> str:
+    """The recipe for conda with the places and hashes of the sdists in a folder.
 
     Parameters
     ----------
     dist
         Folder of the distributions.
-    local
-        Whether the sources are these files instead of those of the package index.
+    sdists
+        Address below which a release has them; None: the folder.
 
     Raises
     ------
@@ -88,10 +88,10 @@ def recipe(dist: Path, local: bool = False, root: Path = ROOT) -> str:
 
     def filled(match: re.Match[str]) -> str:
         path = dist / match["file"].replace("${{ version }}", version)
-        url = path.resolve().as_uri() if local else match["url"]
+        url = f"{sdists or dist.resolve().as_uri()}/{match['file']}"
         return f"{match['before']}{url}{match['between']}{hashlib.sha256(path.read_bytes()).hexdigest()}"
 
-    pattern = rf"(?P<before>url: )(?P<url>\S*/(?P<file>[^/]+\.tar\.gz))(?P<between>\n +sha256: ){NO_HASH}"
+    pattern = rf"(?P<before>url: )sdists/(?P<file>[^/]+\.tar\.gz)(?P<between>\n +sha256: ){NO_HASH}"
     return re.sub(pattern, filled, text)
 
 
@@ -107,13 +107,11 @@ def main() -> int:
     write.add_argument(
         "--out", type=Path, default=ROOT / "build/recipe", help="folder; default: build/recipe"
     )
-    write.add_argument(
-        "--local", action="store_true", help="build from the files of --dist, not from the index"
-    )
+    write.add_argument("--sdists", help="address below which the release has them; default: --dist")
     options = parser.parse_args()
     if options.command == "recipe":
         try:
-            text = recipe(options.dist, options.local)
+            text = recipe(options.dist, options.sdists)
         except FileNotFoundError as error:
             print(f"{error.filename} is missing; run: make dist", file=sys.stderr)
             return 2
