@@ -168,8 +168,8 @@ def remarks(
             for k, name in enumerate("xyz")
         ]
         found.append(
-            f"the file states that its axes lie {joined(lie)} of the scanner; the axes of the cell are those of the "
-            "voxels as they are stored, so loads and stiffness count along these"
+            f"the file states that its axes lie {joined(lie)} of the scanner (LPS); the axes of the cell are those of "
+            "the voxels as they are stored, so loads and stiffness count along these"
         )
     if kind is META and head.dtype.itemsize > 1 and _looks_swapped(read_values()):
         found.append(
@@ -258,8 +258,8 @@ def _series(path: Path, files: tuple[Path, ...], changed: tuple[int, ...]) -> _S
             heads[file] = _head(file, DICOM)
         except RuntimeError as error:
             raise ConfigurationError(
-                f"{path}: {file.name}: expected a DICOM image, got none that can be read; leave it out by a pattern of "
-                "names"
+                f"{path}: {file.name}: expected a DICOM image, got none, or a damaged one; copy it again, or leave it "
+                "out by a pattern of names"
             ) from error
     series: dict[str, list[Path]] = {}
     for file, head in heads.items():
