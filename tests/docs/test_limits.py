@@ -52,13 +52,14 @@ CASES: dict[str, dict[str, tuple[dict[str, Any], str]]] = {
         "cannot touch another": ({"macro.boundary.y+.contact": "plate"}, "unknown key"),
         "indenter": ({"macro.indenter": {"radius": 1}}, "contact that begins or ends is not modelled"),
     },
+    "Wedges, pyramids and mixed meshes.": {"hexahedra of one kind": ({}, "pyramid")},
     "States far from all solved ones.": {"not reliable": ({}, "extrapolat")},
     "Exactness with the closure of the paper.": {
         "an approximation": ({"closure": "exact"}, "the closures are mean-gradient, potential")
     },
 }
 #: No key asks for these, under any of their names.
-NO_KEYS = r"inertia|density|heat|temperature|plastic|damage|concentration|charge|bodies|extrapolat"
+NO_KEYS = r"inertia|density|heat|temperature|plastic|damage|concentration|charge|bodies|pyramid|extrapolat"
 
 
 def limits() -> dict[str, str]:
