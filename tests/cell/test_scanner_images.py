@@ -1,6 +1,7 @@
 """Images of scanners: MetaImage, NIfTI, NRRD and DICOM are the same cell as TIFF and .npy, and faulty ones are told."""
 
 import gzip
+import locale
 import re
 import struct
 import sys
@@ -33,6 +34,14 @@ TYPES = {
 }
 #: Tags of a slice; those of its number and place are added.
 TAGS = {"0008|0060": "CT", "0020|000d": "1.2.3", "0020|0037": "1\\0\\0\\0\\1\\0", "0008|103e": "scan"}
+
+
+@pytest.fixture(autouse=True)
+def same_locale():
+    """GDCM leaves the process in the locale C where it writes; it does not where it reads."""
+    before = locale.setlocale(locale.LC_ALL)
+    yield
+    locale.setlocale(locale.LC_ALL, before)
 
 
 def itk_image(values, spacing=EDGES):
