@@ -57,7 +57,7 @@ class MeshFile(FromFile, PoreGeometry):
     """
 
     kind: Literal["mesh-file"]
-    """Tetrahedra of solid and fluid from a file of gmsh, or another that meshio reads."""
+    """Tetrahedra of solid and fluid from a file of gmsh, Abaqus or Exodus, or another that meshio reads."""
     solid: Tags = ("solid",)
     """Tags of the solid's tetrahedra: names of physical groups, or numbers; several are its regions."""
     fluid: Tags = ("fluid",)

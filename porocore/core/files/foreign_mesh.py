@@ -405,7 +405,12 @@ def _of_meshio(mesh: Any, path: Path, numbering: str | None) -> Parts:
         # A file of Salome has data of another kind there.
         pairs = {name: of for name, of in mesh.field_data.items() if np.shape(of) == (2,)}
         names = {int(tag): name for name, (tag, of) in pairs.items() if int(of) == dim}
-        parts.number(dim, block.type, rows, numbers, names or (markers if dim == 2 else {}))
+        if dim == 2 and markers:
+            # Their numbers are meshio's.
+            for value in np.unique(numbers).tolist():
+                parts.join(dim, block.type, rows[numbers == value], markers.get(value, str(value)))
+            continue
+        parts.number(dim, block.type, rows, numbers, names)
     return parts
 
 

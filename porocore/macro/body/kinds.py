@@ -149,7 +149,7 @@ class Wedge(_Round):
 class MeshedBody(FromFile, Body):
     """From a file: a mesh with names for the parts of its surface, or a geometry that gmsh meshes.
 
-    .msh of gmsh, anything else that meshio reads, or .geo, .step and .brep.
+    Meshes are .msh of gmsh, .inp of Abaqus, Exodus, or what meshio reads; geometries .geo, .step and .brep.
     """
 
     kind: Literal["file"]
