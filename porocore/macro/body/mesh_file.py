@@ -82,7 +82,8 @@ def _body(foreign: ForeignMesh, path: Path, scale: float) -> BodyMesh:
     points, cells = foreign.points[kept], flat.reshape(cells.shape)
     require_apart(points, path)
     corners = np.sort(cells[:, : CORNERS[kind]], axis=1)
-    if collapsed := int((corners[:, 1:] == corners[:, :-1]).any(axis=1).sum()):
+    collapsed = int((corners[:, 1:] == corners[:, :-1]).any(axis=1).sum())
+    if collapsed and not kind.startswith("tetra"):
         raise ConfigurationError(
             f"{path}: {collapsed:,} of {len(cells):,} {kind} elements have one node at several corners, such as wedges "
             f"that are written as hexahedra; {how_to_convert(['wedge'])}"
