@@ -202,6 +202,38 @@ def exodus(kind: str, *, netcdf4: bool = False, names: bool = True) -> Callable[
 # --- others by hand --------------------------------------------------------------------------------------------------
 
 
+def salome(path: Path) -> None:
+    """Write tetrahedra with a group in two families, and a group of the nodes on top."""
+    import meshio
+
+    mesh = column("tetra")
+    triangles = np.concatenate([own["triangle"] for own in mesh.faces.values()])
+    families = np.repeat([-3, -4, -5], [len(own["triangle"]) for own in mesh.faces.values()])
+    tags = [np.repeat([-1, -2], mesh.half), families]
+    nodes = np.where(mesh.points[:, 1] == 2, 1, 0)
+    found = meshio.Mesh(
+        mesh.points,
+        [("tetra", mesh.cells), ("triangle", triangles)],
+        cell_data={"cell_tags": tags},
+        point_data={"point_tags": nodes},
+    )
+    found.cell_tags = {-1: ["lower", "all"], -2: ["all", "upper"], -3: ["bottom"], -4: ["top"], -5: ["side"]}
+    found.point_tags = {1: ["crown"]}
+    found.write(path)
+
+
+def large_fields(text: str) -> str:
+    """Return a file of Nastran whose nodes stand in fields of 16 characters."""
+    lines = []
+    for line in text.splitlines():
+        if line.startswith("GRID,"):
+            _, number, _, x, y, z = line.split(",")
+            lines += [f"GRID*   {number:>16}{'':16}{x:>16}{y:>16}*", f"*       {z:>16}"]
+        else:
+            lines.append(line)
+    return "\n".join(lines)
+
+
 def nastran(kind: str) -> str:
     mesh = column(kind)
     lines = ["SOL 101", "CEND", "BEGIN BULK"]

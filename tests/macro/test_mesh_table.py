@@ -27,7 +27,9 @@ from tests.helpers.column_files import (
     cae,
     exodus,
     gmsh_text,
+    large_fields,
     nastran,
+    salome,
     text,
 )
 from tests.helpers.column_meshes import column, to_meshio
@@ -139,6 +141,12 @@ ROWS = [
     *(
         Row(f"Salome, {kind}", by_gmsh(kind), ".med")
         for kind in ("tetra", "tetra10", "hexahedron", "hexahedron20")
+    ),
+    Row(
+        "Salome, groups of nodes",
+        salome,
+        ".med",
+        areas={"bottom": 1.0, "top": 1.0, "side": 8.0, "crown": 1.0},
     ),
     Row("Salome, 27 nodes", by_gmsh("hexahedron27"), ".med", refused="that meshio does not know (H27)"),
     Row("Salome, wedges", by_gmsh("wedge"), ".med", refused=WEDGES),
@@ -288,6 +296,13 @@ ROWS = [
         for kind in ("tetra", "tetra10", "hexahedron", "hexahedron20")
     ),
     *(Row(f"Nastran, {kind}", text(nastran(kind)), ".nas", *BY_NUMBER) for kind in ("tetra", "hexahedron")),
+    Row("Nastran, large fields", text(large_fields(nastran("hexahedron"))), ".bdf", *BY_NUMBER),
+    Row(
+        "Nastran in small letters",
+        text(nastran("tetra").replace("BEGIN BULK", "begin bulk")),
+        ".fem",
+        *BY_NUMBER,
+    ),
     # Medit
     *(
         Row(f"Medit, {kind}", by_gmsh(kind), ".mesh", {"1": 1.0, "2": 1.0}, {"1": 1.0, "2": 1.0, "3": 8.0})
