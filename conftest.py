@@ -54,6 +54,8 @@ GOOD_REASONS = (
 #: Words for what this platform cannot have, as in POROCORE_WITHOUT=dolfinx,mpirun: a test whose reason has one of them
 #: may be skipped with CI set, too.
 WITHOUT = tuple(filter(None, os.environ.get("POROCORE_WITHOUT", "").lower().split(",")))
+if sys.platform == "win32":
+    GOOD_REASONS += ("POSIX alone", "could not import 'resource'")
 #: What an implementation need not offer: reasons from the kit, and from tests that compare what only some offer.
 OFFERED_BY_SOME = ("porocore/testing/", "gives no access to its tangent")
 

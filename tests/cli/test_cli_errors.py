@@ -15,6 +15,7 @@ import pytest
 import porocore
 import porocore.study.run
 from porocore.cli.cell import as_text
+from porocore.cli.common import shell_line
 from porocore.cli.entry import main
 from porocore.errors import ConfigurationError, SolveError
 from porocore.plugins import registry
@@ -253,7 +254,7 @@ def test_an_interruption_says_how_to_go_on(porocore_command, pipeline, tmp_path,
     words = [config if word == "CONFIG" else word for word in words]
     status, printed, err = porocore_command(*words, "--out", out)
     assert (status, printed) == (130, "")
-    expected = advice.replace("CONFIG", config).replace("OUT", f"'{out}'")
+    expected = advice.replace("CONFIG", config).replace("OUT", shell_line([str(out)]))
     assert err.strip() == f"interrupted; continue with: {expected}"
 
 

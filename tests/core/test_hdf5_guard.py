@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import time
 from pathlib import Path
 
@@ -13,7 +14,7 @@ import pytest
 
 from porocore.core import hdf5 as guard
 from porocore.core.hdf5 import atomic_hdf5, opened
-from porocore.core.hdf5_trial import SECONDS
+from porocore.core.hdf5_trial import BUSY, SECONDS
 from porocore.errors import DataError
 from tests.helpers.invoked import invoke
 
@@ -62,7 +63,7 @@ def test_a_file_that_never_ends_is_one_message_within_seconds(tmp_path: Path, as
     assert (check.exit_code, isinstance(info.exception, DataError)) == (1, True)
     assert "HDF5 comes to no end with it" in " ".join(check.output.split())
     assert len(asked) == 1, "the answer about an unchanged file is kept"
-    assert time.perf_counter() - began < 5 * SECONDS
+    assert time.perf_counter() - began < (2 * BUSY if sys.platform == "win32" else 5) * SECONDS
     path.unlink()
     assert read(foreign(path)) == ([0, 1, 2, 3, 4, 5], ["a", "∇"])
 

@@ -28,6 +28,9 @@ from tests.e2e.study import (
     succeeded,
     write_study,
 )
+from tests.helpers.platform_parts import POSIX
+
+pytestmark = POSIX
 
 
 @pytest.fixture

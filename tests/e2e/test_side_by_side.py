@@ -26,6 +26,7 @@ from tests.e2e.study import (
     succeeded,
     write_study,
 )
+from tests.helpers.platform_parts import KILL, POSIX
 
 #: Every solve is worth a process.
 SIDE_BY_SIDE = (
@@ -207,7 +208,8 @@ def test_a_run_whose_stages_overlap_has_the_files_and_words_of_another(two_worke
     assert min(stages.values()) > 0
 
 
-@pytest.mark.parametrize("stopped", [signal.SIGINT, pytest.param(signal.SIGKILL, marks=pytest.mark.slow)])
+@POSIX
+@pytest.mark.parametrize("stopped", [signal.SIGINT, pytest.param(KILL, marks=pytest.mark.slow)])
 def test_stopped_while_training_runs_beside_the_held_out_states(two_workers, finished, tmp_path, stopped):
     run = tmp_path / "run"
     running = Running(tmp_path / "streams", "run", two_workers, "--out", run, program=SIDE_BY_SIDE)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import resource
 import signal
 import stat
 import subprocess
@@ -19,6 +18,9 @@ from types import FrameType
 import pytest
 
 from porocore.cli import main
+
+#: Of POSIX alone, as is what watches a command here.
+resource = pytest.importorskip("resource")
 
 #: A command that has not ended then is stopped [s].
 LATEST = 20

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import resource
 import shutil
 import time
 import traceback
@@ -302,6 +301,7 @@ def with_files_limited_to(size: int, work: Callable[[], None]) -> None:
 
     In this process the limit would also hit the test runner's own files.
     """
+    resource = pytest.importorskip("resource")
     read, write = os.pipe()
     child = os.fork()
     if child == 0:

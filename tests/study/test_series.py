@@ -15,6 +15,7 @@ from porocore.core.console import Console
 from porocore.core.parallel.calls import ProcessEnded
 from porocore.errors import DataError, PorocoreError, RunFolderError, SolveError, UnexpectedError
 from porocore.study.series import CaseProgress, _Progress, claim_record, require_own
+from tests.helpers.platform_parts import KILL, POSIX
 from tests.helpers.series_cases import Squares, cases
 
 WORKERS = pytest.mark.parametrize("workers", [1, 2])
@@ -109,7 +110,8 @@ Squares(sys.argv[1]).run(cases([2, 3, 5, 7], [0.0, 0.6, 0.6, 0.6]), Console(io.S
 """
 
 
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
+@POSIX
+@pytest.mark.parametrize("how", [KILL, signal.SIGINT])
 @WORKERS
 def test_a_series_that_is_killed_between_cases_goes_on(tmp_path, workers, how):
     paths = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}

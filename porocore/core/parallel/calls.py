@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gc
 import queue
+import sys
 import time
 import traceback
 from collections import deque
@@ -99,8 +100,10 @@ class CallProcesses:
             require_children()
             context = get_context("spawn")
             self._reports = context.Queue()
+            # Windows waits for 61 processes at most.
+            count = min(self.count, 61) if sys.platform == "win32" else self.count
             self._executor = ProcessPoolExecutor(
-                self.count, context, initializer=_begin, initargs=(self._reports,)
+                count, context, initializer=_begin, initargs=(self._reports,)
             )
         others = set(active_children())
         with starting_children():

@@ -255,7 +255,9 @@ def start_as_on_windows(self, args, *more, **options):
     if isinstance(args, list | tuple) and "-I" in args and args[0] == sys.executable:
         args = list(args)
         place = args.index("-c") + 1
-        args[place] = f"import sys; sys.path.insert(0, {HERE!r}); import sitecustomize\n{args[place]}"
+        # The system may have a module of this name.
+        mine = f"import sys; sys.modules.pop('sitecustomize', None); sys.path.insert(0, {HERE!r}); import sitecustomize"
+        args[place] = f"{mine}\n{args[place]}"
     return true_start(self, args, *more, **options)
 
 
