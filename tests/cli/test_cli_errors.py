@@ -181,7 +181,7 @@ def test_an_unknown_backend_makes_no_folder(porocore_command, pipeline, tmp_path
 def test_faults_of_a_configuration_come_line_by_line(porocore_command, tmp_path):
     path = tmp_path / "study.yaml"
     text = benchmark_path().read_text(encoding="utf-8")
-    path.write_text(text.replace("radius: 0.25", "radius: 0.5").replace("step: 0.75", "stop: 0.75"))
+    path.write_text(text.replace("radius: 0.25", "radius: 0.5").replace("step: 0.75", "stop: 0.75"), "utf-8")
     status, out, err = porocore_command("run", path, "--out", tmp_path / "run")
     assert (status, out) == (2, "")
     first, *rest = one_message(err).splitlines()

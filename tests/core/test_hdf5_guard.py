@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import sys
 import time
 from pathlib import Path
@@ -79,7 +78,7 @@ def test_a_file_with_a_seal_is_not_tried(tmp_path: Path, asked: list[str]) -> No
 def test_a_process_that_was_killed_is_started_again(tmp_path: Path) -> None:
     read(foreign(tmp_path / "one.h5"))
     killed = guard._trial()._process  # asked once: the next time it may be another, which nobody ends
-    os.kill(killed.pid, signal.SIGKILL)
+    killed.kill()
     killed.wait()
     read(foreign(tmp_path / "two.h5"))
 

@@ -8,6 +8,7 @@ import pytest
 
 from porocore.core.files import claim as lock_module
 from porocore.core.files.claim import Locked, take_lock
+from tests.helpers.platform_parts import POSIX
 
 HOLD = """
 import sys
@@ -51,12 +52,14 @@ def test_closing_releases_it(tmp_path):
     os.close(take_lock(tmp_path / "lock"))
 
 
+@POSIX
 def test_a_lock_whose_file_was_removed_guards_nothing(tmp_path, holder):
     """Its holder ends: whoever comes next makes a new file."""
     (tmp_path / "lock").unlink()
     os.close(take_lock(tmp_path / "lock"))
 
 
+@POSIX
 @pytest.mark.parametrize("flag", [True, False], ids=["flag", "no flag, as on Windows"])
 @pytest.mark.parametrize("target", ["mine", "nothing"])
 def test_a_link_is_not_followed(tmp_path, monkeypatch, flag, target):
@@ -71,6 +74,7 @@ def test_a_link_is_not_followed(tmp_path, monkeypatch, flag, target):
     assert not (tmp_path / "nothing").exists()
 
 
+@POSIX
 def test_what_is_no_ordinary_file_is_refused(tmp_path):
     os.mkfifo(tmp_path / "lock")
     with pytest.raises(OSError, match="its lock lock is no ordinary file; remove that"):

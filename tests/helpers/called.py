@@ -1,11 +1,11 @@
 """Functions that tests call in other processes."""
 
 import os
-import signal
 import sys
 import time
 
 from porocore.errors import SolveError
+from tests.helpers.platform_parts import KILL
 
 
 def counts(tell, name, count, pause=0.0):
@@ -27,4 +27,4 @@ def breaks(tell):
 def dies(tell):
     tell("so far")
     time.sleep(0.2)
-    os.kill(os.getpid(), signal.SIGKILL)
+    os.kill(os.getpid(), KILL)

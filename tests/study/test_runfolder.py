@@ -15,6 +15,7 @@ from porocore.errors import RunFolderError
 from porocore.study.config.loading import benchmark_path, load_config
 from porocore.study.run import folder as runfolder
 from porocore.study.run.folder import RunFolder
+from tests.helpers.platform_parts import POSIX
 
 
 @pytest.fixture(scope="module")
@@ -130,12 +131,14 @@ def open_folder():
     shutil.rmtree(path)
 
 
+@POSIX
 def test_a_read_only_place_is_refused(open_folder, config):
     open_folder.chmod(0o555)
     with unprivileged(), pytest.raises(RunFolderError, match="cannot be made: Permission denied"):
         RunFolder.claim(open_folder / "run", config)
 
 
+@POSIX
 def test_a_read_only_run_can_be_opened_but_not_written(open_folder, config):
     folder = RunFolder.claim(open_folder / "run", config)
     (folder.path / ".lock").unlink()
