@@ -37,6 +37,7 @@ def test_a_backend_that_does_not_load_fails_where_all_should_be(ci, outcome, tmp
 import os, sys
 sys.path.insert(0, {str(tmp_path)!r})
 os.environ["CI"] = {ci!r}
+os.environ.pop("POROCORE_WITHOUT", None)
 import pytest
 chosen = ["-k", "test_histories and lame and column"]
 sys.exit(pytest.main(["-q", "-p", "no:cacheprovider", {str(HERE / "test_bodies.py")!r}, *chosen]))

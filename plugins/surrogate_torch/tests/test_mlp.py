@@ -1,6 +1,5 @@
 """What is particular to this network; what every surrogate obeys is in test_conformance.py."""
 
-import signal
 import subprocess
 import sys
 import textwrap
@@ -141,8 +140,8 @@ def test_a_killed_training_ends_with_the_same_weights(data, tmp_path):
     while not checkpoint.exists() and time.monotonic() < deadline:
         time.sleep(0.01)
     time.sleep(0.05)
-    process.send_signal(signal.SIGKILL)
-    assert process.wait() == -signal.SIGKILL
+    process.kill()
+    assert process.wait() != 0
     assert 0 < read_archive(checkpoint, TRAINING_FORMAT, 1, "")[0]["epoch"] < 700
     # In a process of their own, too: torch rounds otherwise where another library's BLAS was loaded before it.
     code += f"""
