@@ -56,6 +56,14 @@ def _mesh(name: str, content: Callable[[bytes], bytes]) -> Callable[[Path], None
     return write
 
 
+def _numbered(folder: Path) -> None:
+    """Write a file that calls two surfaces by their numbers, with and without quotes."""
+    text = (folder / "m40.yaml").read_text(encoding="utf-8")
+    (folder / "numbers.yaml").write_text(
+        text.replace('"y+":', "4:").replace('"x-":', '"1":'), encoding="utf-8"
+    )
+
+
 #: The surfaces of a mesh whose sides x- and x+ lost their names.
 _UNNAMED = {"x-": None, "x+": None, "side": {"normal": 0}}
 _LAID_OVER = "macro.boundary.second: 4 of its 4 faces belong to the surface 'y+' too, and there "
@@ -135,6 +143,12 @@ CASES = [
         ("check", "partvol41.yaml"),
         2,
         ("macro.boundary.x-: 20 of its 40 faces in partvol41.msh belong to no element with a volume",),
+    ),
+    Case(
+        "msh40",
+        ("check", "numbers.yaml"),
+        says=("surface 4, 4 facets: t_2 = -0.01, p = 0", "surface 1, 40 facets: normal displacement = 0"),
+        before=_numbered,
     ),
     Case("msh40", ("check", "m40.yaml"), says=("207 tetrahedron elements", "surface y+, 4 facets")),
     *(
