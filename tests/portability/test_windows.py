@@ -193,7 +193,6 @@ def test_commands_run(tmp_path: Path) -> None:
         ("data", "info", "run"),
         ("data", "check", unsealed),
         ("data", "export", "run", "--out", "table.csv"),
-        ("crosscheck", study, "--surrogate", "polynomial", "--fem", "skfem", "--out", "crosscheck"),
         ("sweep", study, "--over", "radius=0.2,0.25", "--out", "sweep", "--no-store"),
         ("verify", "--case", "terzaghi", "--fem", "skfem"),
         ("calibrate", twin, "--synthetic", "--out", "calibrated", "--no-store"),
