@@ -476,7 +476,8 @@ def _measured(unit: str) -> tuple[Fraction, frozenset[tuple[str, Any]] | None]:
         return Fraction(0), None
     registry = _registry()
     try:
-        known = registry.parse_units(unit)
+        # From 0.26 on pint takes no points, those of a product and of an abbreviation.
+        known = registry.parse_units(re.sub(r"\.(?=[^\W\d])", "*", unit).rstrip("."))
         quantity = registry.Quantity(Fraction(1), known).to_base_units()
         offset = registry.Quantity(Fraction(0), known).to_base_units().magnitude
     except (

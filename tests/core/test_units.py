@@ -236,6 +236,14 @@ def test_what_is_no_value_of_its_quantity_is_refused(text, quantity, parts):
     assert all(part in str(error.value) for part in parts), str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("text", "quantity", "value"),
+    [("2 min.", "time", 120), ("3 kPa.", "stress", 3000), ("4 mPa.s", "viscosity", Fraction(4, 1000))],
+)
+def test_points_end_abbreviations_and_multiply(text, quantity, value):
+    assert in_si(text, quantity) == value
+
+
 def test_a_length_is_no_slip_for_a_stress_in_mercury():
     with pytest.raises(UnitError) as error:
         in_si("3 mm", "stress")
