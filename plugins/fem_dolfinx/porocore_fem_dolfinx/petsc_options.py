@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import ctypes
 from collections.abc import Mapping
 from itertools import count
@@ -20,6 +21,15 @@ _prefixes: dict[tuple[tuple[str, str], ...], str] = {}
 #: PETSc's error codes for misspelt options: no support, wrong state, wrong type, value out of range,
 #: unknown type, missing package.
 OPTION_ERRORS = {56, 58, 62, 63, 73, 86, 92}
+
+
+@atexit.register
+def _forget() -> None:
+    """Take our options out of PETSc's database, of which PETSc 3.25 prints at its end what no solver used."""
+    database = PETSc.Options()
+    for content, prefix in _prefixes.items():
+        for name, _ in content:
+            database.delValue(prefix + name)
 
 
 class SolverOptions:

@@ -7,6 +7,7 @@ import textwrap
 import numpy as np
 import pytest
 from scipy import sparse
+from scipy.linalg import block_diag
 
 from porocore.cell.cell import Cell
 from porocore.cell.equilibrium.discrete import FactorError
@@ -88,7 +89,7 @@ def test_inertia(solver):
     factor = linalg.SymmetricSolver(solver, {}, 400)
     factor.use(condensation.to_petsc(A))
     assert factor.negative == (4 if solver == "mumps" else 1)
-    definite = sparse.csr_matrix(A + sparse.diags(100 * (shift < 0)))
+    definite = sparse.csr_matrix(A + sparse.diags(100.0 * (shift < 0)))
     factor.use(condensation.to_petsc(definite))
     assert factor.negative == 0
     rhs = rng.normal(size=400)
@@ -97,7 +98,7 @@ def test_inertia(solver):
 
 @pytest.mark.parametrize("solver", [*DIRECT, "gamg"])
 def test_a_singular_matrix_is_an_error_of_its_own(solver):
-    A = sparse.csr_matrix(sparse.block_diag([np.eye(4), np.array([[1.0, -1.0], [-1.0, 1.0]])]))
+    A = sparse.csr_matrix(block_diag(np.eye(4), [[1.0, -1.0], [-1.0, 1.0]]))
     factor = linalg.SymmetricSolver(solver, {}, 6)
 
     def solve():
@@ -196,3 +197,18 @@ def test_many_solvers_fit_into_petscs_database():
     """It holds 512 options, and a solver brings several; what was told once is not told again."""
     for _ in range(300):
         linalg.SymmetricSolver("gamg", {"ksp_rtol": 1e-9}, 10)
+
+
+def test_petsc_lists_no_option_of_ours_at_its_end():
+    script = textwrap.dedent(
+        """
+        from porocore_fem_dolfinx import linalg, petsc_options
+
+        petsc_options.PETSc.Options().setValue("options_left", True)
+        petsc_options.PETSc.Options().setValue("of_the_user", 1)
+        linalg.SymmetricSolver("gamg", {"ksp_rtol": 1e-9}, 10)
+        """
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert "of_the_user" in done.stdout + done.stderr
+    assert "porocore_" not in done.stdout + done.stderr
