@@ -18,6 +18,7 @@ import pytest
 import porocore
 
 ROOT = Path(__file__).parents[1]
+OURS = (f"{ROOT}/porocore/", f"{ROOT}/plugins/")
 HELD = {f"{axis}-": {"displacement": [0 if axis == other else None for other in "xyz"]} for axis in "xyz"}
 SIDES = {f"{axis}+": {"displacement": [0 if axis == other else None for other in "xyz"]} for axis in "xz"}
 STUDY = {
@@ -56,14 +57,14 @@ def watched(walks: dict[str, dict[str, None]]) -> Iterator[None]:
 
     def watch(frame: FrameType, event: str, _: Any) -> None:
         code = frame.f_code
-        if event != "call" or "/porocore" not in code.co_filename:
+        if event != "call" or not code.co_filename.startswith(OURS):
             return
         for name in code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]:
             given = frame.f_locals.get(name)
             if isinstance(given, dict):
                 given = next(iter(given.values()), None)
             for walker, types in WALKERS.items():
-                if type(given).__name__ in types and Path(code.co_filename).is_relative_to(ROOT):
+                if type(given).__name__ in types:
                     walks[walker].setdefault(str(Path(code.co_filename).relative_to(ROOT)))
 
     before = sys.getprofile()

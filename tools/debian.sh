@@ -63,6 +63,7 @@ export DEBIAN_FRONTEND=noninteractive OMP_NUM_THREADS=1
 apt-get update -qq
 apt-get install -y -qq --no-install-recommends git make python3 >/dev/null
 apt-get dist-upgrade -y -qq >/dev/null # sid moves on
+git init -q . && git add --all # tests ask git for the files of the project
 sh tools/setup.sh test
 python=.venv${NEWEST:+-newest}/bin/python
 $python - <<'PYTHON'
