@@ -20,9 +20,6 @@ page_packages="chromium fonts-dejavu-core"
 
 # As in debian12.
 release=$(. /etc/os-release 2>/dev/null && echo "${ID:-}${VERSION_ID:-}") || release=unknown
-# The dolfinx of Debian 12 does not import with numpy 2.
-with_dolfinx=yes
-if [ "$what" != test ] || { [ -n "$newest" ] && [ "$release" = debian12 ]; }; then with_dolfinx=""; fi
 
 say() { echo "setup: $*"; }
 
@@ -78,6 +75,13 @@ base_of() { "$1" -c 'import os, sys; print(os.path.realpath(sys._base_executable
 system=/usr/bin/python3
 if [ -n "${PYTHON:-}" ]; then python=$PYTHON; elif at_least_3_11 $system; then python=$system; else python=python3; fi
 at_least_3_11 "$python" || give_up "porocore needs Python 3.11 or later; set PYTHON to one, as in: make run PYTHON=python3.12"
+
+with_dolfinx=yes
+if [ "$what" != test ]; then
+    with_dolfinx=""
+elif [ -n "$newest" ] && [ "$release" = debian12 ] && [ "$(base_of "$python")" = "$(base_of $system)" ]; then
+    with_dolfinx="" # that of Debian 12 does not import with numpy 2
+fi
 
 if [ "$(base_of "$python")" = "$(base_of $system)" ] && command -v apt-get >/dev/null; then
     "$python" -c 'import ensurepip, venv' 2>/dev/null || install "Python's venv module is missing" python3-venv
