@@ -16,7 +16,8 @@ VALUES = np.random.default_rng(0).normal(120, 30, (16, 16, 16)).clip(0, 255).ast
 @pytest.mark.parametrize("scale", [1, 257, 1 / 255, 1e-3])
 @pytest.mark.parametrize("bright", [True, False])
 def test_every_voxel_stands_on_its_side_of_the_threshold(scale, threshold, bright):
-    values = VALUES.astype(np.float32) / np.float32(255) if scale == 1 / 255 else VALUES * scale
+    kind = {257: np.uint16, 1 / 255: np.float32}.get(scale, np.uint8)
+    values = VALUES.astype(kind) / kind(255) if scale == 1 / 255 else VALUES.astype(kind) * scale
     level = threshold * scale if threshold != 117 else float(values[VALUES <= 117].max())
     figure = histogram_figure(Parting(GreyValues.of(values), level, "as given", bright))
     pores, solid = (patch.get_data() for patch in figure.axes[0].patches)
