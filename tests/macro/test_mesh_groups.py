@@ -11,7 +11,7 @@ from porocore.core.files.foreign_mesh import read_mesh
 from porocore.core.files.gmsh_model import gmsh_session
 from porocore.errors import ConfigurationError, PorocoreError
 from porocore.macro.body.kinds import Box, make_body
-from porocore.macro.body.mesh import BodyMesh, Facets, Patch, called, with_patches
+from porocore.macro.body.mesh import BodyMesh, Facets, Patch, boundary_facets, box, called, with_patches
 from porocore.macro.body.mesh_file import read_body
 from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.boundary.reactions import Support, shares
@@ -228,6 +228,35 @@ def test_elements_that_lie_over_one_another_are_refused(tmp_path):
         read_body(path, None, 1.0)
 
 
+def two_cubes(path, shift):
+    """Two unit cubes without a common node; the faces of the first are the surface 1."""
+    cube = box(tuple(np.linspace(0, 1, 3) for _ in range(3)))
+    cells = np.concatenate([cube.cells, cube.cells + len(cube.points)])[:, :8]
+    faces = boundary_facets(cube.cells)[:, :4]
+    numbers = [np.ones(len(of), dtype=int) for of in (faces, cells)]
+    points = np.concatenate([cube.points, cube.points + np.array([shift, 0.1, 0.1])])
+    meshio.Mesh(points, [("quad", faces), ("hexahedron", cells)], cell_data={"region": numbers}).write(path)
+    return path
+
+
+def test_parts_of_a_body_that_reach_into_one_another_are_refused(tmp_path):
+    with pytest.raises(
+        ConfigurationError, match=r"\d+ of 48 faces of the boundary lie inside other elements"
+    ):
+        read_body(two_cubes(tmp_path / "a.vtu", 0.65), None, 1.0)
+
+
+def test_each_piece_of_a_body_is_held(tmp_path):
+    mesh = read_body(two_cubes(tmp_path / "a.vtu", 1.5), None, 1.0)
+    assert np.bincount(mesh.pieces).tolist() == [125, 125]
+    problem = {"body": {"kind": "box", "size": [1, 1, 1], "elements": [2, 2, 2]}}
+    held = {"boundary": {"1": {"displacement": (0, 0, 0)}}}
+    with pytest.raises(
+        ConfigurationError, match=r"nothing holds the piece at \(1\.5 to 2\.5, .*one of 2 of the body"
+    ):
+        boundary_data(mesh, MacroProblem.model_validate(problem | held))
+
+
 def test_sets_of_abaqus_are_read_with_all_that_they_are_given(tmp_path):
     path = tmp_path / "a.inp"
     mesh = "*NODE\n1, 0,0,0\n2, 1,0,0\n3, 0,1,0\n4, 0,0,-1\n5, 0,0,1\n"
@@ -345,6 +374,28 @@ def test_faces_of_two_surfaces_cannot_be_loaded_twice(overlapping, one, other, f
     text = str(refused.value)
     assert text.startswith("macro.boundary.lid: 4 of its 8 faces belong to the surface 'y+' too, and there ")
     assert fault in text
+
+
+@pytest.mark.parametrize(
+    ("load", "support", "named"),
+    [
+        ({"traction": [0, -1, 0]}, {"normal": 0}, "the traction along the normal does nothing on 2 of its 2"),
+        ({"traction": [1, -1, 0]}, {"normal": 0}, "the traction along the normal does nothing"),
+        ({"follower": 1}, {"normal": 0}, "which acts along the normal, does nothing"),
+        ({"follower": 1}, {"displacement": [None, 0, None]}, r"does nothing on .* prescribes u"),
+        ({"traction": [1, 0, 0]}, {"normal": 0}, None),
+        ({"follower": 1}, {"displacement": [0, None, None]}, None),
+    ],
+)
+def test_a_load_along_a_displacement_that_is_prescribed_is_refused(overlapping, load, support, named):
+    """Also where one surface has both; a load along the surface acts."""
+    together = {"half": load, "y+": support}
+    for boundary in (together, {"half": load | support}):
+        if named is None:
+            assert len(data(overlapping, boundary).prescribed)
+            continue
+        with pytest.raises(ConfigurationError, match=r"^macro\.boundary\.half: .*" + named):
+            data(overlapping, boundary)
 
 
 @pytest.mark.parametrize(

@@ -89,7 +89,7 @@ CASES = [
             says=(
                 "212 tetrahedron elements",
                 "region up, 101 elements",
-                "surface y+, 4 facets: t_2 = -0.01, p = 0",
+                "surface y+, 4 facets, area 0.01: t_2 = -0.01, p = 0",
             ),
         )
         for name in ("vols22", "vols41")
@@ -113,9 +113,13 @@ CASES = [
     Case(
         "groups_second_lost_msh41",
         ("check", "double.yaml"),
-        says=("surface second, 4 facets: free of traction and impermeable",),
+        says=("surface second, 4 facets, area 0.01: free of traction and impermeable",),
     ),
-    Case("groups_one_name", ("check", "samename41.yaml"), says=("surface y+, 4 facets: t_2 = -0.01, p = 0",)),
+    Case(
+        "groups_one_name",
+        ("check", "samename41.yaml"),
+        says=("surface y+, 4 facets, area 0.01: t_2 = -0.01, p = 0",),
+    ),
     Case(
         "groups_one_name",
         ("check", "dupname.yaml"),
@@ -131,8 +135,8 @@ CASES = [
             "groups_of_med_inp",
             ("check", f"named_{kind}.yaml"),
             says=(
-                "surface side, 40 facets: normal displacement = 0",
-                "surface y+, 4 facets: t_2 = -0.01, p = 0",
+                "surface side, 40 facets, area 0.1: normal displacement = 0",
+                "surface y+, 4 facets, area 0.01: t_2 = -0.01, p = 0",
             ),
             before=_boundary(f"q_{kind}.yaml", f"named_{kind}.yaml", **_UNNAMED, **{second: {"normal": 0}}),
         )
@@ -147,7 +151,10 @@ CASES = [
     Case(
         "msh40",
         ("check", "numbers.yaml"),
-        says=("surface 4, 4 facets: t_2 = -0.01, p = 0", "surface 1, 40 facets: normal displacement = 0"),
+        says=(
+            "surface 4, 4 facets, area 0.01: t_2 = -0.01, p = 0",
+            "surface 1, 40 facets, area 0.1: normal displacement = 0",
+        ),
         before=_numbered,
     ),
     Case("msh40", ("check", "m40.yaml"), says=("207 tetrahedron elements", "surface y+, 4 facets")),

@@ -13,6 +13,8 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import model_validator
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from porocore.cell.meshing.tetrahedra import tetrahedron_rule, triangle_rule
@@ -259,6 +261,18 @@ class BodyMesh:
             "na,eai->eni", self.element.corner_values(self.element.nodes), corners, optimize=True
         )
         return bool(np.abs(placed - self.points[self.cells]).max() < 1e-12 * np.ptp(self.points))
+
+    @cached_property
+    def pieces(self) -> IntArray:
+        """(nodes,) number of the piece of the body to which each node belongs, from 0; pieces share no node."""
+        e, corners = len(self.cells), self.cells[:, : self.element.corners]
+        rows, columns = np.repeat(np.arange(e), corners.shape[1]), e + corners.ravel()
+        size = e + len(self.points)
+        links = coo_matrix((np.ones(corners.size, dtype=bool), (rows, columns)), shape=(size, size))
+        of_elements = connected_components(links, directed=False)[1][:e]
+        found = np.empty(len(self.points), dtype=np.int64)
+        found[self.cells] = np.unique(of_elements, return_inverse=True)[1].reshape(-1, 1)
+        return found
 
     @cached_property
     def _tree(self) -> cKDTree:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from porocore.cell.geometry.pore_geometry import PER_CUBE, require_few
 from porocore.cell.meshing.tetrahedra import order_by_place
@@ -38,6 +39,8 @@ REACHING_OUT = re.compile(
     r"|ShapeFromFile|ListFromFile|FileName|Save|CreateDir)\b|\bPrint\b(?!\.)|\bPrintf\b(?=.*?>(?!=))",
     re.DOTALL,
 )
+#: Depth, as a share of an element's radius, from which a place is inside it, and not on a face that is curved.
+INSIDE = 0.05
 #: Volume elements that are understood.
 VOLUMES = ("tetra", "tetra10", "hexahedron", SERENDIPITY, "hexahedron27")
 
@@ -210,6 +213,33 @@ def _quadratic(points: Array, kind: str, cells: IntArray) -> BodyMesh:
     return BodyMesh(np.concatenate(found), np.concatenate([cells, *columns], axis=1))
 
 
+def _covered(mesh: BodyMesh, outer: IntArray) -> int:
+    """Return how many facets (k, m) of the boundary have a point inside an element.
+
+    Elements that lie over one another have such facets, since a place is in as many elements as its neighbour is, but
+    beyond a facet of the boundary.
+    """
+    corners = mesh.element.facet_corners
+    middles = mesh.points[outer[:, :corners]].mean(axis=1)
+    places = (middles[:, None] + mesh.points[outer[:, :corners]]) / 2
+    of_facet = np.repeat(np.arange(len(outer)), corners)
+    centres = mesh.points[mesh.cells].mean(axis=1)
+    radii = np.linalg.norm(mesh.points[mesh.cells] - centres[:, None], axis=2).max(axis=1)
+    near = cKDTree(places.reshape(-1, 3)).query_ball_point(centres, radii, workers=1)
+    element = np.repeat(np.arange(len(near)), [len(each) for each in near])
+    place = np.concatenate([np.asarray(each, dtype=np.int64) for each in near])
+    faces = mesh.cells[:, mesh.element.facets[:, :corners]]
+    inside = np.ones(len(place), dtype=bool)
+    for k in range(faces.shape[1]):
+        of = mesh.points[faces[:, k]]
+        middle = of.mean(axis=1)
+        # Of a quadrilateral by its diagonals.
+        normal = np.cross(of[:, 1] - of[:, -1], of[:, 2] - of[:, 0])
+        depth = np.einsum("ki,ki->k", middle[element] - places.reshape(-1, 3)[place], normal[element])
+        inside &= depth > (INSIDE * radii * np.linalg.norm(normal, axis=1))[element]
+    return len(np.unique(of_facet[place[inside]]))
+
+
 def _surfaces(
     mesh: BodyMesh, new: IntArray, foreign: ForeignMesh, path: Path
 ) -> tuple[dict[str, IntArray], dict[str, str]]:
@@ -227,6 +257,11 @@ def _surfaces(
             "one another; mesh the body anew, so that neighbours share their nodes"
         )
     outer = facets[count == 1]
+    if over := _covered(mesh, outer):
+        raise ConfigurationError(
+            f"{path}: {over:,} of {len(outer):,} faces of the boundary lie inside other elements, so that elements lie "
+            "over one another; mesh the body anew, each place once"
+        )
     number = {key: i for i, key in enumerate(mesh.corners_of(outer))}
     surfaces, unusable = dict[str, IntArray](), dict[str, str]()
     for name, members in foreign.groups[2].items():

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import combinations
+from itertools import combinations, product
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import BodyMesh, Facets
 from porocore.macro.boundary.reactions import Share, Support, shares
 from porocore.macro.problem import Boundary, MacroProblem
-from porocore.states import Array, IntArray
+from porocore.states import Array, BoolArray, IntArray
 
 #: Of the largest motion of the body as one that is held, below which another one is not held.
 FREE = 1e-9
@@ -292,10 +292,10 @@ def boundary_data(mesh: BodyMesh, problem: MacroProblem) -> BoundaryData:
     Raises
     ------
     ConfigurationError
-        There is no such surface, two surfaces load the same faces or prescribe different values where they meet, one
-        holds the edge of
-        another's plate along the axis of that, two plates with one axis share an edge, a plate or a normal displacement
-        is on a curved surface, or a translation is not held.
+        There is no such surface, two surfaces load the same faces or prescribe different values where they meet, a load
+        acts along a displacement that is prescribed, one surface holds the edge of another's plate along the axis of
+        that, two plates with one axis share an edge, a plate or a normal displacement is on a curved surface, or the
+        body, or a piece of it, is not held.
     """
     return Collector(mesh, problem).result()
 
@@ -323,6 +323,7 @@ class Collector:
     def result(self) -> BoundaryData:
         self.mesh.require_surfaces(self.problem.boundary, "macro.boundary")
         self._require_one_load_on_each_face()
+        self._require_loads_that_act()
         for name, boundary in self.problem.boundary.items():
             key = f"macro.boundary.{name}"
             facets = Facets(self.mesh, self.mesh.surface(name, key))
@@ -402,6 +403,35 @@ class Collector:
                     f"too, and there {fault}; prescribe it on one of the two, or take these faces out of the other"
                 )
 
+    def _require_loads_that_act(self) -> None:
+        """Refuse tractions and followers on faces whose displacement along them is prescribed."""
+        for (name, loaded), (other, held) in product(self.problem.boundary.items(), repeat=2):
+            t = np.array([value != 0 for value in loaded.traction])
+            follows, axes = loaded.follower != 0, [u is not None for u in held.displacement]
+            if not ((t.any() and held.normal is not None) or (follows and held.is_held)):
+                continue
+            facets = self.mesh.surface(name, f"macro.boundary.{name}")
+            theirs = set(self.mesh.corners_of(self.mesh.surface(other, f"macro.boundary.{other}")))
+            both = np.array([key in theirs for key in self.mesh.corners_of(facets)], dtype=bool)
+            n = Facets(self.mesh, facets[both]).normals.reshape(-1, 3)
+            n = np.abs(n / np.linalg.norm(n, axis=1, keepdims=True)) > SAME
+            if held.normal is not None:
+                along = n[:, t].any(axis=1) & (
+                    (n.sum(axis=1) == 1) | (t.sum() == 1)
+                )  # else they may be perpendicular
+                idle, what = along.any() or (follows and len(n)), "the normal displacement"
+            else:
+                idle, what = (
+                    follows and (n[:, axes].any(axis=1) & ~n[:, np.invert(axes)].any(axis=1)).any(),
+                    "u",
+                )
+            if idle:
+                load = "follower, which acts along the normal," if follows else "traction along the normal"
+                raise ConfigurationError(
+                    f"macro.boundary.{name}: the {load} does nothing on {int(both.sum())} of its {len(facets)} faces, "
+                    f"on which macro.boundary.{other} prescribes {what}; keep one of the two"
+                )
+
     def _body_force(self) -> None:
         element = self.mesh.element
         local = self.mesh.weights @ element.values(element.points)
@@ -434,22 +464,29 @@ class Collector:
     def _check(self) -> None:
         for name in self.plates:
             self._check_plate(name)
-        slides, self.turns = self._free()
-        if slides:
-            raise ConfigurationError(not_held(slides, self.turns))
+        pieces = self.mesh.pieces
+        for piece in range(pieces.max() + 1):
+            slides, turns = self._free(pieces == piece)
+            self.turns += [axis for axis in turns if axis not in self.turns]
+            if slides:
+                raise ConfigurationError(not_held(slides, turns, _name_of_piece(self.mesh, piece)))
 
-    def _free(self) -> tuple[list[str], list[str]]:
-        """Return the directions along which, and the axes about which, the body may move as one."""
+    def _free(self, piece: BoolArray) -> tuple[list[str], list[str]]:
+        """Return the directions along which, and the axes about which, a piece (nodes,) may move as one."""
         mesh = self.mesh
-        held = np.flatnonzero(self.function[: mesh.n_u] >= 0)
+        held = np.flatnonzero((self.function[: mesh.n_u] >= 0) & np.repeat(piece, 3))
         nodes, directions = [held // 3], [np.eye(3)[held % 3]]
         for node, constraints in self.oblique.items():
-            nodes.append(np.full(len(constraints), node))
-            directions.append(np.array([each.direction for each in constraints]))
+            if piece[node]:
+                nodes.append(np.full(len(constraints), node))
+                directions.append(np.array([each.direction for each in constraints]))
         x = (mesh.points - mesh.points.mean(axis=0)) / np.ptp(mesh.points, axis=0).max()
         d = np.concatenate(directions)
         rows = [np.concatenate([d, np.cross(x[np.concatenate(nodes)], d)], axis=1)]
-        for unknowns in self.plates.values():  # its nodes move alike
+        for plate in self.plates.values():  # its nodes move alike
+            unknowns = plate[piece[plate // 3]]
+            if not len(unknowns):
+                continue
             arms = x[unknowns // 3] - x[unknowns[0] // 3]
             across = np.eye(3)[unknowns % 3]
             rows.append(np.concatenate([np.zeros_like(arms), np.cross(arms, across)], axis=1))
@@ -489,15 +526,25 @@ class Collector:
                     )
 
 
-def not_held(slides: Sequence[str], turns: Sequence[str]) -> str:
-    """Return the complaint about a body that may move along directions and turn about axes as one."""
+def not_held(slides: Sequence[str], turns: Sequence[str], what: str = "the body") -> str:
+    """Return the complaint about a body, or a piece of it, that may move along directions and turn about axes."""
     ways = [f"in direction{'s' * (len(slides) > 1)} {joined(slides)}"] if slides else []
     ways += [f"against a rotation about {joined(turns)}"] if turns else []
     wanted = [f"u_{name}" for name in slides if len(name) == 1] or ["a displacement that this moves"]
     return (
-        f"macro.boundary: nothing holds the body {' and '.join(ways)}; prescribe {joined(wanted)} on some surface, or "
+        f"macro.boundary: nothing holds {what} {' and '.join(ways)}; prescribe {joined(wanted)} on some surface, or "
         "on a small patch of one (macro.surfaces)"
     )
+
+
+def _name_of_piece(mesh: BodyMesh, piece: int) -> str:
+    """Return the words for a piece of a body, with its place where there are several."""
+    count = int(mesh.pieces.max()) + 1
+    if count == 1:
+        return "the body"
+    low, high = (end(mesh.points[mesh.pieces == piece], axis=0) for end in (np.min, np.max))
+    reach = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(low, high, strict=True))
+    return f"the piece at ({reach}), one of {count} of the body that share no node,"
 
 
 def _null_space(rows: Array) -> Array:

@@ -136,15 +136,15 @@ def predicted_reach(config: RunConfig, linear: LinearCoefficients | MacroLaw) ->
     Where the body is too large for a check, or its linear solution fails, that is said, and what is prescribed is
     looked at alone.
     """
-    why = too_large(config.macro)
+    why, failed = too_large(config.macro), ""
     solutions = []
     try:
         solutions = [] if why else linear_solutions(config, linear)
     except SolveError as error:
-        why = f"its linear solution fails: {error}"
-    if why:
+        failed = f"{WARNING}the linear solution of the body fails, and with it the run would: {error}"
+    if why or failed:
         yield from (f"note: {note}" for note in prescribed_reach(config, body_mesh(config.macro)))
-        yield f"reach of the body: not predicted, since {why}"
+        yield failed or f"reach of the body: not predicted, since {why}"
         return
     parts = {name: _part(config, solutions, name) for name in config.cell_names}
     units = config.result_units

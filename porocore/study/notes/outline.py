@@ -15,6 +15,7 @@ from porocore.core.units import ResultUnits, using_units
 from porocore.errors import PluginError
 from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.sampler import Sampler
+from porocore.macro.body.mesh import Facets
 from porocore.macro.boundary.drainage import undrained
 from porocore.macro.boundary.symmetry import Symmetry
 from porocore.macro.composition.fields import covered_lines
@@ -191,7 +192,8 @@ def _body(config: RunConfig) -> Iterator[str]:
     sizes = " × ".join(f"{(b - a) * length:.4g}" for a, b in zip(low, high, strict=True))
     name_of_length = f" {units.name('displacement')}" if units.given else ""
     elements = f"{len(mesh.cells)} {mesh.element.shape} elements, {mesh.size} unknowns with those that are prescribed"
-    yield f"body: {macro.body.kind}, {sizes}{name_of_length}, {elements}"
+    volume = f"volume {mesh.weights.sum() * length**3:.5g}{name_of_length}{'³' * units.given}"
+    yield f"body: {macro.body.kind}, {sizes}{name_of_length}, {volume}, {elements}"
     numbers = region_numbers(mesh, macro.regions)
     for k, (name, region) in enumerate(macro.regions.items(), start=1):
         cell = "" if region.cell is None else f": cell {region.cell}"
@@ -205,7 +207,8 @@ def _body(config: RunConfig) -> Iterator[str]:
     for name, facets in mesh.surfaces.items():
         said = _said(macro.boundary.get(name), units)
         count = f"{len(facets)} {'facet' if len(facets) == 1 else 'facets'}"
-        yield f"  surface {name}, {count}: {said or 'free of traction and impermeable'}"
+        area = f"area {Facets(mesh, facets).areas.sum() * length**2:.5g}{name_of_length}{'²' * units.given}"
+        yield f"  surface {name}, {count}, {area}: {said or 'free of traction and impermeable'}"
     if mesh.unnamed:
         yield f"  {mesh.unnamed} facets without a name: free of traction and impermeable"
     for name, at in macro.probes.items():
