@@ -351,6 +351,55 @@ def test_losses_and_viewers_of_dicom_are_told(tmp_path):
     assert any("is MONOCHROME1" in each for each in voxels(tmp_path).warnings)
 
 
+@pytest.mark.parametrize(
+    ("values", "tags", "bits"),
+    [
+        (GREY, {}, None),
+        (GREY.astype(np.int8), {}, None),
+        (TYPES["uint16"], {}, None),
+        (GREY.astype(np.uint16) * 16, {}, 12),
+        (TYPES["int16"], {}, None),
+        (TYPES["int16"], {"0028|1052": "-1024", "0028|1053": "2"}, None),
+        (GREY.astype(np.uint16) * 16, {"0028|1052": "-10.5", "0028|1053": "0.3"}, 12),
+    ],
+)
+def test_values_of_monochrome1_are_those_that_are_stored(tmp_path, values, tags, bits):
+    """SimpleITK reverses them; the stored ones are known here, and those of every other format."""
+    intercept, slope = (float(tags.get(f"0028|105{k}", k - 2)) for k in (2, 3))
+    begin = {}
+    for k in range(14):
+        path = tmp_path / f"{k}.dcm"
+        dicom(path, values[:, :, k], k)
+        content = path.read_bytes()
+        for tag, text in tags.items():
+            content = _with(content, tag, text.encode() + b" " * (len(text) % 2))
+        if bits:
+            content = _with(content, "0028|0101", bytes([bits, 0]))
+            content = _with(content, "0028|0102", bytes([bits - 1, 0]))
+        assert content.endswith(values[:, :, k].T.tobytes())
+        begin[path] = content
+    for kind in (b"MONOCHROME2", b"MONOCHROME1"):
+        for path, content in begin.items():
+            path.write_bytes(content.replace(b"MONOCHROME2", kind))
+        np.testing.assert_allclose(
+            read_image(tmp_path, grey=True), values * slope + intercept, rtol=1e-14, atol=1e-12
+        )
+    if values.dtype.kind == "i":
+        return  # SimpleITK writes these in single slices only
+    sitk.WriteImage(itk_image(values), str(tmp_path / "frames.dcm"))
+    content = (tmp_path / "frames.dcm").read_bytes()
+    (tmp_path / "frames.dcm").write_bytes(content.replace(b"MONOCHROME2", b"MONOCHROME1"))
+    np.testing.assert_array_equal(read_image(tmp_path / "frames.dcm", grey=True), values)
+
+
+def _with(content, tag, value):
+    """A file of implicit little-endian tags with another value of one."""
+    key = struct.pack("<HH", *(int(part, 16) for part in tag.split("|")))
+    place = content.rindex(key, 0, content.rindex(b"\xe0\x7f\x10\0")) + 4
+    (length,) = struct.unpack_from("<I", content, place)
+    return content[:place] + struct.pack("<I", len(value)) + value + content[place + 4 + length :]
+
+
 def _raw(folder, values=None, cut=0, **keys):
     found = (TYPES["uint16"] if values is None else values).T.tobytes()
     (folder / "a.raw").write_bytes(found[: len(found) - cut] if cut >= 0 else found + b"\0" * -cut)

@@ -487,8 +487,8 @@ def _series(path: Path) -> tuple[Path, ...]:
 def reversed_by(path: Path, low: float, high: float) -> str:
     """Return the property of a file by which a viewer shows its low values brighter than its high ones.
 
-    Empty: it has none, as every other file. Values are read as they are stored, as in ImageJ and scikit-image. The
-    first one counts for a stack of slices.
+    Empty: it has none, as every other file. Values are never reversed when they are read. The first one counts for
+    a stack of slices.
     """
     kind, slices = kind_of(path), _slices(path)
     if slices is not None:

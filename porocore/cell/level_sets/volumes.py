@@ -6,12 +6,14 @@ import gzip
 import math
 import re
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from glob import escape
 from os.path import commonprefix
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -96,7 +98,8 @@ def read(path: Path, kind: FileKind, check: Check) -> npt.NDArray[Any]:
     check(shape, head.dtype)
     _require_all(path, kind, head)
     itk = _itk(path)
-    return np.asarray(itk.GetArrayFromImage(_reader(path, kind).Execute()).T.reshape(shape, order="F"))
+    with _as_stored((path,), kind) as (file,):
+        return np.asarray(itk.GetArrayFromImage(_reader(file, kind).Execute()).T.reshape(shape, order="F"))
 
 
 def read_series(path: Path, files: tuple[Path, ...], check: Check) -> npt.NDArray[Any]:
@@ -114,8 +117,30 @@ def read_series(path: Path, files: tuple[Path, ...], check: Check) -> npt.NDArra
     itk = _itk(path)
     reader = itk.ImageSeriesReader()
     reader.SetImageIO(_READERS[DICOM])
-    reader.SetFileNames([str(file) for file in series.files])
-    return np.asarray(itk.GetArrayFromImage(reader.Execute()).T)
+    with _as_stored(series.files, DICOM) as stored:
+        reader.SetFileNames([str(file) for file in stored])
+        return np.asarray(itk.GetArrayFromImage(reader.Execute()).T)
+
+
+@contextmanager
+def _as_stored(files: tuple[Path, ...], kind: FileKind) -> Iterator[tuple[Path, ...]]:
+    """Give files from which SimpleITK reads the values that are stored; it reverses those of MONOCHROME1."""
+    with TemporaryDirectory() as folder:
+        yield tuple(
+            _unreversed(file, Path(folder) / str(k)) if kind is DICOM and shown_reversed(file) else file
+            for k, file in enumerate(files)
+        )
+
+
+def _unreversed(file: Path, copy: Path) -> Path:
+    """Write a copy of a DICOM file that is MONOCHROME2, so that SimpleITK does not reverse its values."""
+    copy.write_bytes(file.read_bytes().replace(b"MONOCHROME1", b"MONOCHROME2"))
+    if shown_reversed(copy):  # the tags are packed, too
+        raise ConfigurationError(
+            f"{file}: expected MONOCHROME2 as PhotometricInterpretation, got MONOCHROME1 in a file with packed tags, "
+            "of which the stored values cannot be read; export it anew without compression"
+        )
+    return copy
 
 
 def edges(path: Path, kind: FileKind, files: tuple[Path, ...] = ()) -> tuple[float, float, float] | None:

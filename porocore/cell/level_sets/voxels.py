@@ -291,8 +291,8 @@ class Voxels(FromFile, LevelSetGeometry):
             else f"so check 'pore: {self.pore}'"
         )
         return (
-            f"a viewer shows the value {low:g} of the file bright and {high:g} dark, since {why}; values are read as "
-            f"they are stored, {then}",
+            f"a viewer shows the value {low:g} of the file bright and {high:g} dark, since {why}; values are not "
+            f"reversed when they are read, {then}",
         )
 
     @property
