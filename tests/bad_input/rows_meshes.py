@@ -345,6 +345,12 @@ ROWS = [
         files={"m.msh": NAMED.replace('"matrix"', '"Matrix"').replace('"void"', '"Void"')},
     ),
     faulty(
+        "cell: a name with a comma",
+        {"cell.geometry": {"kind": "mesh-file", "path": "m.msh", "fluid": ["void"]}},
+        """: write 'solid: ["matrix, firm"]' under cell.geometry""",
+        files={"m.msh": NAMED.replace('"matrix"', '"matrix, firm"')},
+    ),
+    faulty(
         "cell: groups without names",
         {"cell.geometry": {"kind": "mesh-file", "path": "m.msh"}},
         "3 with 87.5 % of the volume, at 6 of the 6 faces, 4 with 12.5 % of the volume, at 3 of the 6 faces: write "

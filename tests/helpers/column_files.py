@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,37 @@ def text(content: str) -> Callable[[Path], None]:
         path.write_text(content, encoding="utf-8")
 
     return write
+
+
+def edited(write: Callable[[Path], None], *changes: tuple[str, str]) -> Callable[[Path], None]:
+    """Return the writer of a file of text in which patterns are replaced."""
+
+    def changed(path: Path) -> None:
+        write(path)
+        content = path.read_text(encoding="utf-8")
+        for pattern, by in changes:
+            content, count = re.subn(pattern, by, content)
+            assert count == 1, pattern
+        path.write_text(content, encoding="utf-8")
+
+    return changed
+
+
+def latin(content: str) -> Callable[[Path], None]:
+    return lambda path: path.write_bytes(content.encode("latin-1")) and None
+
+
+def with_first(write: Callable[[Path], None], name: str, value: int) -> Callable[[Path], None]:
+    """Return the writer of an HDF5 file in which the first entry of an array is another."""
+
+    def changed(path: Path) -> None:
+        import h5py
+
+        write(path)
+        with h5py.File(path, "r+") as file:
+            file[name][0] = value
+
+    return changed
 
 
 # --- Abaqus and CalculiX, by hand -----------------------------------------------------------------------------------

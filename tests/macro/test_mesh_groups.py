@@ -17,6 +17,7 @@ from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.boundary.reactions import Support, shares
 from porocore.macro.composition.regions import region_numbers
 from porocore.macro.problem import MacroProblem, body_mesh
+from tests.helpers.column_files import exodus, with_first
 
 #: A column of 0.1 × 1 × 0.1 in three layers; the volume 'core' is the middle one, 'all' are the three.
 CORE = Path(__file__).parents[1] / "strangers" / "volumes_overlap_msh22" / "core41.msh"
@@ -270,13 +271,25 @@ def test_sets_of_abaqus_are_read_with_all_that_they_are_given(tmp_path):
     }  # fmt: skip
     assert {name: len(facets) for name, facets in body.surfaces.items()} == {"base": 2}
     for more, name, count in (
-        ("*ELSET, ELSET=both\n1\n*ELSET, ELSET=BOTH\n2\n", "Both", 2),
+        ("*ELSET, ELSET=again\n1\n*ELSET, ELSET=again\n2\n", "again", 2),
         ("*ELSET, ELSET=low\n1\n", "low", 2),
         ("*ELSET, ELSET=again\nlow,\n", "again", 1),
         ("*ELSET, ELSET=again\nLOW, 1\n", "again", 2),
     ):
         path.write_text(mesh + elements + "*ELSET, ELSET=Both\n1, 2\n" + more)
         assert len(read_body(path, None, 1.0).volumes[name]) == count
+
+
+def test_a_set_of_nodes_has_its_number_unless_faces_have_it(tmp_path):
+    exodus("tetra", netcdf4=True)(tmp_path / "a.e")
+    with_first(exodus("tetra", netcdf4=True), "ns_prop1", 21)(tmp_path / "b.e")
+    body = read_body(tmp_path / "a.e", None, 1.0)
+    assert body.numbers == {"21": "bottom", "22": "top", "23": "side", "5": "crown"}
+    assert read_body(tmp_path / "b.e", None, 1.0).numbers == {
+        "21": "bottom",
+        "22": "top",
+        "23": "side",
+    }
 
 
 def test_markers_of_su2_keep_their_names(tmp_path):

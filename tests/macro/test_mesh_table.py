@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -25,12 +26,15 @@ from tests.helpers.column_files import (
     by_gmsh,
     by_meshio,
     cae,
+    edited,
     exodus,
     gmsh_text,
     large_fields,
+    latin,
     nastran,
     salome,
     text,
+    with_first,
 )
 from tests.helpers.column_meshes import column, to_meshio
 
@@ -58,6 +62,14 @@ OF_FACES = {**ENDS, "front": 2.0, "lid": 1.0, "foot": 1.0, "left": 2.0, "crown":
 OF_EXODUS = {"lower": 1.0, "upper": 1.0}, {"bottom": 1.0, "top": 1.0, "side": 8.0, "crown": 1.0}
 PAIR = "1 4 2 11 1 1 2 3 5\n2 4 2 12 1 1 3 2 4\n"
 SIXTHS = {"11": 1 / 6, "12": 1 / 6}
+#: A node with the number 0, which gmsh gives another, before or after that with the number 1.
+ZERO = "1 4 2 11 1 0 1 3 5\n2 4 2 12 1 0 3 1 4\n3 2 2 5 1 0 1 4", "\n1 0 0 0\n2 1 0 0\n"
+ZERO_4 = (
+    "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n1 4 0 3\n3 1 0 4\n0\n1\n2\n3\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n"
+    "$EndNodes\n$Elements\n1 1 1 1\n3 1 4 1\n1 0 1 2 3\n$EndElements\n"
+)
+LID = ONE + "*SURFACE, NAME=lid\none, S1\n"
+OF_ONE = {"one": 1 / 6}, {"lid": 0.5}
 CONVERT = "mesh it with tetrahedra alone, or split all elements into tetrahedra"
 WEDGES = "has wedge; " + CONVERT
 
@@ -130,6 +142,27 @@ ROWS = [
         )
         for version in (2.2, 4.1)
     ),
+    Row(
+        "gmsh, nodes from 0",
+        text(gmsh_text(ZERO[0]).replace(ZERO[1], "\n0 0 0 0\n1 1 0 0\n")),
+        ".msh",
+        refused="gives the number 1 to two nodes",
+    ),
+    Row("gmsh 4.1, nodes from 0", text(ZERO_4), ".msh", refused="number nodes and elements from 1"),
+    Row(
+        "gmsh, a node 0 that is not the first",
+        text(gmsh_text(ZERO[0]).replace(ZERO[1], "\n1 1 0 0\n0 0 0 0\n")),
+        ".msh",
+        SIXTHS,
+        {"5": 0.5},
+    ),
+    Row(
+        "gmsh, names in Latin-1",
+        latin(gmsh_text(PAIR + "3 2 2 5 1 1 2 4", '$PhysicalNames\n1\n2 5 "Überlauf"\n$EndPhysicalNames\n')),
+        ".msh",
+        SIXTHS,
+        {"Überlauf": 0.5},
+    ),
     # Salome
     Row(
         "Salome, families without groups",
@@ -188,7 +221,7 @@ ROWS = [
     Row("CalculiX, surfaces", text(abaqus("hexahedron20", "C3D20", FACES)), volumes=OF_SETS, areas=OF_FACES),
     Row(
         "Abaqus, a set in two pieces",
-        text(abaqus("hexahedron", "C3D8", "*ELSET, ELSET=Lower\n102\n")),
+        text(abaqus("hexahedron", "C3D8", "*ELSET, ELSET=lower\n102\n")),
         volumes={**OF_SETS, "lower": 2.0},
         areas=ENDS,
     ),
@@ -233,6 +266,53 @@ ROWS = [
         text(ONE + "*ELSET, ELSET=b\nc\n"),
         refused="the set 'C', to which 'B' refers, is not there",
     ),
+    *(
+        Row(f"Abaqus, {what} that is not there", text(ONE + more), refused=told)
+        for what, more, told in (
+            (
+                "an element of a surface",
+                "*SURFACE, NAME=s\none, S1\n9, S1\n",
+                "'s' has the element 9, which is",
+            ),
+            ("an element of a set", "*ELSET, ELSET=b\n1, 9\n", "'b' has the element 9, which is not there"),
+            (
+                "the last of a range",
+                "*ELSET, ELSET=b, GENERATE\n1, 9\n",
+                "'b' has the element 9, which is not",
+            ),
+            ("a node of a set", "*NSET, NSET=b\n1, 9\n", "'b' has the node 9, which is not there"),
+            ("a set of a surface", "*SURFACE, NAME=s\nb, S1\n", "the set 'B', to which 's' refers, is not"),
+        )
+    ),
+    Row(
+        "Abaqus, a range with gaps",
+        text(abaqus("hexahedron", "C3D8", "*NSET, NSET=every, GENERATE\n10, 120, 1\n")),
+        volumes=OF_SETS,
+        areas={**ENDS, "every": 10.0},
+    ),
+    Row(
+        "Abaqus, a set with a truss",
+        text(LID + "*ELEMENT, TYPE=T3D2\n7, 1, 2\n*ELSET, ELSET=b\n1, 7\n"),
+        volumes={**OF_ONE[0], "b": 1 / 6},
+        areas=OF_ONE[1],
+    ),
+    Row(
+        "Abaqus, names that differ in capitals",
+        text(ONE + "*ELSET, ELSET=Top\n1\n*ELSET, ELSET=top\n1\n"),
+        refused="the sets 'Top' and 'top' are one set for Abaqus",
+    ),
+    Row(
+        "Abaqus, names in Latin-1",
+        latin(LID + "*ELSET, ELSET=süß\n1\n"),
+        volumes={**OF_ONE[0], "süß": 1 / 6},
+        areas=OF_ONE[1],
+    ),
+    Row(
+        "Abaqus CAE, an element by the name of its instance",
+        text(cae(sets="*Elset, elset=low\nPart-1-1.101\n")),
+        volumes={"Set-1": 2.0, "low": 1.0},
+        areas={"Set-1": 1.0, "foot": 1.0, "crown": 1.0},
+    ),
     Row("Abaqus, a set within itself", text(ONE + "*ELSET, ELSET=b\nb\n"), refused="contains itself"),
     Row(
         "Abaqus, a node that is not there",
@@ -269,6 +349,18 @@ ROWS = [
         {**BY_NUMBER[1], "5": 1.0},
     ),
     Row("Exodus, wedges", exodus("wedge"), ".exo", refused=WEDGES),
+    *(
+        Row(
+            f"Exodus, {array} of nothing",
+            with_first(exodus("tetra", netcdf4=True), array, 99),
+            ".e",
+            refused=told,
+        )
+        for array, told in (
+            ("elem_ss1", "the side set 'bottom' has the element 99, but"),
+            ("node_ns1", "the node set 'crown' has the node 99, but"),
+        )
+    ),
     Row(
         "Exodus as CDF-5",
         lambda path: path.write_bytes(b"CDF\x05") and None,
@@ -284,6 +376,15 @@ ROWS = [
     # SU2
     *(Row(f"SU2, {kind}", by_gmsh(kind), ".su2", {"0": 2.0}, AREAS) for kind in ("tetra", "hexahedron")),
     Row("SU2, second order", by_gmsh("tetra10"), ".su2", refused="that meshio does not know (24)"),
+    *(
+        Row(f"SU2, {pattern} changed", edited(by_gmsh("tetra"), (pattern, by)), ".su2", refused=told)
+        for pattern, by, told in (
+            ("NMARK= 4", "NMARK= 5", "expected 5 entries by NMARK, got 4"),
+            (r"(?<=NPOIN= )(?=\d)", "1", "entries by NPOIN, got"),
+            (r"(?<=NELEM= )(?=\d)", "1", "entries by NELEM, got"),
+            (r"\n[^\n]+\s*\Z", "\n", "expected 20 entries by MARKER_ELEMS of 'skin', got 19"),
+        )
+    ),
     # Nastran
     *(
         Row(
@@ -303,12 +404,30 @@ ROWS = [
         ".fem",
         *BY_NUMBER,
     ),
+    *(
+        Row(f"Nastran, {what} in another system", text(content), ".bdf", refused="in the system 7; save")
+        for what, content in (
+            ("a node", nastran("tetra").replace("GRID,3,,", "GRID,3,7,")),
+            (
+                "a small field",
+                re.sub(
+                    "GRID,3,.*", f"GRID           3       7{'0.0':>8}{'0.0':>8}{'0.0':>8}", nastran("tetra")
+                ),
+            ),
+            (
+                "a large field",
+                large_fields(nastran("tetra")).replace(f"{3:>16}{'':16}", f"{3:>16}{7:>16}"),
+            ),
+            ("all", nastran("tetra").replace("BEGIN BULK\n", "BEGIN BULK\nGRDSET,,7\n")),
+        )
+    ),
+    Row("Nastran as .dat", text(nastran("tetra")), ".dat", refused="is one of Nastran; rename it to .bdf"),
     # Medit
     *(
         Row(f"Medit, {kind}", by_gmsh(kind), ".mesh", {"1": 1.0, "2": 1.0}, {"1": 1.0, "2": 1.0, "3": 8.0})
         for kind in ("tetra", "hexahedron")
     ),
-    Row("Medit, second order", by_gmsh("tetra10"), ".mesh", refused="not a mesh that can be read"),
+    Row("Medit, second order", by_gmsh("tetra10"), ".mesh", refused="has elements of second order"),
     # VTK
     *(
         Row(f"VTK of gmsh, {kind}", by_gmsh(kind), ".vtk", *BY_NUMBER)
@@ -323,6 +442,13 @@ ROWS = [
         by_meshio("tetra", "part"),
         ".vtu",
         refused="its elements have the data 'part'",
+    ),
+    Row("VTU, data in capitals", by_meshio("tetra", "CELLENTITYIDS"), ".vtu", *BY_NUMBER),
+    Row(
+        "a collection of ParaView",
+        text('<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1"></VTKFile>\n'),
+        ".pvd",
+        refused="a collection of ParaView by its first bytes; give a file that it names",
     ),
     # XDMF
     *(Row(f"XDMF, {kind}", by_meshio(kind), ".xdmf", *BY_NUMBER) for kind in ("tetra", "hexahedron")),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
+import yaml
 from pydantic import Field, model_validator
 
 from porocore.cell.geometry.pore_geometry import CUBE, PoreGeometry, Sides, Unfolding, unit_sides
@@ -282,7 +284,7 @@ def _tags_to_write(geometry: MeshFile, mesh: ForeignMesh, missing: Sequence[Phas
         }
         left.sort(key=ranks.__getitem__)
         found[phase] = left[0] if left else "NAME"
-    write = " and ".join(f"'{phase}: [{name}]'" for phase, name in found.items())
+    write = " and ".join(f"'{phase}: [{_as_yaml(name)}]'" for phase, name in found.items())
     unsure = len(free) > 1 and not any(_phase_named(name) == phase for phase, name in found.items())
     others = "the other way round" if len(free) == 2 else "others of them"
     other = (
@@ -291,6 +293,16 @@ def _tags_to_write(geometry: MeshFile, mesh: ForeignMesh, missing: Sequence[Phas
         else ""
     )
     return f"write {write} under cell.geometry{other}"
+
+
+def _as_yaml(name: str) -> str:
+    """Return a name as it stands in a list of YAML, in quotes where it would be read as something else."""
+    try:
+        read = yaml.safe_load(f"[{name}]")
+    except yaml.YAMLError:
+        read = []
+    same = len(read) == 1 and type(read[0]) in (int, str) and str(read[0]) == name
+    return name if same else json.dumps(name, ensure_ascii=False)
 
 
 #: Words in the names of groups.

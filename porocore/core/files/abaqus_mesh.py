@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from porocore.core.echo import echo, joined
-from porocore.core.files.mesh_parts import SERENDIPITY, Parts
+from porocore.core.files.mesh_parts import SERENDIPITY, Parts, decoded
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 
@@ -42,10 +42,11 @@ _MAKING = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM")
 
 @dataclass
 class _Set:
-    """Members by their numbers, by names of other sets, and of sets of elements whose nodes they are."""
+    """Members by numbers, in ranges with gaps, by names of other sets, and of sets of elements whose nodes they are."""
 
     name: str
     numbers: list[IntArray] = field(default_factory=list)
+    ranges: list[IntArray] = field(default_factory=list)
     others: list[str] = field(default_factory=list)
     elements: list[str] = field(default_factory=list)
     hidden: bool = False
@@ -63,6 +64,9 @@ class AbaqusFile:
         self.nodes: list[tuple[IntArray, Array]] = []
         #: Dimension, kind, numbers and nodes of blocks of elements.
         self.blocks: list[tuple[int, str, IntArray, IntArray]] = []
+        #: Numbers, ascending, of all elements, those that are left out too, and of all nodes.
+        self.there: dict[str, IntArray] = {}
+        self.left_out: list[IntArray] = []
         #: Sets of elements and of nodes; those of an assembly apart from those of its part.
         self.sets: dict[str, dict[tuple[bool, str], _Set]] = {"ELSET": {}, "NSET": {}}
         #: Name, and lines of an element or set with its face, or of a node or set.
@@ -92,6 +96,7 @@ class AbaqusFile:
             ordered = places[:, _ORDERS[kind]] if kind in _ORDERS else places
             elements.add(dim, kind, own, ordered, parts.add(dim, kind, ordered))
         elements.close()
+        self.there = {"ELSET": np.unique(np.concatenate(elements.numbers + self.left_out)), "NSET": numbers}
         for name in self._names("ELSET"):
             for dim, kind, rows, _ in elements.found(self._members("ELSET", name)):
                 parts.join(dim, kind, rows, self._shown("ELSET", name))
@@ -117,7 +122,7 @@ class AbaqusFile:
         """Yield each keyword in capitals, its parameters and its lines."""
         keyword, given, lines = "", dict[str, str](), list[str]()
         goes_on = False
-        for line in self.path.read_text(encoding="utf-8", errors="replace").splitlines():
+        for line in decoded(self.path.read_bytes()).splitlines():
             if line.startswith("**") or not line.strip():
                 continue
             if line.startswith("*") or goes_on:
@@ -192,6 +197,8 @@ class AbaqusFile:
         kind = _KINDS[dim].get(int(found[1]) if found and type_ != "STRI65" else 6) if found else None
         if kind is None:
             if _LEFT_OUT.match(type_):
+                first = [_words(line)[0] for line in lines]
+                self.left_out.append(np.array([word for word in first if word.isdecimal()], dtype=np.int64))
                 return
             raise self.refuse(
                 f"expected elements of types that are read, got {type_ or 'no TYPE'}; leave these elements out, or "
@@ -210,7 +217,13 @@ class AbaqusFile:
             self._set("ELSET", given["ELSET"]).numbers.append(rows[:, 0])
 
     def _set(self, which: str, name: str) -> _Set:
-        return self.sets[which].setdefault((self.in_assembly, name.upper()), _Set(name))
+        found = self.sets[which].setdefault((self.in_assembly, name.upper()), _Set(name))
+        if found.name != name:
+            raise self.refuse(
+                f"the sets '{found.name}' and '{name}' are one set for Abaqus, which ignores capitals; rename one of "
+                "them, or write the name of one set in one way"
+            )
+        return found
 
     def _take_set(self, which: str, given: dict[str, str], lines: list[str]) -> None:
         own = self._set(which, given.get(which, ""))
@@ -218,12 +231,15 @@ class AbaqusFile:
         if which == "NSET" and "ELSET" in given:
             own.elements.append(given["ELSET"])
         words = [list(filter(None, _words(line))) for line in lines]
+        of_mesh = not self.in_assembly or "INSTANCE" in given
         if "GENERATE" in given:
-            for first, last, *step in ([int(word) for word in line] for line in words):
-                own.numbers.append(np.arange(first, last + 1, step[0] if step else 1))
+            for first, last, *step in ([int(word) for word in line] for line in words if of_mesh):
+                span = np.arange(first, last + 1, step[0] if step else 1)
+                own.ranges.append(span)
+                own.numbers += [span[:1], span[-1:]]
             return
         members = list(chain.from_iterable(words))
-        if not self.in_assembly or "INSTANCE" in given:
+        if of_mesh:
             own.numbers.append(np.array([word for word in members if word.isdecimal()], dtype=np.int64))
         own.others += [word.strip('"') for word in members if not word.isdecimal()]
 
@@ -232,15 +248,19 @@ class AbaqusFile:
         first, dot, rest = word.upper().partition(".")
         return rest if dot and first in (name.upper() for name in self.instances) else word.upper()
 
-    def _members(self, which: str, name: str, above: tuple[str, ...] = ()) -> IntArray:
-        """Return the numbers (k,), ascending, of all members of a set and of the sets in it, or the one number."""
-        if name.isdecimal():
-            return np.array([name], dtype=np.int64)
+    def _members(self, which: str, name: str, above: tuple[str, ...] = (), surface: str = "") -> IntArray:
+        """Return the numbers (k,), ascending, of all members of a set and of the sets in it, or the one number.
+
+        It is named by ``surface`` or by the last of the sets ``above`` it.
+        """
+        by = above[-1] if above else surface
         name = self._known(name)
+        if name.isdecimal():
+            return self._require_there(which, np.array([name], dtype=np.int64), by)
         own = [self.sets[which][key] for key in ((False, name), (True, name)) if key in self.sets[which]]
         if not own or name in above:
             why = "contains itself" if name in above else "is not there"
-            of = f", to which '{above[-1]}' refers," if above else ""
+            of = f", to which '{by}' refers," if by else ""
             raise self.refuse(f"the set '{name}'{of} {why}; give it by its members' numbers")
         for each in own:
             each.numbers += [self._nodes_of(elements) for elements in each.elements]
@@ -249,7 +269,8 @@ class AbaqusFile:
                 np.concatenate(
                     [
                         _NONE,
-                        *each.numbers,
+                        *(self._require_there(which, numbers, each.name) for numbers in each.numbers),
+                        *(self.there[which][_rows(self.there[which], span)] for span in each.ranges),
                         *(self._members(which, other, (*above, name)) for other in each.others),
                     ]
                 )
@@ -261,6 +282,17 @@ class AbaqusFile:
                 f"the set '{own[0].name}' is in the part and in the assembly, with other members; rename one of them"
             )
         return found[0]
+
+    def _require_there(self, which: str, numbers: IntArray, name: str) -> IntArray:
+        """Return the numbers of members, which are refused where one is not in the file."""
+        if len(_rows(self.there[which], numbers)) < len(numbers):
+            strange = np.setdiff1d(numbers, self.there[which])
+            what = "element" if which == "ELSET" else "node"
+            raise self.refuse(
+                f"the set or surface '{name}' has the {what} {strange[0]}, which is not there; take it out of the set, "
+                f"or save the mesh with all {what}s"
+            )
+        return numbers
 
     def _nodes_of(self, name: str) -> IntArray:
         """Return the numbers of the nodes of the elements in a set."""
@@ -291,10 +323,10 @@ class AbaqusFile:
         """Add the faces of elements, or the nodes, that *SURFACE names."""
         for what, *sides in map(_words, lines):
             if type_ == "NODE":
-                parts.gather(name, _rows(numbers, self._members("NSET", what)))
+                parts.gather(name, _rows(numbers, self._members("NSET", what, surface=name)))
                 continue
             side = sides[0].upper() if sides else ""
-            for dim, kind, rows, nodes in elements.found(self._members("ELSET", what)):
+            for dim, kind, rows, nodes in elements.found(self._members("ELSET", what, surface=name)):
                 if dim == 2:
                     parts.join(2, kind, rows, name)
                     continue
@@ -357,4 +389,7 @@ def _words(line: str) -> list[str]:
 
 def _rows(numbers: IntArray, wanted: IntArray) -> IntArray:
     """Return the places in ascending numbers of those that are there."""
-    return np.asarray(np.searchsorted(numbers, wanted[np.isin(wanted, numbers)]))
+    if not len(numbers):
+        return _NONE
+    at = np.minimum(np.searchsorted(numbers, wanted), len(numbers) - 1)
+    return np.asarray(at[numbers[at] == wanted])

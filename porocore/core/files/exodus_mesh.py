@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from porocore.core.files.mesh_parts import SERENDIPITY, Parts
+from porocore.core.files.mesh_parts import SERENDIPITY, Parts, decoded
 from porocore.errors import ConfigurationError
 from porocore.states import Array, IntArray
 
@@ -42,7 +42,7 @@ def exodus_parts(path: Path) -> tuple[Parts, Array]:
     Raises
     ------
     ConfigurationError
-        Nodes are not in three dimensions, or a side is of no element.
+        Nodes are not in three dimensions, a side is of no element, or a set has what is not there.
     Exception
         The file is damaged or of another kind.
     """
@@ -92,13 +92,24 @@ def _parts(path: Path, held: Mapping[str, Any], types: Mapping[str, Any]) -> tup
     for name, tag, i in _named(held, "ss"):
         if f"elem_ss{i}" in held:
             elements, sides = (np.asarray(held[f"{what}_ss{i}"], dtype=np.int64) for what in ("elem", "side"))
+            _require_there(path, f"the side set '{name or tag}' has the element", elements, first - 1)
             for face in _faces(path, blocks, elements, sides, name or str(tag)):
                 kind = "triangle" if face.shape[1] == 3 else "quad"
                 parts.join(2, kind, parts.add(2, kind, face), name, tag)
     for name, tag, i in _named(held, "ns"):
         if f"node_ns{i}" in held:
-            parts.gather(name or str(tag), np.asarray(held[f"node_ns{i}"], dtype=np.int64) - 1)
+            nodes = np.asarray(held[f"node_ns{i}"], dtype=np.int64)
+            _require_there(path, f"the node set '{name or tag}' has the node", nodes, len(points))
+            parts.gather(name or str(tag), nodes - 1, tag)
     return parts, np.asarray(points, dtype=float)
+
+
+def _require_there(path: Path, what: str, numbers: IntArray, most: int) -> None:
+    """Refuse numbers outside of 1 to ``most``."""
+    if (strange := numbers[(numbers < 1) | (numbers > most)]).size:
+        raise ConfigurationError(
+            f"{path}: {what} {strange[0]}, but they are numbered from 1 to {most:,}; save the mesh anew"
+        )
 
 
 def _faces(
@@ -134,5 +145,5 @@ def _named(held: Mapping[str, Any], what: str) -> list[tuple[str, int, int]]:
 def _text(given: Any) -> str:
     """Return a text that is one, or characters in a row, up to its end."""
     joint = given if isinstance(given, bytes | str) else b"".join(np.asarray(given).reshape(-1).tolist())
-    text = joint.decode("utf-8", "replace") if isinstance(joint, bytes) else joint
+    text = decoded(joint.split(b"\0")[0]) if isinstance(joint, bytes) else joint
     return text.split("\0")[0].strip()

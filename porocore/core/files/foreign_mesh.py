@@ -20,7 +20,7 @@ from porocore.core.files.abaqus_mesh import AbaqusFile
 from porocore.core.files.exodus_mesh import SUFFIXES as EXODUS
 from porocore.core.files.exodus_mesh import exodus_parts
 from porocore.core.files.gmsh_model import Arrays, file_arrays, model_arrays
-from porocore.core.files.mesh_parts import CORNERS, SERENDIPITY, ForeignMesh, Parts, whole
+from porocore.core.files.mesh_parts import CORNERS, SERENDIPITY, ForeignMesh, Parts, decoded, whole
 from porocore.core.files.slices import foreign, renamed, told_by
 from porocore.errors import ConfigurationError
 from porocore.states import Array
@@ -61,6 +61,12 @@ IN_THREE_DIMENSIONS = (
     "'gmsh -3' meshes it"
 )
 SAVE = "save the mesh anew, best as .msh of gmsh of version 4.1 or 2.2"
+#: Content of sound files that are not read, by suffix: a pattern of it, what it is, and what to do.
+_UNREAD = {
+    ".mesh": (rb"[a-z]P2\b", "has elements of second order, which are not read from .mesh", SAVE),
+    ".dat": (rb"(?m)^(BEGIN BULK|GRID\b)", "is one of Nastran", "rename it to .bdf"),
+    ".cgns": (rb"CGNSLibraryVersion", "was not written by meshio, which reads its own .cgns alone", SAVE),
+}
 #: Last tags of files in XML.
 _XML = {".vtu": b"</VTKFile>", ".xdmf": b"</Xdmf>", ".xmf": b"</Xdmf>"}
 #: Kinds of first bytes that many formats share.
@@ -134,7 +140,7 @@ def how_to_convert(kinds: Iterable[str]) -> str:
 def mesh_of_model(gmsh: Any, path: Path) -> ForeignMesh:
     """Return the mesh of gmsh's current model with its physical groups; messages begin with ``path``."""
     arrays = model_arrays(gmsh)
-    names = {(dim, group): name for dim, group, name in json.loads(str(arrays["names"]))}
+    names = {each: gmsh.model.getPhysicalName(*each) for each in gmsh.model.getPhysicalGroups()}
     return _of_model(arrays, path, names, None, by_group=False)
 
 
@@ -157,7 +163,7 @@ def _require_suffix(path: Path) -> None:
     kind = told_by(path)
     if suffix not in suffixes:
         got = f"'{suffix}'" if suffix else "a file without a suffix"
-        then = renamed(path, kind, suffixes) or SAVE
+        then = renamed(path, kind, suffixes) or (kind.advice if kind else "") or SAVE
         raise ConfigurationError(
             f"{path}: expected a mesh as .msh, .vtu, .med or another that meshio reads, got {got}"
             + (f", {kind.name} by its first bytes" if kind else "")
@@ -197,7 +203,7 @@ def _physical_names(path: Path) -> dict[tuple[int, int], str]:
     """Return the names of physical groups by dimension and number; gmsh forgets one that two groups have."""
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
         first, last = content.find(b"$PhysicalNames"), content.find(b"$EndPhysicalNames")
-        section = content[max(first, 0) : max(last, 0)].decode("utf-8", "replace")
+        section = decoded(content[max(first, 0) : max(last, 0)])
     found = {}
     for line in section.splitlines():
         if known := re.fullmatch(r'\s*(\d+)\s+(\d+)\s+"(.*)"\s*', line):
@@ -275,13 +281,17 @@ def _read_other(path: Path, numbering: str | None) -> ForeignMesh:
         raise
     # Readers raise whatever the file makes them stumble over; some of meshio's print and end the process.
     except (Exception, SystemExit) as error:
-        how = "is damaged, cut short or of another kind"
-        if isinstance(error, KeyError):
+        how, then = "is damaged, cut short or of another kind", SAVE
+        pattern, what, advice = _UNREAD.get(path.suffix.lower(), (b"", "", ""))
+        if pattern and re.search(pattern, path.read_bytes()):
+            how, then = what, advice
+        elif isinstance(error, KeyError):
             how = f"has parts, or elements of a type, that meshio does not know ({error.args[0]})"
+            then = "save the mesh as .msh of gmsh of version 4.1 or 2.2, or with other elements"
         elif _is_cut(path):
             how = "is cut short, before its last tag"
         raise ConfigurationError(
-            f"{path}: not a mesh that can be read: expected {_sort_of(path)}, got a file that {how}; {SAVE}"
+            f"{path}: not a mesh that can be read: expected {_sort_of(path)}, got a file that {how}; {then}"
         ) from error
     if not points.size:
         raise ConfigurationError(
@@ -340,7 +350,8 @@ def _read_med(path: Path) -> Any:
             del file[name]
     mesh = meshio.med.read(content)
     for tags in (mesh.cell_tags, mesh.point_tags):
-        tags |= {family: [_decoded(name) for name in of] for family, of in tags.items()}
+        # Each of their letters stands for a byte.
+        tags |= {family: [decoded(name.encode("latin-1")) for name in of] for family, of in tags.items()}
     return mesh
 
 
@@ -348,22 +359,50 @@ def _read_nastran(path: Path) -> Any:
     """Read a file of Nastran, which meshio takes with the line BEGIN BULK only, which gmsh does not write."""
     import meshio  # heavy, and needed here only
 
-    text = "\n".join(_lines(path))
+    lines = list(_lines(path))
+    for line in lines:
+        if line.upper().startswith(("GRID", "GRDSET")):
+            at = slice(24, 40) if line[:8].rstrip().endswith("*") else slice(16, 24)
+            system = (line.split(",")[2:3] or [""])[0] if "," in line else line[at]
+            if system.strip(" 0"):
+                raise ConfigurationError(
+                    f"{path}: expected nodes in the basic coordinate system, got {echo(line[:40].rstrip())} in the "
+                    f"system {system.strip()}; save the mesh with all nodes in the basic one, or as .msh of gmsh"
+                )
+    text = "\n".join(lines)
     if not re.search(r"^BEGIN BULK", text, re.MULTILINE):
         text = f"BEGIN BULK\n{re.sub('^BEGIN +BULK.*', '', text, flags=re.MULTILINE | re.IGNORECASE)}"
     return meshio.read(io.StringIO(f"{text}\nENDDATA\n"), file_format="nastran")
 
 
+def _read_su2(path: Path) -> Any:
+    """Read a file of SU2, in which meshio does not compare the counts with what is there."""
+    import meshio  # heavy, and needed here only
+
+    stated, found = Counter[str](), Counter[str]()
+    of = marker = ""
+    for line in _lines(path):
+        key, equals, value = map(str.strip, line.partition("="))
+        if equals:
+            if key == "MARKER_TAG":
+                found["NMARK"] += 1
+                marker = value
+            of = f"{key} of '{marker}'" if key == "MARKER_ELEMS" else key
+            if of.startswith(("NELEM", "NPOIN", "NMARK", "MARKER_ELEMS")):
+                stated[of] += int(value.split()[0])
+        elif key and not key.startswith("%"):
+            found[of] += 1
+    for of, count in stated.items():
+        if found[of] != count:
+            raise ConfigurationError(
+                f"{path}: expected {count:,} entries by {of}, got {found[of]:,}, so the file is cut short or damaged; "
+                f"{SAVE}"
+            )
+    return meshio.read(path)
+
+
 #: Readers of formats of which meshio takes a part only.
-_READERS = {".med": _read_med, **dict.fromkeys((".bdf", ".fem", ".nas"), _read_nastran)}
-
-
-def _decoded(name: str) -> str:
-    """Return a name each of whose letters stands for a byte; older programs write Latin-1 in place of UTF-8."""
-    try:
-        return name.encode("latin-1").decode("utf-8")
-    except UnicodeDecodeError:
-        return name
+_READERS = {".med": _read_med, ".su2": _read_su2, **dict.fromkeys((".bdf", ".fem", ".nas"), _read_nastran)}
 
 
 def _of_meshio(mesh: Any, path: Path, numbering: str | None) -> Parts:
@@ -427,7 +466,7 @@ def _numbering(mesh: Any, dim: int) -> str | None:
     alike: dict[str, str] = {
         name.casefold(): name for name in mesh.cell_data if letters[name.casefold()] == 1
     }
-    for name in (*candidates, *(alike.get(name, name) for name in candidates)):
+    for name in (*candidates, *(alike.get(name.casefold(), name) for name in candidates)):
         if name in mesh.cell_data and all(
             whole(values)
             for block, values in zip(mesh.cells, mesh.cell_data[name], strict=True)
@@ -438,7 +477,7 @@ def _numbering(mesh: Any, dim: int) -> str | None:
 
 
 def _lines(path: Path) -> Iterable[str]:
-    return path.read_text(encoding="utf-8", errors="replace").splitlines()
+    return decoded(path.read_bytes()).splitlines()
 
 
 def _su2_names(path: Path) -> dict[int, str]:

@@ -104,13 +104,19 @@ def model_arrays(gmsh: Any) -> dict[str, Any]:
     blocks : (blocks, 3)
         Dimension, type and entity of each block of elements. Block i has ``elements{i}`` (k,), their numbers,
         ``nodes{i}`` (k, n), the numbers of their nodes, and ``groups{i}``, its physical groups.
-    kinds, names, views
-        Texts in JSON: gmsh's names of the types, those of the physical groups (dimension, number, name), and of the
-        data of elements. Data j have ``view{j}`` (k,), numbers of elements, and ``values{j}`` (k, components).
+    kinds, views
+        Texts in JSON: gmsh's names of the types and of the data of elements. Data j have ``view{j}`` (k,), numbers of
+        elements, and ``values{j}`` (k, components).
     """
     tags, coordinates, _ = gmsh.model.mesh.getNodes()
     order = np.argsort(tags)
     found: dict[str, Any] = {"tags": tags[order], "points": coordinates.reshape(-1, 3)[order]}
+    # A node with the number 0 gets another from gmsh, which one of the file's own may have.
+    if (twice := np.flatnonzero(np.diff(found["tags"]) == 0)).size:
+        raise ConfigurationError(
+            f"gmsh gives the number {found['tags'][twice[0]]} to two nodes, as in a file whose nodes are numbered from "
+            "0; number nodes and elements from 1"
+        )
     blocks, views = list[tuple[int, int, int]](), list[str]()
     kinds: dict[int, str] = {}
     for dim in (2, 3):
@@ -137,10 +143,7 @@ def model_arrays(gmsh: Any) -> dict[str, Any]:
             found[f"view{len(views)}"] = np.asarray(tags)[order]
             found[f"values{len(views)}"] = np.array(values, dtype=float)[order]
             views.append(gmsh.view.option.getString(view, "Name"))
-    names = [
-        (dim, group, gmsh.model.getPhysicalName(dim, group)) for dim, group in gmsh.model.getPhysicalGroups()
-    ]
-    texts = {"kinds": kinds, "names": names, "views": views}
+    texts = {"kinds": kinds, "views": views}
     found["blocks"] = np.array(blocks, dtype=np.int64).reshape(-1, 3)
     return found | {name: np.array(json.dumps(text)) for name, text in texts.items()}
 
@@ -206,9 +209,11 @@ def serve() -> None:
             kind = "other"
             np.savez(result, **arrays)
     except Exception as error:  # gmsh raises plain Exception
-        kind = "file" if isinstance(error, ConfigurationError) else kind
+        kind = "file" if isinstance(error, ConfigurationError | UnicodeDecodeError) else kind
         # The words of gmsh are left out: such as 'Error loading' they say less than what is said of the file.
         text = "" if kind == "gmsh" else str(error) or type(error).__name__
+        if isinstance(error, UnicodeDecodeError):
+            text = "the name of data is not UTF-8; save the file as UTF-8, or use ASCII letters in names"
         sys.stdout.write(json.dumps({"kind": kind, "text": text}))
         sys.stdout.flush()
         raise SystemExit(_REFUSED) from error

@@ -47,7 +47,7 @@ class ForeignMesh:
         Rows of ``elements`` by dimension, name and kind. A group without a name has its number as one. An element may
         be in several groups.
     tags
-        Names of the groups that have a number, by dimension and number.
+        Names of the groups that have a number, by dimension and number; with faces those of sets of nodes.
     node_groups
         Nodes (k,) of each named set of nodes.
     clashes
@@ -87,6 +87,7 @@ class Parts:
         self.tags: dict[int, dict[int, str]] = {2: {}, 3: {}}
         self.data: dict[str, dict[str, list[tuple[IntArray, Array]]]] = {}
         self.node_groups: dict[str, list[IntArray]] = {}
+        self.node_tags: dict[int, str] = {}
 
     def add(self, dim: int, kind: str, nodes: IntArray) -> IntArray:
         """Add elements and return their rows."""
@@ -111,9 +112,11 @@ class Parts:
         for value, own in zip(values.tolist(), np.split(rows[order], starts[1:]), strict=True):
             self.join(dim, kind, own, names.get(value, ""), value)
 
-    def gather(self, name: str, nodes: IntArray) -> None:
-        """Make nodes members of a named set of nodes."""
+    def gather(self, name: str, nodes: IntArray, tag: int | None = None) -> None:
+        """Make nodes members of a named set of nodes, which may have a number."""
         self.node_groups.setdefault(name, []).append(nodes)
+        if tag is not None:
+            self.node_tags[tag] = name
 
     def set_data(self, name: str, kind: str, rows: IntArray, values: Array) -> None:
         """Give elements with a volume their data (k, ...)."""
@@ -162,6 +165,11 @@ class Parts:
                 groups[dim][label] = {kind: np.unique(places[kind][rows]) for kind, rows in members.items()}
             clashes[dim] = self._clashes(dim, places)
         node_groups = {name: np.unique(np.concatenate(of)) for name, of in self.node_groups.items()}
+        # Faces come first.
+        of_nodes = {
+            tag: name for tag, name in self.node_tags.items() if str(tag) not in {*groups[2], *node_groups}
+        }
+        self.tags[2] = of_nodes | self.tags[2]
         return ForeignMesh(points, nodes, groups, self.tags, node_groups, clashes, data)
 
     def _clashes(self, dim: int, places: Rows) -> dict[str, str]:
@@ -272,6 +280,14 @@ def _require_groups_of_copies(
             f"{path}: {count:,} {kind} elements are there more than once, with the same nodes, in "
             f"{' and '.join(where[:8])}; remove their copies (gmsh: Tools > Remove duplicate elements)"
         )
+
+
+def decoded(text: bytes) -> str:
+    """Return a text as UTF-8, or as Latin-1, which older programs write."""
+    try:
+        return text.decode("utf-8")
+    except UnicodeDecodeError:
+        return text.decode("latin-1")
 
 
 def whole(values: Any) -> bool:

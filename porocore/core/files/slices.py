@@ -218,6 +218,10 @@ _KINDS: tuple[tuple[bytes, FileKind], ...] = (
     (b"MZ", FileKind("a program")),
     (b"version https://git-lfs", FileKind("a pointer of Git LFS", (), "fetch the file by 'git lfs pull'")),
     (b"$MeshFormat", FileKind("a mesh of gmsh", (".msh",))),
+    (
+        b'<VTKFile type="Collection"',
+        FileKind("a collection of ParaView", (".pvd",), "give a file that it names"),
+    ),
     (b"<VTKFile", FileKind("an XML file of VTK", (".vtu",))),
     (b"# vtk DataFile", FileKind("a legacy file of VTK", (".vtk",))),
     (b"<Xdmf", FileKind("an XDMF file", (".xdmf",))),
