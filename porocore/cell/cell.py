@@ -229,6 +229,7 @@ class Cell(Family, metaclass=CalledByUsers):
             raise ConfigurationError(
                 f"cell.geometry: the solid of {self.geometry.description} is not connected across the periodic cell, "
                 f"so it has no stiffness and only its conductivity can be computed: {disconnected}"
+                + "".join(f"; {told}" for told in self.geometry.value_warnings)
             )
 
     def specification(self) -> dict[str, Any]:

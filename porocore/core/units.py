@@ -317,6 +317,7 @@ FOREIGN = {
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 #: Units of mass, of which those of the weight end in f.
 _MASS = re.compile(r"\b([mk]?g|lb|t)\b")
+_PIXELS = re.compile(r"(?<![^\W\d])(css_)?(px|pixels?|voxels?)(?![^\W\d])", re.IGNORECASE)
 #: At most so many letters are missing where kP, kilopoise, stands for kPa.
 CUT = 2
 #: Characters of a value with its unit.
@@ -392,6 +393,11 @@ def unit_in_si(unit: str, quantity: str, text: str = "") -> Fraction:
         It is unknown, or one of another quantity; the message quotes ``text``.
     """
     text = text or unit
+    if _PIXELS.search(unit):  # pint takes px for 1/96 inch
+        raise UnitError(
+            f"expected {EXAMPLES[quantity]}, got {echo(text)}; a pixel is no unit of length: write how large one voxel "
+            "of the image is, such as 12 um"
+        )
     factor, dimensions = _measured(unit)
     if dimensions is None:
         near = _near(unit)

@@ -211,7 +211,7 @@ def _histogram(context: ReportContext, pictures: Pictures) -> Picture | None:
     return pictures.svg(
         "grey-values",
         figures.histogram_figure(context.cell.parting),
-        "Voxels by their grey value, with the threshold",
+        "Voxels of the whole file by their grey value, with the threshold",
     )
 
 

@@ -264,7 +264,7 @@ SLICES: tuple[tuple[str, str, str, dict[str, Content]], ...] = (
     (
         "of two stacks",
         "scan",
-        "got s_#.tif (8), mask_#.tif (1); choose by a pattern of names, such as 'path: scan/s_[0-9]*.tif'",
+        "got s_#.tif (8), mask_#.tif (1); choose by a pattern of names, such as 'path: /",
         slices(mask_1=tiff(HALF[0])),
     ),
     (

@@ -5,6 +5,7 @@ import locale
 import re
 import struct
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -244,6 +245,51 @@ def test_values_in_the_wrong_order_of_bytes_are_told(tmp_path):
         assert any("their bytes stood in the other order" in each for each in remarks(path)) is not right
 
 
+def test_bytes_of_8_bits_in_16_in_the_wrong_order_are_told(tmp_path):
+    for values, told in ((GREY.astype(">u2"), True), (GREY.astype("<u2"), False)):
+        values.T.tofile(tmp_path / "image.raw")
+        path = header(tmp_path / "image.mhd", ElementType="MET_SHORT")
+        assert (
+            any("are multiples of 256, and would be of 8 bits if" in each for each in remarks(path)) is told
+        )
+
+
+def test_keys_below_the_last_one_are_told(tmp_path):
+    TYPES["uint16"].T.tofile(tmp_path / "image.raw")
+    path = header(tmp_path / "image.mhd")
+    assert remarks(path) == ()
+    with path.open("a") as file:
+        file.write("\nElementByteOrderMSB = True\n")
+    (told,) = remarks(path)
+    assert told.startswith("ElementByteOrderMSB in image.mhd is ignored below ElementDataFile")
+
+
+def test_doubts_about_an_image_are_told_where_its_solid_falls_apart(tmp_path):
+    values = np.where(np.arange(12) % 6 < 3, 60, 180)[:, None, None] + GREY[:1, :12, :12] // 8
+    path = save(tmp_path / "image.mhd", values.astype(np.uint16) << 8)
+    with pytest.raises(
+        ConfigurationError, match=r"is not connected .*; the values of the image are multiples of"
+    ):
+        Cell(geometry=voxels(path), mesh=MeshSettings(size=0.2)).require_stiffness()
+
+
+def test_the_threshold_of_a_part_is_that_of_the_whole_file(tmp_path):
+    path = save(tmp_path / "image.npy", GREY)
+    part = voxels(path, crop=((0, 8), (0, 8), (0, 8)))
+    assert part.level == voxels(path).level
+    assert any("by Otsu's method from the whole file, not from crop alone" in each for each in part.notes)
+    with pytest.raises(
+        ConfigurationError,
+        match=r"^cell\.geometry\.crop: expected a part of .* got a part of the shape \(2, 8, 8\)",
+    ):
+        assert voxels(path, crop=((0, 2), (0, 8), (0, 8))).solid.any()
+    np.save(tmp_path / "long.npy", np.zeros((500, 4, 4), np.uint8))
+    with pytest.raises(
+        ConfigurationError, match=r"crop: \[\[64, 464\], \[0, 4\], \[0, 4\]\] takes the middle"
+    ):
+        read_image(tmp_path / "long.npy", ((30, 499), (0, 4), (0, 4)))
+
+
 def test_the_voxels_of_a_header_count_as_its_content(tmp_path):
     path = save(tmp_path / "image.mhd", TYPES["uint16"])
     geometry = voxels(path)
@@ -281,9 +327,9 @@ def test_one_of_several_series_is_chosen_by_a_pattern(tmp_path):
         match=r"expected one DICOM series, got 2: 'scan' \(14 files, such as a0.dcm\), 'other' \(14 .*b0.dcm\); choose",
     ) as refused:
         read_image(tmp_path)
-    pattern = re.search("'path: .*/(.*)', or move", str(refused.value))[1]
-    assert pattern == "a*"
-    np.testing.assert_array_equal(read_image(tmp_path / pattern), GREY)
+    pattern = Path(re.search("'path: (.*)', or move", str(refused.value))[1])
+    assert pattern == tmp_path / "a*"
+    np.testing.assert_array_equal(read_image(pattern), GREY)
     for k in range(14):
         (tmp_path / f"a{k}.dcm").rename(tmp_path / f"b{20 + k}.dcm")
     with pytest.raises(
@@ -406,6 +452,12 @@ def _raw(folder, values=None, cut=0, **keys):
     return header(folder / "a.mhd", **keys)
 
 
+def _renamed(folder, old, new):
+    path = _raw(folder)
+    path.write_text(path.read_text().replace(old, new))
+    return path
+
+
 def _write(name, content):
     def make(folder):
         (folder / name).write_bytes(content)
@@ -445,14 +497,39 @@ BOX = np.zeros((14, 12, 10), np.uint16)
     [
         (
             lambda folder: _raw(folder, cut=100),
-            "a.raw: the file is cut off, 100 bytes of its 10 x 12 x 14 voxels",
+            "a.mhd: expected a.raw of 3,360 bytes, for 10 x 12 x 14 voxels of 2 bytes, got 100 fewer; check DimSize",
         ),
         (
             lambda folder: _raw(folder, cut=-64),
             "expected a.raw of 3,360 bytes, .* got 64 more; check DimSize and",
         ),
         (lambda folder: _raw(folder, DimSize="90000 90000 90000"), "of at most 1,000,000,000 voxels"),
-        (lambda folder: _raw(folder, ElementType="MET_FOO"), "expected a MetaImage, got one that is damaged"),
+        (
+            lambda folder: _raw(folder, GREY, cut=1, ElementType="MET_UCHAR"),
+            "of 1,680 bytes, for 10 x 12 x 14 voxels of 1 byte, got 1 fewer",
+        ),
+        (
+            lambda folder: _raw(folder, ElementType="USHORT"),
+            "ElementType: expected one of MET_.*, got 'USHORT'",
+        ),
+        (
+            lambda folder: _renamed(folder, "ElementType", "ElementTyp"),
+            "expected the key ElementType in its header, got 'ElementTyp'",
+        ),
+        (
+            lambda folder: _renamed(folder, "ElementDataFile", "elementdatafile"),
+            "expected the key ElementDataFile in its header, got 'elementdatafile'",
+        ),
+        (
+            lambda folder: _renamed(folder, "NDims = 3\n", ""),
+            "expected the key NDims in its header, got none",
+        ),
+        (
+            lambda folder: _raw(folder, DimSize="10,12,14"),
+            "DimSize: expected 3 whole numbers above 0 with blanks between them, got '10,12,14'",
+        ),
+        (lambda folder: _raw(folder, ElementSpacing="0.1"), "ElementSpacing: expected 3 numbers with blanks"),
+        (lambda folder: _raw(folder, TransformMatrix="1 0 0"), "TransformMatrix: expected 9 numbers"),
         (lambda folder: _raw(folder, BinaryData="False"), "expected voxels as binary data, got text"),
         (lambda folder: _raw(folder, ElementNumberOfChannels=3), "one value in every voxel, got 3"),
         (_write("a.mhd", b"\x89PNG\r\n\x1a\n"), "expected a MetaImage, got a PNG picture by its first bytes"),

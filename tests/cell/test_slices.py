@@ -1,5 +1,8 @@
 """Images of a folder of slices: the same as one stack, what is told of them, and when they count as changed."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 import tifffile
@@ -101,3 +104,18 @@ def test_another_slice_is_another_image(folder, change):
         again.checked("cell.geometry")
     with pytest.raises(ValueError, match=told):
         Voxels.model_validate({**given, "path": str(moved)})
+
+
+def test_slices_without_numbers_are_to_be_numbered(tmp_path):
+    for name in "abcd":
+        np.save(tmp_path / f"{name}.npy", np.zeros((4, 4), np.uint8))
+    with pytest.raises(ConfigurationError, match=r"d.npy \(1\); number them along z, such as slice_001.tif$"):
+        read_image(tmp_path)
+
+
+def test_the_pattern_of_a_message_leads_to_one_stack_from_every_folder(tmp_path, folder, monkeypatch):
+    np.save(folder / "other.npy", np.zeros((4, 4), np.uint8))
+    with pytest.raises(ConfigurationError, match="choose by a pattern") as refused:
+        read_image(folder)
+    monkeypatch.chdir(tmp_path.parent)
+    assert voxels(Path(re.search("'path: (.*)'", str(refused.value))[1])).slices.left_out == ()

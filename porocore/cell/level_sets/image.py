@@ -119,7 +119,8 @@ def _sizes(labels: IntArray) -> tuple[int, ...]:
 
 def _pieces(sizes: tuple[int, ...], what: str) -> str:
     shown = ", ".join(f"{size:,}" for size in sizes[:NAMED]) + (", …" if len(sizes) > NAMED else "")
-    return f"{len(sizes)} {what}{'s' if len(sizes) > 1 else ''} ({shown} voxels)"
+    voxels = "voxel" if sizes == (1,) else "voxels"
+    return f"{len(sizes)} {what}{'s' if len(sizes) > 1 else ''} ({shown} {voxels})"
 
 
 Crop = tuple[tuple[int, int], tuple[int, int], tuple[int, int]]
@@ -456,7 +457,11 @@ def stated_voxel(path: Path) -> tuple[tuple[float, float, float], str] | None:
                 name = name if stated is None else str(stated["unit"])
     except (KeyError, ValueError, ZeroDivisionError, TypeError, AttributeError, IndexError, OSError):
         return None
-    if len(found) < 3 or any(edge <= 0 or edge == math.inf for edge in found) or name.startswith("pixel"):
+    if (
+        len(found) < 3
+        or any(edge <= 0 or edge == math.inf for edge in found)
+        or name.startswith(("pixel", "px"))
+    ):
         return None
     return (found[0], found[1], found[2] if slices is None else math.nan), name
 
@@ -561,14 +566,18 @@ def _check(path: Path, shape: tuple[int, ...], dtype: Any, crop: Crop | None) ->
             )
         shape = tuple(end - first for first, end in crop)
         got = f"got a part of the shape {shape}"
+    begin = (0, 0, 0) if crop is None else tuple(first for first, _ in crop)
     if min(shape) < SMALLEST or max(shape) > LARGEST:
         spans = [((length - min(length, LARGEST)) // 2, min(length, LARGEST)) for length in shape]
-        part = [[first, first + length] for first, length in spans]
+        part = [[k + first, k + first + length] for k, (first, length) in zip(begin, spans, strict=True)]
         advice = (
             f"cell.geometry.crop: {part} takes the middle" if min(shape) >= SMALLEST else "take a larger one"
         )
+        place = (
+            f"{path}: expected an image" if crop is None else f"cell.geometry.crop: expected a part of {path}"
+        )
         raise ConfigurationError(
-            f"{path}: expected an image of {SMALLEST} to {LARGEST} voxels along each edge, {got}; {advice}"
+            f"{place} of {SMALLEST} to {LARGEST} voxels along each edge, {got}; {advice}"
         )
 
 

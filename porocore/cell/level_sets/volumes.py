@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from porocore.core.echo import joined
-from porocore.core.files.metaimage import data_file, read_header
+from porocore.core.files.metaimage import data_file, header_fault, ignored_keys, read_header
 from porocore.core.files.slices import DICOM, META, NIFTI, NRRD, FileKind
 from porocore.errors import ConfigurationError
 from porocore.states import Array
@@ -196,10 +196,15 @@ def remarks(
             f"the file states that its axes lie {joined(lie)} of the scanner (LPS); the axes of the cell are those of "
             "the voxels as they are stored, so loads and stiffness count along these"
         )
-    if kind is META and head.dtype.itemsize > 1 and _looks_swapped(read_values()):
+    if kind is META and (ignored := ignored_keys(path)):
         found.append(
-            "the values of the image jump from voxel to voxel, and would not if their bytes stood in the other order; "
-            f"if they do, set 'ElementByteOrderMSB' in {path.name} to the other value"
+            f"{', '.join(ignored[:NAMED])} in {path.name} {'is' if len(ignored) == 1 else 'are'} ignored below "
+            "ElementDataFile, which is the last key of a header; write above it what counts"
+        )
+    if kind is META and head.dtype.itemsize > 1 and (doubt := _swapped(read_values())):
+        found.append(
+            f"{doubt} if their bytes stood in the other order; if they do, set 'ElementByteOrderMSB' in {path.name} to "
+            "the other value, above ElementDataFile"
         )
     return tuple(found)
 
@@ -292,7 +297,8 @@ def _series(path: Path, files: tuple[Path, ...], changed: tuple[int, ...]) -> _S
     if len(series) > 1:
         groups = sorted(series.values(), key=len, reverse=True)
         told = [
-            f"'{heads[group[0]].tags.get('0008|103e', '').strip()}' ({len(group)} files, such as {group[0].name})"
+            f"'{heads[group[0]].tags.get('0008|103e', '').strip()}' ({len(group)} file{'s'[: len(group) - 1]}, such as "
+            f"{group[0].name})"
             for group in groups
         ]
         begins = [commonprefix([file.name for file in group]) for group in groups]  # noqa: RUF071 - of letters
@@ -302,7 +308,7 @@ def _series(path: Path, files: tuple[Path, ...], changed: tuple[int, ...]) -> _S
             if begin and sum(file.name.startswith(begin) for file in files) == len(group)
         ]
         pattern = (
-            f"choose one by a pattern of names, such as 'path: {files[0].parent.name}/{escape(own[0])}*', or "
+            f"choose one by a pattern of names, such as 'path: {files[0].parent}/{escape(own[0])}*', or "
             if own
             else ""
         )
@@ -346,6 +352,8 @@ def _is_lossy(path: Path) -> bool:
 
 
 def _head(path: Path, kind: FileKind) -> Head:
+    if kind is META and (fault := header_fault(read_header(path)[0])):
+        raise ConfigurationError(f"{path}: {fault}")
     reader = _reader(path, kind)
     try:
         reader.ReadImageInformation()
@@ -402,26 +410,31 @@ def _require_all(path: Path, kind: FileKind, head: Head) -> None:
     if kind is NIFTI:
         begin, width = float(head.tags["vox_offset"]), int(head.tags["bitpix"]) // 8
         excess = _length(path) - int(begin) - voxels * width
-        data = path
     elif kind is META:
         keys, length = read_header(path)
         data = data_file(path) or path
-        if keys.get("binarydata", "true").lower() == "false":
+        if keys.get("BinaryData", "true").lower() == "false":
             raise ConfigurationError(
                 f"{path}: expected voxels as binary data, got text by 'BinaryData'; save it anew"
             )
-        within = length if data == path else max(int(keys.get("headersize", 0)), 0)
+        within = length if data == path else max(int(keys.get("HeaderSize", 0)), 0)
         size = data.stat().st_size - within
-        if keys.get("compresseddata", "false").lower() == "true":
-            wanted = int(keys.get("compresseddatasize", size))
+        if keys.get("CompressedData", "false").lower() == "true":
+            wanted = int(keys.get("CompressedDataSize", size))
         else:
             wanted = voxels * head.dtype.itemsize
         excess = size - wanted
-        if excess > 0 and data != path and keys.get("headersize") != "-1":
+        if data != path and (excess < 0 or (excess > 0 and keys.get("HeaderSize") != "-1")):
+            width = head.dtype.itemsize
+            then = (
+                f"write 'HeaderSize = {excess + within}' if its voxels stand at its end"
+                if excess > 0
+                else "copy it again if it is cut off"
+            )
             raise ConfigurationError(
-                f"{path}: expected {data.name} of {wanted:,} bytes, for {_product(head)} voxels of "
-                f"{head.dtype.itemsize} bytes, got {excess:,} more; check DimSize and ElementType, or write "
-                f"'HeaderSize = {excess}' if its voxels stand at its end"
+                f"{path}: expected {data.name} of {wanted + within:,} bytes, for {_product(head)} voxels of {width} "
+                f"byte{'s' if width > 1 else ''}, got {abs(excess):,} {'more' if excess > 0 else 'fewer'}; check "
+                f"DimSize and ElementType, or {then}"
             )
     elif kind is NRRD:
         with path.open("rb") as file:
@@ -435,7 +448,7 @@ def _require_all(path: Path, kind: FileKind, head: Head) -> None:
         return
     if excess < 0:
         raise ConfigurationError(
-            f"{data}: the file is cut off, {-excess:,} bytes of its {_product(head)} voxels are missing; copy it again"
+            f"{path}: the file is cut off, {-excess:,} bytes of its {_product(head)} voxels are missing; copy it again"
         )
 
 
@@ -459,16 +472,25 @@ def _length(path: Path) -> int:
     return length
 
 
-def _looks_swapped(values: npt.NDArray[Any]) -> bool:
-    """Return True if neighbours differ as those of noise, but not after their bytes were exchanged.
+def _swapped(values: npt.NDArray[Any]) -> str:
+    """Return what speaks for the other order of bytes: neighbours that differ as in noise, or no low bytes.
 
     The measure is von Neumann's ratio, the mean square of the differences of neighbours by twice the variance: 1 for
     noise, nearly 0 for an image. An image in the right order only gets rougher where its bytes are exchanged.
     """
     middle = tuple(slice(max(n // 2 - MIDDLE, 0), n // 2 + MIDDLE) for n in values.shape)
+    if (
+        values.dtype.kind in "iu"
+        and values.dtype.itemsize == 2
+        and values.any()
+        and not (values & 0xFF).any()
+    ):
+        return "the values of the image are multiples of 256, and would be of 8 bits"
     values = values[middle]
     rough, other = (_roughness(each) for each in (values, values.byteswap()))
-    return rough > 2 * other and rough > 0.5
+    if rough > 2 * other and rough > 0.5:
+        return "the values of the image jump from voxel to voxel, and would not"
+    return ""
 
 
 def _roughness(values: npt.NDArray[Any]) -> float:

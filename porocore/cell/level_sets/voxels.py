@@ -243,7 +243,11 @@ class Voxels(FromFile, LevelSetGeometry):
         if level is None:
             told = "pore" in self.model_fields_set
             return phases(grey, self.pore) if told else (*assumed(grey, self.pore), *phases(grey, self.pore))
-        how = "by Otsu's method" if self.threshold == "otsu" else "as given"
+        how = "as given"
+        if self.threshold == "otsu":
+            how = (
+                f"by Otsu's method{'' if self.crop is None else ' from the whole file, not from crop alone'}"
+            )
         side = "above it" if self.bright_pores else "up to it"
         return (f"threshold {level:g}, {how}; values are {grey.extent}, and the voxels {side} are pores",)
 

@@ -129,10 +129,14 @@ def _require_one_stack(place: str, folder: Path, names: list[str]) -> None:
         told = ", ".join(f"{kind} ({count})" for kind, count in kinds.most_common(MOST_NAMES))
         first = next(name for name in names if _NUMBER.sub("#", name) == kinds.most_common(1)[0][0])
         pattern = "[0-9]*".join(map(escape, _NUMBER.split(first)[::2]))
+        then = (
+            f"choose by a pattern of names, such as 'path: {folder}/{pattern}'"
+            if max(kinds.values()) > 1
+            else "number them along z, such as slice_001.tif"
+        )
         raise ValueError(
             f"{place}: expected the slices of one stack, whose names differ in their numbers alone, got "
-            f"{told}{', …' if len(kinds) > MOST_NAMES else ''}; choose by a pattern of names, such as "
-            f"'path: {folder.name}/{pattern}'"
+            f"{told}{', …' if len(kinds) > MOST_NAMES else ''}; {then}"
         )
     by_number: dict[tuple[int, ...], str] = {}
     for name in names:
