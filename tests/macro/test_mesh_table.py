@@ -148,6 +148,15 @@ ROWS = [
         ".msh",
         refused="gives the number 1 to two nodes",
     ),
+    Row(
+        "gmsh, data of elements from 0",
+        text(
+            gmsh_text("0 4 2 11 1 1 2 3 5\n1 4 2 12 1 1 3 2 4")
+            + '$ElementData\n1\n"part"\n1\n0\n3\n0\n1\n2\n0 7\n1 8\n$EndElementData\n'
+        ),
+        ".msh",
+        refused="two elements have one number",
+    ),
     Row("gmsh 4.1, nodes from 0", text(ZERO_4), ".msh", refused="number nodes and elements from 1"),
     Row(
         "gmsh, a node 0 that is not the first",

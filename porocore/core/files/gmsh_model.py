@@ -136,7 +136,15 @@ def model_arrays(gmsh: Any) -> dict[str, Any]:
                 found[f"groups{i}"] = np.abs(groups)
                 blocks.append((dim, type_, parent if parent_dim == dim else entity))
                 kinds[int(type_)] = gmsh.model.mesh.getElementProperties(type_)[0]
+    joint = np.concatenate(
+        [np.empty(0, dtype=np.uint64), *(found[f"elements{i}"] for i in range(len(blocks)))]
+    )
     for view in gmsh.view.getTags():
+        if len(np.unique(joint)) < len(joint):
+            raise ConfigurationError(
+                "two elements have one number, as where they are numbered from 0, so that their data are not known; "
+                "number nodes and elements from 1"
+            )
         kind, tags, values, _, _ = gmsh.view.getModelData(view, 0)
         if kind == "ElementData" and len({len(each) for each in values}) == 1:
             order = np.argsort(tags)
