@@ -489,6 +489,18 @@ def _cut(name, missing=100):
     return make
 
 
+def _packed(missing):
+    """A compressed image that is cut, or else damaged."""
+
+    def make(folder):
+        path = save(folder / "a.mhd", TYPES["uint16"], useCompression=True)
+        content = (folder / "a.zraw").read_bytes()
+        (folder / "a.zraw").write_bytes(content[:-missing] if missing else bytes(99) + content[99:])
+        return path
+
+    return make
+
+
 BOX = np.zeros((14, 12, 10), np.uint16)
 
 
@@ -533,6 +545,11 @@ BOX = np.zeros((14, 12, 10), np.uint16)
         (lambda folder: _raw(folder, BinaryData="False"), "expected voxels as binary data, got text"),
         (lambda folder: _raw(folder, ElementNumberOfChannels=3), "one value in every voxel, got 3"),
         (_write("a.mhd", b"\x89PNG\r\n\x1a\n"), "expected a MetaImage, got a PNG picture by its first bytes"),
+        (_packed(10), "a.zraw of .* voxels of 2 bytes, compressed, got 10 fewer; check"),
+        (
+            _packed(0),
+            "expected 10 x 12 x 14 voxels of uint16 in a.zraw, got compressed values that are damaged",
+        ),
         (_cut("a.mha"), "the file is cut off, 100 bytes of its 10 x 12 x 14 voxels"),
         (_cut("a.nii"), "the file is cut off, 100 bytes of its 10 x 12 x 14 voxels"),
         (_cut("a.nii.gz", 300), "the file is cut off, .* bytes of its 10 x 12 x 14 voxels"),
@@ -565,6 +582,13 @@ def test_a_faulty_file_is_refused_in_one_message(tmp_path, make, told, capfd):
     with pytest.raises((ConfigurationError, ValueError), match=told):
         read_image(path, grey=True)
     assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("suffix", [".mhd", ".mha"])
+def test_compressed_values_are_those_that_are_stored(tmp_path, suffix):
+    for name, values in TYPES.items():
+        path = save(tmp_path / f"{name}{suffix}", values, useCompression=True)
+        np.testing.assert_array_equal(read_image(path, grey=True), values)
 
 
 def test_one_time_of_a_series_is_an_image(tmp_path):

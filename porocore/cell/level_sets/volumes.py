@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import math
 import re
+import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -419,7 +420,8 @@ def _require_all(path: Path, kind: FileKind, head: Head) -> None:
             )
         within = length if data == path else max(int(keys.get("HeaderSize", 0)), 0)
         size = data.stat().st_size - within
-        if keys.get("CompressedData", "false").lower() == "true":
+        packed = keys.get("CompressedData", "false").lower() == "true"
+        if packed:
             wanted = int(keys.get("CompressedDataSize", size))
         else:
             wanted = voxels * head.dtype.itemsize
@@ -431,10 +433,15 @@ def _require_all(path: Path, kind: FileKind, head: Head) -> None:
                 if excess > 0
                 else "copy it again if it is cut off"
             )
+            each = f"{width} byte{'s' if width > 1 else ''}{', compressed' if packed else ''}"
             raise ConfigurationError(
-                f"{path}: expected {data.name} of {wanted + within:,} bytes, for {_product(head)} voxels of {width} "
-                f"byte{'s' if width > 1 else ''}, got {abs(excess):,} {'more' if excess > 0 else 'fewer'}; check "
-                f"DimSize and ElementType, or {then}"
+                f"{path}: expected {data.name} of {wanted + within:,} bytes, for {_product(head)} voxels of {each}, "
+                f"got {abs(excess):,} {'more' if excess > 0 else 'fewer'}; check DimSize and ElementType, or {then}"
+            )
+        if packed and excess >= 0 and _unpacked(data, within) != voxels * head.dtype.itemsize:
+            raise ConfigurationError(
+                f"{path}: expected {_product(head)} voxels of {head.dtype} in {data.name}, got compressed values that "
+                "are damaged or of another number; copy it again, or check DimSize and ElementType"
             )
     elif kind is NRRD:
         with path.open("rb") as file:
@@ -450,6 +457,19 @@ def _require_all(path: Path, kind: FileKind, head: Head) -> None:
         raise ConfigurationError(
             f"{path}: the file is cut off, {-excess:,} bytes of its {_product(head)} voxels are missing; copy it again"
         )
+
+
+def _unpacked(path: Path, begin: int) -> int:
+    """Return the length of compressed values; -1 where they are damaged, which SimpleITK does not tell."""
+    reader, length = zlib.decompressobj(47), 0  # of zlib or gzip
+    with path.open("rb") as file:
+        file.seek(begin)
+        try:
+            while part := file.read(1 << 16):
+                length += len(reader.decompress(part))
+        except zlib.error:
+            return -1
+    return length
 
 
 def _product(head: Head) -> str:
