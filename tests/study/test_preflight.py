@@ -37,7 +37,7 @@ def test_check_tells_what_a_run_would_do():
         "; of the fluid's mesh 0.41",
         "macro-driven, ",
         "p in [-20 Pa, 200 Pa]; ",
-        "body: box, 10 × 10 × 10 mm, 216 hexahedron elements",
+        "body: box, 10 × 10 × 10 mm, volume 1000 mm³, 216 hexahedron elements",
         " unknowns with those that are prescribed",
         "surface punch",
         "u_2 = 0 to -0.6 mm until t = 20 s",
