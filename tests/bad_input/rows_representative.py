@@ -69,7 +69,7 @@ ROWS = [
     rev("layer of all", ("--sizes=6", "--element=1"), "layer: 4 needs 8", {"repeat": "layer", "layer": 4}),
     rev("of a changed image", FINE, "has changed", {"sha256": "0" * 64}),
     rev("of a plane", FINE, "an image in three dimensions", files={"image.npy": npy(HALF[0])}),
-    rev("of floats", FINE, "expected a segmented image", files={"image.npy": npy(HALF.astype(float))}),
+    rev("of floats", FINE, "expected a segmented image", files={"image.npy": npy(HALF * 0.5)}),
     rev("over a study", FINE, "already holds a study; add --resume", files={"out/rev.json": '{"subvolumes": [1]}'}),
     rev("over a file", FINE, "already holds a study", files={"out/rev.json": "mine"}),
     rev("with a damaged record", (*FINE, "--resume"), "not a complete record", files={"out/rev.json": '{"format": 1}'}),
