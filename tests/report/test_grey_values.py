@@ -42,6 +42,6 @@ def test_equally_frequent_values_have_bars_of_one_height(scale):
 def test_the_page_has_the_histogram_of_a_grey_image_alone(context, unpictured):
     parted = Parting(GreyValues.of(VALUES), 117.5, "Otsu's", False)
     page = render(replace(context, cell=replace(context.cell, parting=parted)))
-    words = "Voxels by their grey value"
+    words = "Voxels of the whole file by their grey value"
     assert words in page
     assert words not in render(context)
