@@ -422,11 +422,6 @@ ROWS = [
         )
         for what, content, told in (
             (
-                "by the number of one with a name",
-                NAMED,
-                "this is the number of the volume 'matrix' of m.msh; call it",
-            ),
-            (
                 "whose name is the number of another",
                 HALF_CROSSED,
                 "in m.msh '3' is both the name of one group",
