@@ -319,6 +319,7 @@ class Collector:
         self.held: dict[str, Support] = {}
         self.drains: dict[str, Support] = {}
         self.turns: list[str] = []
+        self._faces: dict[str, dict[tuple[int, ...], int]] = {}
 
     def result(self) -> BoundaryData:
         self.mesh.require_surfaces(self.problem.boundary, "macro.boundary")
@@ -388,18 +389,22 @@ class Collector:
         self.by[unknowns] = self.keys.index(key)
         self.function[unknowns], self.factor[unknowns] = function, factor
 
+    def faces(self, name: str) -> dict[tuple[int, ...], int]:
+        """Rows of a surface's faces by their corners."""
+        if name not in self._faces:
+            facets = self.mesh.surface(name, f"macro.boundary.{name}")
+            self._faces[name] = {corners: row for row, corners in enumerate(self.mesh.corners_of(facets))}
+        return self._faces[name]
+
     def _require_one_load_on_each_face(self) -> None:
         """Refuse faces that belong to two surfaces whose conditions cannot both be meant there."""
-        keys: dict[str, set[tuple[int, ...]]] = {}
         for (one, first), (other, second) in combinations(self.problem.boundary.items(), 2):
             if not (fault := _contradiction(first, second)):
                 continue
-            for name in (one, other):
-                if name not in keys:
-                    keys[name] = set(self.mesh.corners_of(self.mesh.surface(name, f"macro.boundary.{name}")))
-            if both := len(keys[one] & keys[other]):
+            ours, theirs = self.faces(one), self.faces(other)
+            if both := len(ours.keys() & theirs.keys()):
                 raise ConfigurationError(
-                    f"macro.boundary.{other}: {both} of its {len(keys[other])} faces belong to the surface '{one}' "
+                    f"macro.boundary.{other}: {both} of its {len(theirs)} faces belong to the surface '{one}' "
                     f"too, and there {fault}; prescribe it on one of the two, or take these faces out of the other"
                 )
 
@@ -411,8 +416,8 @@ class Collector:
             if not ((t.any() and held.normal is not None) or (follows and held.is_held)):
                 continue
             facets = self.mesh.surface(name, f"macro.boundary.{name}")
-            theirs = set(self.mesh.corners_of(self.mesh.surface(other, f"macro.boundary.{other}")))
-            both = np.array([key in theirs for key in self.mesh.corners_of(facets)], dtype=bool)
+            theirs = self.faces(other)
+            both = [row for corners, row in self.faces(name).items() if corners in theirs]
             n = Facets(self.mesh, facets[both]).normals.reshape(-1, 3)
             n = np.abs(n / np.linalg.norm(n, axis=1, keepdims=True)) > SAME
             if held.normal is not None:
@@ -428,7 +433,7 @@ class Collector:
             if idle:
                 load = "follower, which acts along the normal," if follows else "traction along the normal"
                 raise ConfigurationError(
-                    f"macro.boundary.{name}: the {load} does nothing on {int(both.sum())} of its {len(facets)} faces, "
+                    f"macro.boundary.{name}: the {load} does nothing on {len(both)} of its {len(facets)} faces, "
                     f"on which macro.boundary.{other} prescribes {what}; keep one of the two"
                 )
 
