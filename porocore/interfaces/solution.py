@@ -162,8 +162,9 @@ class MacroSolution:
         Factor of the prescribed values.
     points : (nodes, 3)
         Nodes of the quadratic mesh.
-    cells : (elements, 27 or 10)
-        Triquadratic hexahedra or quadratic tetrahedra in VTK order.
+    cells : (elements, 27, 10, 9 or 6)
+        Triquadratic hexahedra or quadratic tetrahedra in VTK order; of a body in two dimensions biquadratic
+        quadrilaterals or quadratic triangles in the plane z = 0.
     backend
         Name of the macro solver, where it is known.
     probes : name → (steps, 4)
@@ -186,6 +187,10 @@ class MacroSolution:
         Regions, parameters and material axes of the elements; None for a body of one cell without parameters.
     units
         Units of the study that keeps it, with the factors from these dimensionless values; plain numbers have none.
+    revolved
+        Whether a body in two dimensions is a meridian: x the distance from the y axis, the third direction the hoop.
+    depth
+        Else the length that it stands for along the third axis.
     """
 
     law: str
@@ -204,6 +209,8 @@ class MacroSolution:
     copies: float = 1.0
     element_cells: ElementCells | None = None
     units: ResultUnits = field(default_factory=ResultUnits)
+    revolved: bool = False
+    depth: float = 1.0
 
     @property
     def after_rest(self) -> tuple[Profile, ...]:
@@ -244,6 +251,10 @@ class MacroSolution:
             )
             if self.units.given:
                 file.attrs["units"] = self.units.as_text()
+            if self.revolved:
+                file.attrs["revolved"] = "about y"
+            if self.depth != 1:
+                file.attrs["depth"] = float(self.depth)
             file["points"], file["cells"] = self.points, self.cells
             for f in fields(History):
                 file[f"history/{f.name}"] = getattr(self.history, f.name)
@@ -275,8 +286,8 @@ class MacroSolution:
             }
             points = file.array("points", "nodes", 3)
             cells = file.array("cells", "elements", "nodes of an element", kind="int")
-            if file.sizes["nodes of an element"] not in (10, 27):
-                raise ValueError("'cells' are neither hexahedra nor tetrahedra")
+            if file.sizes["nodes of an element"] not in (6, 9, 10, 27):
+                raise ValueError("'cells' are no hexahedra, tetrahedra, quadrilaterals or triangles")
             if cells.size and (cells.min() < 0 or cells.max() >= len(points)):
                 raise ValueError("'cells' names nodes that are not there")
             return cls(
@@ -298,6 +309,8 @@ class MacroSolution:
                 copies=file.attribute("copies", float),
                 element_cells=ElementCells.read(file),
                 units=ResultUnits.from_text(units) if (units := _text(file, "units")) else ResultUnits(),
+                revolved="revolved" in file.attributes,
+                depth=file.attribute("depth", float) if "depth" in file.attributes else 1.0,
             )
 
 

@@ -15,7 +15,7 @@ from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.states import Array, IntArray
 
 #: Elements by their number of nodes.
-VTK_CELLS = {4: "tetra", 10: "tetra10", 27: "hexahedron27"}
+VTK_CELLS = {4: "tetra", 6: "triangle6", 9: "quad9", 10: "tetra10", 27: "hexahedron27"}
 #: Fields of the elements: name in the file, name in a profile, quantity.
 FIELDS = {
     "H": ("grad_u", ""),
@@ -38,7 +38,8 @@ def write_vtu_series(
 ) -> Path:
     """Write ``name-000.vtu``, … and ``name.pvd`` into ``folder``, each atomically, the series last.
 
-    Triquadratic hexahedra or quadratic tetrahedra (VTK types 29 and 24).
+    Triquadratic hexahedra or quadratic tetrahedra (VTK types 29 and 24), of a body in two dimensions biquadratic
+    quadrilaterals or quadratic triangles (28 and 22).
     At the nodes: ``u`` and ``p``. In the elements, as means:
     ``H``, ``mean_grad`` (<∇u¹>_s), ``deformation`` (F̄), ``K_t``, ``P_E`` (tensors of 9 components, row
     by row), ``flux`` (Ḡw), ``element_p`` and ``outside``, the share of the element's points at which the

@@ -84,8 +84,11 @@ def function_space(domain: Mesh, element: Element) -> FunctionSpace:
 
 
 def make_mesh(comm: MPI.Intracomm, cell: str, degree: int, points: Array, cells: IntArray) -> Mesh:
-    """Return a mesh of Lagrange cells, their nodes in dolfinx's (not VTK's) order; see :func:`from_vtk`."""
-    domain = ufl.Mesh(coordinate_element(cell, degree))
+    """Return a mesh of Lagrange cells at points (n, 3) or (n, 2), their nodes in dolfinx's (not VTK's) order.
+
+    See :func:`from_vtk`.
+    """
+    domain = ufl.Mesh(coordinate_element(cell, degree, np.shape(points)[1]))
     parameters = inspect.signature(mesh.create_mesh).parameters
     name = "domain" if "domain" in parameters else "e"
     with quiet():
@@ -99,6 +102,10 @@ def make_mesh(comm: MPI.Intracomm, cell: str, degree: int, points: Array, cells:
 _FROM_VTK = {
     ("tetrahedron", 4): (0, 1, 2, 3),
     ("tetrahedron", 10): (0, 1, 2, 3, 9, 8, 5, 7, 6, 4),
+    ("triangle", 3): (0, 1, 2),
+    ("triangle", 6): (0, 1, 2, 4, 5, 3),
+    ("quadrilateral", 4): (0, 1, 3, 2),
+    ("quadrilateral", 9): (0, 1, 3, 2, 4, 7, 5, 6, 8),
     ("hexahedron", 8): (0, 1, 3, 2, 4, 5, 7, 6),
     ("hexahedron", 27): (
         *(0, 1, 3, 2, 4, 5, 7, 6),

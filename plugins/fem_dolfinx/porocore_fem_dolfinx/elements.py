@@ -27,19 +27,22 @@ def lagrange_element(
     return _old("DG" if discontinuous else "Lagrange", cell, degree, shape)
 
 
-def coordinate_element(cell: str, degree: int) -> Element:
-    """Return the element of the nodes of a mesh.
+def coordinate_element(cell: str, degree: int, dimension: int = 3) -> Element:
+    """Return the element of the nodes of a mesh in two or three dimensions.
 
     FFCx 0.5 exchanges that of any other variant for this one when it first compiles a form on the mesh, so that forms
     had two names in the cache, and each was compiled twice.
     """
     if MODERN:
-        return lagrange_element(cell, degree, (3,))
-    return _old("Lagrange", cell, degree, (3,), variant="equispaced")
+        return lagrange_element(cell, degree, (dimension,))
+    return _old("Lagrange", cell, degree, (dimension,), variant="equispaced")
 
 
 def quadrature_points(cell: str, degree: int) -> Array:
-    """Return the points (q, 3) of the default rule of this degree, in the order of :func:`quadrature_element`."""
+    """Return the points (q, 3) of the default rule of this degree, in the order of :func:`quadrature_element`.
+
+    Those of flat cells are (q, 2).
+    """
     return np.asarray(basix.make_quadrature(getattr(basix.CellType, cell), degree)[0])
 
 

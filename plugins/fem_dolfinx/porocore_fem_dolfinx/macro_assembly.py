@@ -25,7 +25,7 @@ from porocore_fem_dolfinx.macro_linear import KEY, ConfiguredSolver, PetscLinear
 from porocore_fem_dolfinx.macro_multigrid import CoarseLevel, MultigridSolver
 from porocore_fem_dolfinx.macro_space import MacroSpace
 from porocore_fem_dolfinx.petsc_options import OptionValue
-from porocore_fem_dolfinx.types import CompiledForm, Expr, Function
+from porocore_fem_dolfinx.types import CompiledForm, Expr, Form, Function
 
 _RESPONSE = {"stress": (3, 3), "storage": (), "flux": (3,)}
 _TANGENT: dict[str, tuple[int, ...]] = {
@@ -48,13 +48,15 @@ class MacroForms:
         self._slots = np.empty(0, dtype=np.int64)
         self._functions = {name: self._at_points(shape) for name, shape in {**_RESPONSE, **_TANGENT}.items()}
         degree = space.element.degree
-        dx = ufl.Measure("dx", domain, metadata={"quadrature_degree": degree, "quadrature_rule": "default"})
+        self._dx = ufl.Measure(
+            "dx", domain, metadata={"quadrature_degree": degree, "quadrature_rule": "default"}
+        )
+        self._depth = compat.constant(domain, space.depth)
         self._u, self._p = compat.make_function(space.V), compat.make_function(space.Q)
         self._build_states()
-        self._build_residual(dx)
-        self._build_tangent(dx)
+        self._build_residual()
+        self._build_tangent()
         self.matrix = compat.block_matrix(self._tangent)
-        self._dx = dx
         self._schur: tuple[CompiledForm, PETSc.Mat | None] | None = None
 
     def _at_points(self, shape: tuple[int, ...]) -> Function:
@@ -68,15 +70,42 @@ class MacroForms:
             self._slots = compat.cell_dofs(points.dofmap)[: len(space.cells)][:, space.order].ravel()
         return compat.make_function(points)
 
+    def _integral(self, integrand: Expr) -> Form:
+        """Return the integral over the body, all of the revolution or depth of one in two dimensions."""
+        space = self._space
+        if space.revolved:
+            integrand = 2 * np.pi * ufl.SpatialCoordinate(space.domain)[0] * integrand
+        elif space.flat:
+            integrand = self._depth * integrand
+        return integrand * self._dx
+
+    def _gradient(self, v: Expr) -> Expr:
+        """Return H of a displacement, which on a flat body does not change along z.
+
+        In a meridian z is the direction of the hoop, which a radial displacement v_1 stretches by v_1/r.
+        """
+        space = self._space
+        if not space.flat:
+            return ufl.grad(v)
+        rows = [[v[i].dx(0), v[i].dx(1), 0] for i in range(3)]
+        if space.revolved:
+            rows[2] = [0, 0, v[0] / ufl.SpatialCoordinate(space.domain)[0]]
+        return ufl.as_matrix(rows)
+
+    def _slope(self, p: Expr) -> Expr:
+        """Return ∇p of three components."""
+        grad = ufl.grad(p)
+        return ufl.as_vector([grad[0], grad[1], 0]) if self._space.flat else grad
+
     def _build_states(self) -> None:
         u, p = self._u, self._p
-        grad_u, grad_p = ufl.grad(u), ufl.grad(p)
+        grad_u, grad_p = self._gradient(u), self._slope(p)
         components = [*(grad_u[i, j] for i in range(3) for j in range(3)), p, *(grad_p[i] for i in range(3))]
         element = self._space.element
         points = elements.quadrature_points(element.shape, element.degree)[self._space.order]
         self._states = compat.expression(ufl.as_vector(components), points)
 
-    def _build_residual(self, dx: ufl.Measure) -> None:
+    def _build_residual(self) -> None:
         """Build with discontinuous test functions, so that each element has its own share."""
         domain, f, cell = self._space.domain, self._functions, self._space.element.shape
         v = ufl.TestFunction(
@@ -86,27 +115,27 @@ class MacroForms:
             compat.function_space(domain, elements.lagrange_element(cell, 1, discontinuous=True))
         )
         self._residual = [
-            compat.form(ufl.inner(f["stress"], ufl.grad(v)) * dx),
-            compat.form(f["storage"] * s * dx),
-            compat.form(ufl.dot(f["flux"], ufl.grad(s)) * dx),
+            compat.form(self._integral(ufl.inner(f["stress"], self._gradient(v)))),
+            compat.form(self._integral(f["storage"] * s)),
+            compat.form(self._integral(ufl.dot(f["flux"], self._slope(s)))),
         ]
 
-    def _build_tangent(self, dx: ufl.Measure) -> None:
+    def _build_tangent(self) -> None:
         f, V, Q = self._functions, self._space.V, self._space.Q
         v, s, du, dp = ufl.TestFunction(V), ufl.TestFunction(Q), ufl.TrialFunction(V), ufl.TrialFunction(Q)
         self._dt = compat.constant(self._space.domain, 1.0)
-        H = ufl.grad(du)
+        H, H_v, of = self._gradient(du), self._gradient(v), self._integral
         H_row = ufl.as_vector([H[i, j] for i in range(3) for j in range(3)])
         stress = ufl.dot(f["stress_grad_u"], H_row)
         stress = ufl.as_matrix([[stress[3 * i + j] for j in range(3)] for i in range(3)])
         flux_u = ufl.dot(f["flux_grad_u"], H_row)
-        dt, grad_s = self._dt, ufl.grad(s)
+        dt, grad_s = self._dt, self._slope(s)
         self._tangent = compat.form(
             [
-                [ufl.inner(stress, ufl.grad(v)) * dx, ufl.inner(f["stress_p"], ufl.grad(v)) * dp * dx],
+                [of(ufl.inner(stress, H_v)), of(ufl.inner(f["stress_p"], H_v) * dp)],
                 [
-                    (ufl.inner(f["storage_grad_u"], H) * s - dt * ufl.dot(flux_u, grad_s)) * dx,
-                    self._storage(s, dp, f["storage_p"]) * dx,
+                    of(ufl.inner(f["storage_grad_u"], H) * s - dt * ufl.dot(flux_u, grad_s)),
+                    of(self._storage(s, dp, f["storage_p"])),
                 ],
             ]
         )
@@ -114,8 +143,8 @@ class MacroForms:
     def _storage(self, s: Expr, dp: Expr, by_pressure: Expr) -> Expr:
         """Return the change of storage and flux with the pressure, tested by ``s``."""
         f = self._functions
-        flux = f["flux_p"] * dp + ufl.dot(f["flux_grad_p"], ufl.grad(dp))
-        return by_pressure * dp * s - self._dt * ufl.dot(flux, ufl.grad(s))
+        flux = f["flux_p"] * dp + ufl.dot(f["flux_grad_p"], self._slope(dp))
+        return by_pressure * dp * s - self._dt * ufl.dot(flux, self._slope(s))
 
     def _fill(self, name: str, values: Array) -> None:
         function = self._functions[name]
@@ -155,7 +184,7 @@ class MacroForms:
             self._functions["mass"] = mass_at = self._at_points(())
             Q = self._space.Q
             s, dp = ufl.TestFunction(Q), ufl.TrialFunction(Q)
-            form = (self._storage(s, dp, self._functions["storage_p"]) + mass_at * dp * s) * self._dx
+            form = self._integral(self._storage(s, dp, self._functions["storage_p"]) + mass_at * dp * s)
             self._schur = compat.form(form), None
         self._fill("mass", mass)
         form, matrix = self._schur

@@ -34,10 +34,12 @@ class MacroSpace:
         Owned displacements and pressures.
     unknowns, elements
         Numbers in the core's order of the local unknowns and elements.
-    dofs : (elements, 81 + 8 or 30 + 4)
+    dofs : (elements, 81 + 8, 30 + 4, 27 + 4 or 18 + 3)
         Local unknowns of each element, displacements by node.
     order : (q,)
         Number in dolfinx of each quadrature point, in the core's order.
+    flat, revolved, depth
+        As of :class:`~porocore.macro.body.mesh.BodyMesh`.
 
     Raises
     ------
@@ -49,7 +51,7 @@ class MacroSpace:
         self.element = mesh.element
         cell, corners = mesh.element.shape, mesh.element.corners
         self.domain = domain = _domain(mesh, comm)
-        count = domain.topology.index_map(3).size_local
+        count = domain.topology.index_map(mesh.element.dimension).size_local
         if min(comm.allgather(count)) == 0:
             raise ConfigurationError(
                 f"macro.body: {len(mesh.cells)} elements are too few for {comm.size} processes; start fewer"
@@ -65,6 +67,7 @@ class MacroSpace:
         theirs = cKDTree(mesh.points[mesh.cells[:, :corners]].mean(axis=1))
         self.elements = np.asarray(theirs.query(middles)[1], dtype=np.int64)
         self.order = _quadrature_order(mesh.element)
+        self.flat, self.revolved, self.depth = mesh.flat, mesh.revolved, mesh.depth
 
     def _number_unknowns(self, mesh: BodyMesh) -> None:
         self.owned_u, copied_u = (3 * n for n in _sizes(self.V))
@@ -86,8 +89,9 @@ def _domain(mesh: BodyMesh, comm: MPI.Intracomm) -> Mesh:
     # Straight elements are given by their corners, and their forms are simpler.
     points, nodes = (mesh.points[mesh.p_nodes], mesh.p_cells) if mesh.straight else (mesh.points, mesh.cells)
     nodes = nodes[:, compat.from_vtk(cell, nodes.shape[1])]
+    points = points[:, : mesh.element.dimension]
     if comm.rank > 0:
-        points, nodes = np.empty((0, 3)), nodes[:0]
+        points, nodes = points[:0], nodes[:0]
     return compat.make_mesh(comm, cell, 1 if mesh.straight else 2, points, nodes)
 
 
@@ -99,6 +103,7 @@ def _sizes(space: FunctionSpace) -> tuple[int, int]:
 def _quadrature_order(element: ReferenceElement) -> IntArray:
     """Return the order of the points, which all elements share since corners are numbered alike."""
     theirs = elements.quadrature_points(element.shape, element.degree)
-    distance = np.abs(theirs[None] - element.points[:, None]).max(axis=2)
+    ours = element.points[:, : element.dimension]
+    distance = np.abs(theirs[None] - ours[:, None]).max(axis=2)
     assert distance.min(axis=1).max() < 1e-12
     return np.asarray(distance.argmin(axis=1))

@@ -6,7 +6,7 @@ An integral over an element is a product of matrices: values at its points times
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar, NamedTuple
 
@@ -15,7 +15,7 @@ import numpy.typing as npt
 from scipy import sparse
 
 from porocore.interfaces.law import Integrand, MacroTangent
-from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.body.mesh import MERIDIAN, BodyMesh
 from porocore.macro.boundary.conditions import BoundaryData
 from porocore.macro.integration.discretisation import Discretisation
 from porocore.macro.linear_systems import TIGHTEST, Solver
@@ -30,6 +30,9 @@ class ElementIntegrals:
     """Integrals over the elements of a body with these shape functions.
 
     Local node a of u_i has column n_u i / 3 + a of an element's unknowns, then come the pressures.
+
+    In a meridian the radial displacement is the third one too, whose gradient along the hoop alone counts; integrals
+    for the third unknown are added to those for the first.
     """
 
     def __init__(self, shapes: Shapes) -> None:
@@ -51,7 +54,11 @@ class ElementIntegrals:
         """Return H, p and ∇p (points, 3) at the points from the unknowns (elements, ...) of the elements."""
         e, q = self.shapes.weights.shape
         u, p = unknowns[:, : self._n_u].reshape(e, 3, -1), unknowns[:, None, self._n_u :]
+        if self.shapes.revolved:
+            u = u[:, [0, 1, 0]]
         grad_u = _product(u, self._grad).reshape(e, 3, q, 3).swapaxes(1, 2).reshape(-1, 3, 3)
+        if self.shapes.revolved:
+            grad_u = grad_u * MERIDIAN
         p_and_grad = _product(p, self._p_and_grad).reshape(-1, 4)
         return MacroState(grad_u, p_and_grad[:, 0].copy()), p_and_grad[:, 1:].copy()
 
@@ -60,8 +67,12 @@ class ElementIntegrals:
         w = self.shapes.weights
         e, q = w.shape
         stress = np.empty((e, 3, q, 3))
-        np.multiply(response.stress.reshape(e, q, 3, 3).swapaxes(1, 2), w[:, None, :, None], out=stress)
-        forces = _product(stress.reshape(e, 3, -1), self._grad.swapaxes(1, 2)).reshape(e, -1)
+        P = response.stress * MERIDIAN if self.shapes.revolved else response.stress
+        np.multiply(P.reshape(e, q, 3, 3).swapaxes(1, 2), w[:, None, :, None], out=stress)
+        forces = _product(stress.reshape(e, 3, -1), self._grad.swapaxes(1, 2))
+        if self.shapes.revolved:
+            _fold(forces)
+        forces = forces.reshape(e, -1)
         fluid = np.zeros((e, 2, q, 4))
         np.multiply(response.storage.reshape(e, q), w, out=fluid[:, 0, :, 0])
         np.multiply(response.flux.reshape(e, q, 3), w[:, :, None], out=fluid[:, 1, :, 1:])
@@ -78,6 +89,8 @@ class ElementIntegrals:
         e, q, a, _ = g.shape
         c = gp.shape[2]
         by_grad, by_p = self._by_grad[part], self._by_p[part]
+        if s.revolved:
+            tangent = _in_meridian(tangent)
 
         def at_points(values: Array, *shape: int) -> Array:
             values = values.reshape(total, q, *shape)[part]
@@ -102,7 +115,30 @@ class ElementIntegrals:
         by_pressure = by_value[..., None] * s.p[:, None, :]
         by_pressure[:, :, 1:] -= dt * np.matmul(at_points(tangent.flux_grad_p, 3, 3), gp.swapaxes(2, 3))
         volumes_p = np.matmul(by_p, by_pressure.reshape(e, 4 * q, c))
+        if s.revolved:
+            stiffness = forces.reshape(e, a, 3, 3, a)
+            _fold(stiffness.swapaxes(1, 2))
+            _fold(stiffness.transpose(0, 3, 1, 2, 4))
+            _fold(forces_p.reshape(e, a, 3, c).swapaxes(1, 2))
+            _fold(volumes.reshape(e, c, 3, a).swapaxes(1, 2))
         return [values.reshape(e, -1) for values in (forces, forces_p, volumes, volumes_p)]
+
+
+def _in_meridian(tangent: MacroTangent) -> MacroTangent:
+    """Return the derivatives with those components alone that there are in a meridian."""
+    return replace(
+        tangent,
+        stress_grad_u=tangent.stress_grad_u * (MERIDIAN[:, :, None, None] * MERIDIAN),
+        stress_p=tangent.stress_p * MERIDIAN,
+        storage_grad_u=tangent.storage_grad_u * MERIDIAN,
+        flux_grad_u=tangent.flux_grad_u * MERIDIAN,
+    )
+
+
+def _fold(values: Array) -> None:
+    """Add, in place, what belongs to the third component of (elements, 3, ...) to the first."""
+    values[:, 0] += values[:, 2]
+    values[:, 2] = 0.0
 
 
 def _product(values: Array, by: Array) -> Array:
@@ -283,6 +319,7 @@ class SkfemDiscretisation(Discretisation[System | SmallSystem]):
             self.dofs.shape[0] * self.dofs.shape[1] ** 2 > self.largest_small
             or self.rotation is not None
             or self.boundary.followers
+            or self.mesh.revolved  # its law has derivatives along the hoop
         ):
             return None
         held, start = np.zeros(self.mesh.size, bool), self.problem.initial

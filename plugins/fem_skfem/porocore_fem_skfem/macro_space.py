@@ -7,20 +7,38 @@ from functools import cached_property
 
 import numpy as np
 from scipy import sparse
-from skfem import Element, ElementHex1, ElementHex2, ElementTetP1, ElementTetP2
+from skfem import (
+    Element,
+    ElementHex1,
+    ElementHex2,
+    ElementQuad1,
+    ElementQuad2,
+    ElementTetP1,
+    ElementTetP2,
+    ElementTriP1,
+    ElementTriP2,
+)
 
 from porocore.macro.body.mesh import BodyMesh
 from porocore.states import Array, IntArray
 
 #: Elements of the displacement and of the pressure.
-PAIRS = {"hexahedron": (ElementHex2(), ElementHex1()), "tetrahedron": (ElementTetP2(), ElementTetP1())}
+PAIRS: dict[str, tuple[Element, Element]] = {
+    "hexahedron": (ElementHex2(), ElementHex1()),
+    "tetrahedron": (ElementTetP2(), ElementTetP1()),
+    "quadrilateral": (ElementQuad2(), ElementQuad1()),
+    "triangle": (ElementTriP2(), ElementTriP1()),
+}
 #: Elements whose Jacobians differ by no more than this share are alike: the round-off of coordinates.
 SAME = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
 class Shapes:
-    """Shape functions at the quadrature points, in the mesh's order of points and of an element's nodes."""
+    """Shape functions at the quadrature points, in the mesh's order of points and of an element's nodes.
+
+    In a meridian the third component of ∇N is N/r for the displacement: what a radial displacement adds to H_33.
+    """
 
     weights: Array  #: (elements, q)  volume of each point
     grad_u: Array  #: (elements, q, a, 3)  ∇N of the displacement
@@ -29,6 +47,7 @@ class Shapes:
     inverse: Array  #: (elements, q, 3, 3)  ∂ξ_j/∂X_i at [j, i]
     slopes: Array  #: (q, a, 3)  ∂N/∂ξ of the displacement, the same in all elements
     corner_slopes: Array  #: (q, c, 3)  ∂N/∂ξ of the pressure
+    revolved: bool = False  #: whether it is a meridian
 
     @cached_property
     def alike(self) -> bool:
@@ -44,29 +63,40 @@ def make_shapes(mesh: BodyMesh) -> Shapes:
     reference = mesh.element
     u, p = PAIRS[reference.shape]
     xi, nodes = reference.points.T, 2 * reference.nodes
-    _, slopes = _tabulate(u, xi, nodes)
+    u_values, slopes = _tabulate(u, xi, nodes)
     values, corner_slopes = _tabulate(p, xi, nodes[: reference.corners])
     jacobian = np.einsum("eai,aqj->eqij", mesh.points[mesh.cells], slopes, optimize=True)
+    if mesh.flat:
+        jacobian[..., 2, 2] = 1.0
     inverse = np.linalg.inv(jacobian)
+    weights = np.linalg.det(jacobian) * reference.weights
+    grad_u = np.einsum("aqj,eqji->eqai", slopes, inverse, optimize=True)
+    if mesh.flat:
+        places = np.einsum("eai,aq->eqi", mesh.points[mesh.cells], u_values, optimize=True)
+        weights = weights * mesh.measure(places)
+        if mesh.revolved:
+            grad_u[..., 2] = u_values.T / places[..., :1]
     return Shapes(
-        weights=np.linalg.det(jacobian) * reference.weights,
-        grad_u=np.einsum("aqj,eqji->eqai", slopes, inverse, optimize=True),
+        weights=weights,
+        grad_u=grad_u,
         p=np.ascontiguousarray(values.T),
         grad_p=np.einsum("cqj,eqji->eqci", corner_slopes, inverse, optimize=True),
         inverse=inverse,
         slopes=np.ascontiguousarray(slopes.swapaxes(0, 1)),
         corner_slopes=np.ascontiguousarray(corner_slopes.swapaxes(0, 1)),
+        revolved=mesh.revolved,
     )
 
 
 def _tabulate(element: Element, xi: Array, nodes: Array) -> tuple[Array, Array]:
     """Return the values (a, q) and gradients (a, q, 3) of the functions of ``nodes``, given in half edges."""
     places = [tuple(place) for place in np.rint(2 * element.doflocs).astype(int)]
-    order = [places.index(tuple(node)) for node in np.rint(nodes).astype(int)]
-    pairs = [element.lbasis(xi, i) for i in order]
+    d = len(places[0])
+    order = [places.index(tuple(node)) for node in np.rint(nodes[:, :d]).astype(int)]
+    pairs = [element.lbasis(xi[:d], i) for i in order]
     values = [np.broadcast_to(value, xi.shape[1:]) for value, _ in pairs]
-    slopes = [np.broadcast_to(slope, xi.shape).T for _, slope in pairs]
-    return np.array(values), np.array(slopes)
+    slopes = [np.broadcast_to(slope, (d, *xi.shape[1:])).T for _, slope in pairs]
+    return np.array(values), np.pad(slopes, ((0, 0), (0, 0), (0, 3 - d)))
 
 
 _I = np.arange(3)[:, None]

@@ -7,16 +7,25 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import Field, Tag, field_validator
+from pydantic import Field, Tag, field_validator, model_validator
 
 from porocore.core.files.input_file import FromFile
 from porocore.core.models.bounds import MOST_ELEMENTS
 from porocore.core.models.strict import Name, StrictModel, by_kind
 from porocore.core.units import Dimension, Unit
-from porocore.macro.body.mesh import VTK_NODES, BodyMesh, box, graded, sector, tetrahedra, tetrahedron_at
+from porocore.macro.body.mesh import (
+    VTK_NODES,
+    BodyMesh,
+    box,
+    graded,
+    rectangle,
+    sector,
+    tetrahedra,
+    tetrahedron_at,
+)
 from porocore.states import Array, IntArray, MacroState
 
 Positive = Annotated[float, Field(gt=0)]
@@ -46,7 +55,7 @@ class Body(StrictModel, ABC):
 
     @field_validator("elements", check_fields=False)
     @classmethod
-    def _so_many(cls, elements: tuple[int, int, int]) -> tuple[int, int, int]:
+    def _so_many(cls, elements: tuple[int, ...]) -> tuple[int, ...]:
         if math.prod(elements) > MOST_ELEMENTS:
             raise ValueError(
                 f"{' × '.join(map(str, elements))} are {math.prod(elements)} elements; at most {MOST_ELEMENTS} are made"
@@ -146,6 +155,65 @@ class Wedge(_Round):
         return float(np.deg2rad(self.angle))
 
 
+class Axisymmetric(Body):
+    """The meridian of a body of revolution about the y axis; surfaces y-, y+, side and, of a hollow one, inner.
+
+    x is the distance from the axis, so that u_1 is radial and u_2 axial, and the third direction is that of the hoop.
+    Forces and volumes are those of the whole revolution. The axes of the cell turn with the angle: its x is radial, its
+    y axial and its z along the hoop.
+    """
+
+    surfaces = ("y-", "y+", "side", "inner")
+    kind: Literal["axisymmetric"]
+    """A body of revolution about the y axis, solved in its meridian: x is the radius, y the axis."""
+    radius: Length
+    """Radius of the surface ``side``."""
+    inner_radius: Annotated[float, Field(ge=0), Dimension("displacement")] = 0.0
+    """Radius of the surface ``inner`` of a hollow body; 0: the axis belongs to it."""
+    height: Length
+    """Length along the y axis, from y = 0."""
+    elements: tuple[Count, Count] = (8, 8)
+    """Quadrilaterals along the radius and along y: quadratic displacement, linear pressure."""
+    grading: tuple[Grading, Grading] = (1.0, 1.0)
+    """Length of the last element along each of the two over that of the first."""
+
+    @model_validator(mode="after")
+    def _has_a_wall(self) -> Self:
+        if self.inner_radius >= self.radius:
+            raise ValueError(
+                f"inner_radius = {self.inner_radius:g} leaves nothing within radius = {self.radius:g}; make it smaller"
+            )
+        return self
+
+    def make(self) -> BodyMesh:
+        """Return a mesh of biquadratic quadrilaterals."""
+        along, up = self.grading
+        x = self.inner_radius + graded(self.radius - self.inner_radius, self.elements[0], along)
+        x[-1] = self.radius
+        return rectangle((x, graded(self.height, self.elements[1], up)), revolved=True)
+
+
+class PlaneStrain(Body):
+    """[0, a] × [0, b], which nothing moves along z; surfaces x-, x+, y-, y+."""
+
+    surfaces = ("x-", "x+", "y-", "y+")
+    kind: Literal["plane-strain"]
+    """A rectangle, [0, a] × [0, b], of a body that is long along z and alike everywhere along it."""
+    size: tuple[Length, Length]
+    """Lengths a and b along x and y."""
+    depth: Length = 1.0
+    """Length along z that forces and volumes are those of."""
+    elements: tuple[Count, Count] = (8, 8)
+    """Quadrilaterals along x and y: quadratic displacement, linear pressure."""
+    grading: tuple[Grading, Grading] = (1.0, 1.0)
+    """Length of the last element along each axis over that of the first."""
+
+    def make(self) -> BodyMesh:
+        """Return a mesh of biquadratic quadrilaterals."""
+        x, y = (graded(*each) for each in zip(self.size, self.elements, self.grading, strict=True))
+        return rectangle((x, y), depth=self.depth)
+
+
 class MeshedBody(FromFile, Body):
     """From a file: a mesh with names for the parts of its surface, or a geometry that gmsh meshes.
 
@@ -171,6 +239,8 @@ AnyBody = Annotated[
     | Annotated[Cylinder, Tag("cylinder")]
     | Annotated[QuarterCylinder, Tag("quarter-cylinder")]
     | Annotated[Wedge, Tag("wedge")]
+    | Annotated[Axisymmetric, Tag("axisymmetric")]
+    | Annotated[PlaneStrain, Tag("plane-strain")]
     | Annotated[MeshedBody, Tag("file")],
     by_kind(Body, "box"),
 ]
@@ -233,15 +303,21 @@ class Section:
 
 
 def sections(points: Array, cells: IntArray) -> tuple[Section, ...]:
-    """Return the sections through the middle of a body with these nodes and elements, across z, x and y."""
+    """Return the sections through the middle of a body with these nodes and elements, across z, x and y.
+
+    A body in two dimensions has one, across z.
+    """
     straight, element_of = straight_parts(points, cells)
+    low, high = points.min(axis=0), points.max(axis=0)
+    flat = cells.shape[1] in FLAT
+    if flat:
+        points, straight = _thick(points, straight, float((high - low).max()))
     parts, part_of = tetrahedra(points, straight)
     owner = element_of[part_of]
-    low, high = points.min(axis=0), points.max(axis=0)
     # Not on a face between elements, of which either might be found.
     middle = (low + high) / 2 + 1e-4 * (high - low)
     found = []
-    for across in (2, 0, 1):
+    for across in (2,) if flat else (2, 0, 1):
         sides = list(SIDES[across])
         lengths = (high - low)[sides]
         counts = np.maximum(np.ceil(RESOLUTION * lengths / lengths.max()).astype(int), 12)
@@ -261,9 +337,13 @@ def sections(points: Array, cells: IntArray) -> tuple[Section, ...]:
 def straight_parts(points: Array, cells: IntArray) -> tuple[IntArray, IntArray]:
     """Return elements with straight edges in place of a body's elements, and the element that each is a part of.
 
-    Curved hexahedra are eight each, whose corners are all of their nodes; others are one, their corners.
+    Curved hexahedra are eight each, whose corners are all of their nodes, flat elements four; others are one, their
+    corners.
     """
     own = np.arange(len(cells))
+    if cells.shape[1] in FLAT:
+        parts = np.array(FLAT[cells.shape[1]])
+        return cells[:, parts].reshape(-1, parts.shape[1]), np.repeat(own, len(parts))
     if cells.shape[1] != 27:
         return cells[:, :4], own
     corners, middles = points[cells[:, :8]], points[cells[:, 8:]]
@@ -277,6 +357,22 @@ def straight_parts(points: Array, cells: IntArray) -> tuple[IntArray, IntArray]:
         for first in VTK_NODES[:8] // 2
     ]
     return cells[:, np.array(eighths)].reshape(-1, 8), np.repeat(own, 8)
+
+
+#: Quadrilaterals with straight edges within a flat element, by the number of its nodes; those of a triangle have two
+#: corners in one.
+FLAT = {
+    9: [(0, 4, 8, 7), (4, 1, 5, 8), (8, 5, 2, 6), (7, 8, 6, 3)],
+    6: [(0, 3, 5, 5), (3, 1, 4, 4), (5, 4, 2, 2), (3, 4, 5, 5)],
+}
+
+
+def _thick(points: Array, cells: IntArray, width: float) -> tuple[Array, IntArray]:
+    """Return nodes and hexahedra of flat quadrilaterals (k, 4), as thick as the body is wide, about the plane z = 0."""
+    across = np.array([0.0, 0.0, width / 2])
+    return np.concatenate([points - across, points + across]), np.concatenate(
+        [cells, cells + len(points)], axis=1
+    )
 
 
 def most_telling(among: Sequence[Section], values: Array | Callable[[Section], Array]) -> Section:
@@ -305,10 +401,6 @@ def point_states(mesh: BodyMesh, u: Array, p: Array, elements: IntArray | None =
     elements
         Numbers of the elements; None: all.
     """
-    element, cells = mesh.element, mesh.cells if elements is None else mesh.cells[elements]
-    slopes = element.gradients(element.points)
-    u_by_xi, X_by_xi = (
-        np.einsum("eai,qaj->eqij", values[cells], slopes, optimize=True) for values in (u, mesh.points)
-    )
-    at_points = p[cells[:, : element.corners]] @ element.corner_values(element.points).T
-    return MacroState((u_by_xi @ np.linalg.inv(X_by_xi)).reshape(-1, 3, 3), at_points.ravel())
+    chosen, element = slice(None) if elements is None else elements, mesh.element
+    at_points = p[mesh.cells[chosen][:, : element.corners]] @ element.corner_values(element.points).T
+    return MacroState(mesh.displacement_gradients(u, chosen).reshape(-1, 3, 3), at_points.ravel())

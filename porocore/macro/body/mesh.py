@@ -1,7 +1,11 @@
-"""Mesh of a body (BodyMesh): hexahedra and tetrahedra, structured meshes, named surfaces and patches.
+"""Mesh of a body (BodyMesh): its elements, structured meshes, named surfaces and patches.
 
 Displacement and geometry are quadratic, the pressure is linear on the same corners (Taylor–Hood), so a hexahedron has
 27 nodes and 8 corners, a tetrahedron 10 and 4. Nodes are in VTK's order.
+
+Elements of a body in two dimensions are quadrilaterals and triangles in the plane z = 0, those of a body of revolution
+in the meridian, x the distance from the axis and z around it. They have shape functions of three coordinates that do
+not change along the third, so that nothing beyond this file needs to know how many there are.
 """
 
 from __future__ import annotations
@@ -22,9 +26,10 @@ from porocore.core.echo import did_you_mean, joined
 from porocore.core.models.strict import Name, StrictModel
 from porocore.core.units import Dimension
 from porocore.errors import ConfigurationError
+from porocore.interfaces.solution import MacroSolution
 from porocore.states import Array, IntArray
 
-Shape = Literal["hexahedron", "tetrahedron"]
+Shape = Literal["hexahedron", "tetrahedron", "quadrilateral", "triangle"]
 #: Nodes of the 27-node hexahedron in half edges; the first 8 are the corners.
 VTK_NODES = np.array(
     [
@@ -57,21 +62,22 @@ _TRIANGLES = np.array([[0, 2, 1, 6, 5, 4], [0, 1, 3, 4, 8, 7], [0, 3, 2, 7, 9, 6
 
 @dataclass(frozen=True, eq=False)
 class ReferenceElement:
-    """Unit cube, or the unit tetrahedron below x + y + z = 1.
+    """Unit cube or square, or the unit tetrahedron or triangle below x + y + z = 1.
 
     Attributes
     ----------
     shape
-        Which of the two.
+        Which of them.
     nodes : (n, 3)
         Of the displacement.
     corners
         How many of them, from the first, carry a pressure.
     facets : (f, m)
-        Nodes of each facet, outward.
+        Nodes of each facet, outward; edges in two dimensions, counter-clockwise.
     points, weights : (q, 3), (q,)
-        Quadrature of the volume: 3 × 3 × 3 Gauss points, exact to degree 5 in each direction, or four points of degree
-        2, by which gradients of a quadratic displacement are multiplied exactly.
+        Quadrature of the volume: 3 × 3 × 3 or 3 × 3 Gauss points, exact to degree 5 in each direction, or in a
+        tetrahedron four points of degree 2, by which gradients of a quadratic displacement are multiplied exactly.
+        Triangles have six of degree 4, since the distance from an axis may be a factor.
     degree
         By which other libraries find the same rule.
     """
@@ -85,9 +91,25 @@ class ReferenceElement:
     degree: int
 
     @property
+    def dimension(self) -> int:
+        """Coordinates of which the shape functions are."""
+        return 2 if self.shape in ("quadrilateral", "triangle") else 3
+
+    @property
+    def is_product(self) -> bool:
+        """True for a cube or square."""
+        return self.shape in ("hexahedron", "quadrilateral")
+
+    @property
     def facet_corners(self) -> int:
         """Corners of a facet."""
-        return 4 if self.shape == "hexahedron" else 3
+        return 2 if self.dimension == 2 else 4 if self.is_product else 3
+
+    def beyond(self, x: Array) -> float:
+        """Return how far a place ``x`` (3,) lies outside, negative inside."""
+        inside = x[: self.dimension]
+        last = inside.max() if self.is_product else inside.sum()
+        return float(max(-inside.min(), last - 1, *np.abs(x[self.dimension :])))
 
     def values(self, x: Array) -> Array:
         """(k, n) shape functions of the displacement at ``x`` (k, 3)."""
@@ -99,26 +121,29 @@ class ReferenceElement:
 
     def corner_values(self, x: Array) -> Array:
         """(k, corners) shape functions of the pressure at ``x`` (k, 3)."""
-        if self.shape == "tetrahedron":
+        x = x[:, : self.dimension]
+        if not self.is_product:
             return _barycentric(x)
-        ends = np.stack([1 - x, x], axis=-1)
-        i, j, k = (VTK_NODES[:8] // 2).T
-        return np.asarray(ends[:, 0, i] * ends[:, 1, j] * ends[:, 2, k])
+        return _linear_product(x, (2 * self.nodes[: self.corners, : self.dimension]).astype(int))
 
     def _quadratic(self, x: Array) -> tuple[Array, Array]:
-        if self.shape == "tetrahedron":
-            return _quadratic_simplex(_barycentric(x), TETRAHEDRON_EDGES)
-        return _quadratic_product(x, VTK_NODES)
+        d = self.dimension
+        if self.is_product:
+            values, gradients = _quadratic_product(x[:, :d], (2 * self.nodes[:, :d]).astype(int))
+        else:
+            edges = TETRAHEDRON_EDGES if d == 3 else TRIANGLE_EDGES
+            values, gradients = _quadratic_simplex(_barycentric(x[:, :d]), edges)
+        return values, np.pad(gradients, ((0, 0), (0, 0), (0, 3 - d)))
 
     @cached_property
     def facet(self) -> ReferenceFacet:
         """Reference facet, the same for all facets."""
-        if self.shape == "hexahedron":
-            x, w = _gauss(2)
-            N, dN = _quadratic_product(x, QUADRILATERAL_NODES)
-            ends = np.stack([1 - x, x], axis=-1)
-            i, j = (QUADRILATERAL_NODES[:4] // 2).T
-            return ReferenceFacet(w, N, dN, ends[:, 0, i] * ends[:, 1, j])
+        if self.dimension == 2 or self.is_product:
+            nodes = QUADRILATERAL_NODES if self.dimension == 3 else EDGE_NODES
+            x, w = _gauss(self.dimension - 1)
+            return ReferenceFacet(
+                w, *_quadratic_product(x, nodes), _linear_product(x, nodes[: self.facet_corners])
+            )
         x, w = triangle_rule(4)
         b = _barycentric(x)
         return ReferenceFacet(w, *_quadratic_simplex(b, TRIANGLE_EDGES), b)
@@ -132,7 +157,7 @@ class ReferenceFacet:
     ----------
     weights : (q,)
         Their sum is the area of the reference facet.
-    values, gradients : (q, m), (q, m, 2)
+    values, gradients : (q, m), (q, m, 2 or 1)
         Of the displacement.
     corner_values : (q, corners)
         Of the pressure.
@@ -147,6 +172,8 @@ class ReferenceFacet:
 TETRAHEDRON_EDGES = ((0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3))
 TRIANGLE_EDGES = ((0, 1), (1, 2), (0, 2))
 QUADRILATERAL_NODES = np.array([(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1)])
+TRIANGLE_NODES = np.array([(0, 0), (2, 0), (0, 2), (1, 0), (1, 1), (0, 1)])
+EDGE_NODES = np.array([(0,), (2,), (1,)])
 
 
 def _barycentric(x: Array) -> Array:
@@ -164,6 +191,12 @@ def _quadratic_simplex(b: Array, edges: tuple[tuple[int, int], ...]) -> tuple[Ar
     return values, np.concatenate([corner, edge], axis=1)
 
 
+def _linear_product(x: Array, corners: Any) -> Array:
+    """Values of products of linear functions along each axis."""
+    ends = np.stack([1 - x, x], axis=-1)
+    return np.asarray(np.prod([ends[:, a, corners[:, a] // 2] for a in range(x.shape[1])], axis=0))
+
+
 def _quadratic_product(x: Array, nodes: Any) -> tuple[Array, Array]:
     """Values and gradients of products of quadratic functions along each axis."""
     N = np.stack([(1 - x) * (1 - 2 * x), 4 * x * (1 - x), x * (2 * x - 1)], axis=-1)
@@ -176,11 +209,19 @@ def _quadratic_product(x: Array, nodes: Any) -> tuple[Array, Array]:
 
 
 def _gauss(dimension: int) -> tuple[Array, Array]:
-    """Three Gauss points along each axis of the unit square or cube, the first axis running fastest."""
+    """Three Gauss points along each axis of the unit interval, square or cube, the first axis running fastest."""
     along = np.array([0.5 - np.sqrt(0.15), 0.5, 0.5 + np.sqrt(0.15)])
     share = np.array([5 / 18, 8 / 18, 5 / 18])
     index = lattice(np.full(dimension, 3))
     return along[index], share[index].prod(axis=1)
+
+
+#: Six points on the unit triangle, exact to degree 4 [Dunavant 1985, Int. J. Numer. Methods Eng. 21, 1129–1148].
+_FIRST, _SECOND = 0.44594849091596489, 0.09157621350977073
+_SIX_POINTS = (
+    np.array([p for a in (_FIRST, _SECOND) for p in ((a, a), (a, 1 - 2 * a), (1 - 2 * a, a))]),
+    np.repeat([0.22338158967801147, 0.10995174365532187], 3) / 2,
+)
 
 
 def lattice(ends: Any) -> IntArray:
@@ -191,7 +232,29 @@ def lattice(ends: Any) -> IntArray:
 
 HEXAHEDRON = ReferenceElement("hexahedron", VTK_NODES / 2, 8, _QUADRILATERALS, *_gauss(3), 5)
 TETRAHEDRON = ReferenceElement("tetrahedron", TETRAHEDRON_NODES / 2, 4, _TRIANGLES, *tetrahedron_rule(2), 2)
-ELEMENTS = {27: HEXAHEDRON, 10: TETRAHEDRON}
+
+
+def _flat_element(
+    shape: Shape, nodes: IntArray, corners: int, rule: tuple[Array, Array], degree: int
+) -> ReferenceElement:
+    """Return an element in the plane z = 0, with its edges counter-clockwise."""
+    around = np.arange(corners)
+    edges = np.column_stack([around, (around + 1) % corners, corners + around])
+    at, points = np.pad(nodes / 2, ((0, 0), (0, 1))), np.pad(rule[0], ((0, 0), (0, 1)))
+    return ReferenceElement(shape, at, corners, edges, points, rule[1], degree)
+
+
+QUADRILATERAL = _flat_element("quadrilateral", QUADRILATERAL_NODES, 4, _gauss(2), 5)
+TRIANGLE = _flat_element("triangle", TRIANGLE_NODES, 3, _SIX_POINTS, 4)
+ELEMENTS = {27: HEXAHEDRON, 10: TETRAHEDRON, 9: QUADRILATERAL, 6: TRIANGLE}
+
+
+#: Corners of a facet by its nodes.
+FACET_CORNERS = {9: 4, 6: 3, 3: 2}
+#: Of the width of a meridian, up to which a distance from the axis is none.
+ON_AXIS = 1e-12
+#: Components of H and of a stress that there are in a body of revolution without a twist: radius, axis, hoop.
+MERIDIAN = np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,10 +268,11 @@ class BodyMesh:
     ----------
     points : (nodes, 3)
         Nodes of the displacement, X.
-    cells : (elements, 27 or 10)
-        Nodes of each element in VTK's order, triquadratic hexahedra or quadratic tetrahedra.
+    cells : (elements, 27, 10, 9 or 6)
+        Nodes of each element in VTK's order: triquadratic hexahedra or quadratic tetrahedra, and in two dimensions
+        biquadratic quadrilaterals or quadratic triangles.
     surfaces
-        Outward facets (facets, 9 or 6) of each named part of the surface, by their nodes.
+        Outward facets (facets, 9, 6 or 3) of each named part of the surface, by their nodes.
     volumes
         Elements (k,) of each named volume.
     unusable
@@ -217,6 +281,10 @@ class BodyMesh:
         Why a volume that a file names cannot be a region.
     numbers, volume_numbers
         Names of the surfaces and volumes that have a number in the file too, by that.
+    revolved
+        Whether a body in two dimensions is the meridian of a body of revolution about the y axis.
+    depth
+        Else the length that it stands for along the third axis.
     """
 
     points: Array
@@ -227,6 +295,28 @@ class BodyMesh:
     unusable_volumes: Mapping[str, str] = field(default_factory=dict)
     numbers: Mapping[str, str] = field(default_factory=dict)
     volume_numbers: Mapping[str, str] = field(default_factory=dict)
+    revolved: bool = False
+    depth: float = 1.0
+
+    @classmethod
+    def of(cls, solution: MacroSolution) -> BodyMesh:
+        """Return the mesh of a solution, without the names of its surfaces."""
+        return cls(solution.points, solution.cells, revolved=solution.revolved, depth=solution.depth)
+
+    @property
+    def flat(self) -> bool:
+        """True for a body in two dimensions."""
+        return self.element.dimension == 2
+
+    def measure(self, places: Array) -> Array:
+        """Return the length (...) across the plane that places (..., 3) of a body in two dimensions stand for."""
+        return 2 * np.pi * places[..., 0] if self.revolved else np.full(places.shape[:-1], self.depth)
+
+    @property
+    def on_axis(self) -> IntArray:
+        """Nodes on the axis of a body of revolution, which no radial displacement moves; none of others."""
+        x = self.points[:, 0]
+        return np.flatnonzero(np.abs(x) <= ON_AXIS * np.ptp(x)) if self.revolved else np.empty(0, np.int64)
 
     @property
     def element(self) -> ReferenceElement:
@@ -286,12 +376,40 @@ class BodyMesh:
     def jacobians(self) -> Array:
         """(elements, q, 3, 3) ∂X_i/∂ξ_j at the quadrature points."""
         gradients = self.element.gradients(self.element.points)
-        return np.asarray(np.einsum("eai,qaj->eqij", self.points[self.cells], gradients, optimize=True))
+        found = np.einsum("eai,qaj->eqij", self.points[self.cells], gradients, optimize=True)
+        if self.flat:
+            found[..., 2, 2] = 1.0
+        return np.asarray(found)
 
     @cached_property
     def weights(self) -> Array:
-        """(elements, q) volume of each quadrature point."""
-        return np.asarray(np.linalg.det(self.jacobians) * self.element.weights)
+        """(elements, q) volume of each quadrature point, of the whole revolution or depth in two dimensions."""
+        areas = np.linalg.det(self.jacobians) * self.element.weights
+        return np.asarray(areas * self.measure(self.quadrature_points) if self.flat else areas)
+
+    def gradients(self, elements: Any = slice(None)) -> Array:
+        """(elements, q, a, 3) ∂N_a/∂X_i of the displacement's shape functions, of all elements or some.
+
+        In a meridian the third is N_a/r, by which a radial displacement stretches the circle around.
+        """
+        reference = self.element.gradients(self.element.points)
+        inverse = np.linalg.inv(self.jacobians[elements])
+        found = np.einsum("qak,eqkj->eqaj", reference, inverse, optimize=True)
+        if self.revolved:
+            r = self.quadrature_points[elements][..., :1]
+            found[..., 2] = self.element.values(self.element.points) / r
+        return np.asarray(found)
+
+    def displacement_gradients(self, u: Array, elements: Any = slice(None)) -> Array:
+        """(elements, q, 3, 3) H_ij = ∂u_i/∂X_j of a displacement ``u`` (nodes, 3), of all elements or some.
+
+        In a meridian the rows and columns are those of the radius, the axis and the hoop: H_33 = u_r/r.
+        """
+        local = u[self.cells[elements]]
+        if self.revolved:
+            local[..., 2] = local[..., 0]
+        H = np.einsum("eai,eqaj->eqij", local, self.gradients(elements), optimize=True)
+        return np.asarray(H * MERIDIAN if self.revolved else H)
 
     @cached_property
     def quadrature_points(self) -> Array:
@@ -313,9 +431,7 @@ class BodyMesh:
     @cached_property
     def stretch(self) -> float:
         """Largest ∫ Σ_j |∂N/∂X_j| dX over the body of a displacement node's shape function N."""
-        gradients = self.element.gradients(self.element.points)
-        grad = np.einsum("qak,eqkj->eqaj", gradients, np.linalg.inv(self.jacobians), optimize=True)
-        local = np.einsum("eq,eqaj->ea", self.weights, np.abs(grad))
+        local = np.einsum("eq,eqaj->ea", self.weights, np.abs(self.gradients()))
         return float(np.bincount(self.cells.ravel(), local.ravel()).max())
 
     @cached_property
@@ -334,7 +450,10 @@ class BodyMesh:
     def unnamed(self) -> int:
         """Number of facets of the boundary that belong to no named surface."""
         named = [self.corners_of(facets) for facets in self.surfaces.values()]
-        return len(boundary_facets(self.cells)) - len(set[tuple[int, ...]]().union(*named))
+        facets = boundary_facets(self.cells)
+        # A body of revolution goes on beyond its axis.
+        outer = facets[~np.isin(facets, self.on_axis).all(axis=1)]
+        return len(outer) - len(set[tuple[int, ...]]().union(*named).intersection(self.corners_of(outer)))
 
     def corners_of(self, facets: IntArray) -> list[tuple[int, ...]]:
         """Return the corners of facets (k, m) in ascending order, by which they are known."""
@@ -394,8 +513,13 @@ class BodyMesh:
         Raises
         ------
         ConfigurationError
-            An element is turned inside out; the message begins with ``what``.
+            An element is turned inside out, or a meridian crosses its axis; the message begins with ``what``.
         """
+        if self.revolved and self.points[:, 0].min() < -ON_AXIS * np.ptp(self.points[:, 0]):
+            raise ConfigurationError(
+                f"{what}: the meridian reaches to x = {self.points[:, 0].min():.4g}, beyond the axis of revolution "
+                "x = 0; expected x ≥ 0 everywhere: draw one half of the section through the axis"
+            )
         bad = int((self.weights <= 0).any(axis=1).sum())
         if bad:
             raise ConfigurationError(
@@ -406,7 +530,7 @@ class BodyMesh:
 
 
 def counted_facets(cells: IntArray) -> tuple[IntArray, IntArray]:
-    """Return all facets (k, 9 or 6), each once and outward of its first element, and how many elements have it (k,)."""
+    """Return all facets (k, 9, 6 or 3), each once and outward of its first element, and how many have it (k,)."""
     element = ELEMENTS[cells.shape[1]]
     facets = cells[:, element.facets].reshape(-1, element.facets.shape[1])
     corners = np.sort(facets[:, : element.facet_corners], axis=1)
@@ -416,14 +540,14 @@ def counted_facets(cells: IntArray) -> tuple[IntArray, IntArray]:
 
 
 def boundary_facets(cells: IntArray) -> IntArray:
-    """Facets (k, 9 or 6) that belong to one element only, outward."""
+    """Facets (k, 9, 6 or 3) that belong to one element only, outward."""
     facets, count = counted_facets(cells)
     return np.asarray(facets[count == 1])
 
 
 def facet_middles(points: Array, facets: IntArray) -> Array:
     """(k, 3) means of the corners."""
-    return np.asarray(points[facets[:, : 4 if facets.shape[1] == 9 else 3]].mean(axis=1))
+    return np.asarray(points[facets[:, : FACET_CORNERS[facets.shape[1]]]].mean(axis=1))
 
 
 def box(lines: tuple[Array, Array, Array]) -> BodyMesh:
@@ -458,6 +582,35 @@ def graded(length: float, count: int, ratio: float) -> Array:
     steps = np.geomspace(1.0, ratio, count)
     edges = np.concatenate([[0.0], np.cumsum(steps)])
     return np.asarray(edges / edges[-1] * length)
+
+
+def rectangle(lines: tuple[Array, Array], *, revolved: bool = False, depth: float = 1.0) -> BodyMesh:
+    """Biquadratic quadrilaterals in the plane z = 0; nodes, elements and points run along x first, then y.
+
+    Parameters
+    ----------
+    lines
+        Edges of the elements along x and y, ascending.
+    revolved, depth
+        As of :class:`BodyMesh`; the side on the axis of a body of revolution is no surface.
+    """
+    counts = np.array([len(line) - 1 for line in lines])
+    ends = 2 * counts + 1
+    fine = [np.interp(np.arange(n), np.arange(0, n, 2), line) for n, line in zip(ends, lines, strict=True)]
+    index = lattice(ends)
+    points = np.stack([fine[0][index[:, 0]], fine[1][index[:, 1]], np.zeros(len(index))], axis=1)
+    cells = (2 * lattice(counts)[:, None] + QUADRILATERAL_NODES) @ np.array([1, ends[0]])
+    facets = boundary_facets(cells)
+    middles = facet_middles(points, facets)
+    at = {
+        name + side: facets[middles[:, axis] == lines[axis][end]]
+        for axis, name in enumerate("xy")
+        for side, end in (("-", 0), ("+", -1))
+    }
+    if revolved:
+        inner, side = at.pop("x-"), at.pop("x+")
+        at |= {"side": side} | ({"inner": inner} if lines[0][0] > 0 else {})
+    return BodyMesh(points, cells, at, revolved=revolved, depth=depth)
 
 
 def sector(
@@ -708,15 +861,41 @@ class Facets:
     nodes: IntArray
 
     def tangents_of(self, points: Array) -> Array:
-        """(f, q, 3, 2) ∂x/∂ξ where the nodes are at ``points``."""
-        gradients = self.mesh.element.facet.gradients
-        return np.asarray(np.einsum("fai,qak->fqik", points[self.nodes], gradients, optimize=True))
+        """(f, q, 3, 2) ∂x/∂ξ where the nodes are at ``points``.
+
+        In two dimensions the second is along z, as long as what the point stands for across the plane there.
+        """
+        reference = self.mesh.element.facet
+        found = np.einsum("fai,qak->fqik", points[self.nodes], reference.gradients, optimize=True)
+        if not self.mesh.flat:
+            return np.asarray(found)
+        across = np.zeros_like(found)
+        across[..., 2, 0] = self.mesh.measure(reference.values @ points[self.nodes])
+        return np.concatenate([found, across], axis=-1)
+
+    @property
+    def tangent_slopes(self) -> tuple[Array, Array]:
+        """Derivatives (q, m, 3, 3) of the components of the two tangents by those of the places of the nodes."""
+        reference = self.mesh.element.facet
+        first, *others = np.einsum("qak,ij->kqaij", reference.gradients, np.eye(3))
+        if others:
+            return first, others[0]
+        around = np.zeros((3, 3))
+        around[2, 0] = 2 * np.pi if self.mesh.revolved else 0.0
+        return first, np.einsum("qa,ij->qaij", reference.values, around)
 
     @property
     def normals(self) -> Array:
         """(f, q, 3) outward, of the length of the area that a point stands for on the unit facet."""
         t = self.tangents_of(self.mesh.points)
         return np.cross(t[..., 0], t[..., 1])
+
+    @property
+    def directions(self) -> Array:
+        """(f, q, 3) outward normals of length one."""
+        t = self.tangents_of(self.mesh.points)
+        n = np.cross(t[..., 0], np.array([0.0, 0.0, 1.0]) if self.mesh.flat else t[..., 1])
+        return np.asarray(n / np.linalg.norm(n, axis=-1, keepdims=True))
 
     @property
     def areas(self) -> Array:
@@ -747,8 +926,7 @@ class Facets:
         ConfigurationError
             They are not plane; the message begins with ``key``.
         """
-        n = self.normals.reshape(-1, 3)
-        n = n / np.linalg.norm(n, axis=1, keepdims=True)
+        n = self.directions.reshape(-1, 3)
         if np.abs(n - n[0]).max() > 1e-6:
             raise ConfigurationError(
                 f"{key}: this surface is not plane; prescribe components of the displacement"

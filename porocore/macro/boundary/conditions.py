@@ -325,6 +325,8 @@ class Collector:
         self.mesh.require_surfaces(self.problem.boundary, "macro.boundary")
         self._require_one_load_on_each_face()
         self._require_loads_that_act()
+        if self.mesh.flat:
+            self._stay_in_plane()
         for name, boundary in self.problem.boundary.items():
             key = f"macro.boundary.{name}"
             facets = Facets(self.mesh, self.mesh.surface(name, key))
@@ -418,8 +420,7 @@ class Collector:
             facets = self.mesh.surface(name, f"macro.boundary.{name}")
             theirs = self.faces(other)
             both = [row for corners, row in self.faces(name).items() if corners in theirs]
-            n = Facets(self.mesh, facets[both]).normals.reshape(-1, 3)
-            n = np.abs(n / np.linalg.norm(n, axis=1, keepdims=True)) > SAME
+            n = np.abs(Facets(self.mesh, facets[both]).directions.reshape(-1, 3)) > SAME
             if held.normal is not None:
                 along = n[:, t].any(axis=1) & (
                     (n.sum(axis=1) == 1) | (t.sum() == 1)
@@ -436,6 +437,42 @@ class Collector:
                     f"macro.boundary.{name}: the {load} does nothing on {len(both)} of its {len(facets)} faces, "
                     f"on which macro.boundary.{other} prescribes {what}; keep one of the two"
                 )
+
+    def _stay_in_plane(self) -> None:
+        """Prescribe that a body in two dimensions does not move along z, and one of revolution not off its axis.
+
+        Raises
+        ------
+        ConfigurationError
+            Something moves or pushes it across its plane, or begins with a gradient that it cannot have.
+        """
+        across = (
+            "around the axis, about which it does not turn"
+            if self.mesh.revolved
+            else "along z, across its plane"
+        )
+        said = f"a body of kind '{self.problem.body.kind}' has none {across}; give 0 there"
+        for name, face in self.problem.boundary.items():
+            if face.displacement[2] not in (None, 0) or face.traction[2] != 0:
+                what = "traction" if face.traction[2] != 0 else "displacement"
+                raise ConfigurationError(f"macro.boundary.{name}.{what}: got a third component; {said}")
+        if self.problem.body_force[2] != 0:
+            raise ConfigurationError(f"macro.body_force: got a third component; {said}")
+        H = np.array(self.problem.initial.gradient)
+        fits = not H[2, :2].any() and not H[:2, 2].any()
+        fits &= H[2, 2] == H[0, 0] and not H[0, 1] and not H[1, 0] if self.mesh.revolved else H[2, 2] == 0
+        if not fits:
+            wanted = (
+                "[[a, 0, 0], [0, b, 0], [0, 0, a]]"
+                if self.mesh.revolved
+                else "[[a, b, 0], [c, d, 0], [0, 0, 0]]"
+            )
+            raise ConfigurationError(
+                f"macro.initial.gradient: a body of kind '{self.problem.body.kind}' begins with {wanted} alone"
+            )
+        nodes = np.arange(len(self.mesh.points))
+        self.prescribe(3 * nodes + 2, 0.0, "u_3", "macro.body")
+        self.prescribe(3 * self.mesh.on_axis, 0.0, "u_1", "macro.body (the axis of revolution)")
 
     def _body_force(self) -> None:
         element = self.mesh.element
@@ -479,7 +516,10 @@ class Collector:
     def _free(self, piece: BoolArray) -> tuple[list[str], list[str]]:
         """Return the directions along which, and the axes about which, a piece (nodes,) may move as one."""
         mesh = self.mesh
-        held = np.flatnonzero((self.function[: mesh.n_u] >= 0) & np.repeat(piece, 3))
+        stiff = self.function[: mesh.n_u] >= 0
+        if mesh.revolved:  # a circle that moves outwards is stretched
+            stiff[::3] = True
+        held = np.flatnonzero(stiff & np.repeat(piece, 3))
         nodes, directions = [held // 3], [np.eye(3)[held % 3]]
         for node, constraints in self.oblique.items():
             if piece[node]:
@@ -635,9 +675,10 @@ def follower_tangent(facets: Facets, u: Array, pressure: float) -> Any:
     t = facets.tangents_of(facets.mesh.points + u)
     # δ(t1 × t2)_i = ε_ijk (t2_k δt1_j − t1_k δt2_j)
     slopes = [sign * np.einsum("ijk,fqk->fqij", _EPSILON, t[..., other]) for sign, other in ((1, 1), (-1, 0))]
-    w, N, dN = reference.weights, reference.values, reference.gradients
+    w, N = reference.weights, reference.values
     first, second = (
-        np.einsum("q,qa,qb,fqij->faibj", w, N, dN[..., k], slopes[k], optimize=True) for k in (0, 1)
+        np.einsum("q,qa,qbkj,fqik->faibj", w, N, by_nodes, slope, optimize=True)
+        for by_nodes, slope in zip(facets.tangent_slopes, slopes, strict=True)
     )
     blocks = first + second
     dofs = (3 * facets.nodes[:, :, None] + np.arange(3)).reshape(len(facets.nodes), -1)

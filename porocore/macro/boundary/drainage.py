@@ -104,8 +104,9 @@ def held_sideways(macro: MacroSetup) -> int | None:
     """
     mesh = body_mesh(macro)
     names = set(mesh.surfaces)
-    for axis, letter in enumerate("xyz"):
-        ends, others = {f"{letter}-", f"{letter}+"}, [i for i in range(3) if i != axis]
+    dimension = mesh.element.dimension
+    for axis, letter in enumerate("xyz"[:dimension]):
+        ends, others = {f"{letter}-", f"{letter}+"}, [i for i in range(dimension) if i != axis]
         sides = [macro.boundary.get(name, Boundary()) for name in names - ends]
         if not ends <= names or macro.surfaces or not all(_slides(side, axis, others) for side in sides):
             continue
@@ -214,9 +215,9 @@ def _decay(flow: Any, volume: Any, ones: Array) -> tuple[Array, Array]:
 
 def _diffusion(mesh: BodyMesh, diffusivity: Array, storage: Array) -> tuple[Any, Any]:
     """Return the sparse matrices (nodes, nodes) of ∫S ∇q·c∇p and ∫S qp with quadratic functions."""
-    element = mesh.element
-    values, reference = element.values(element.points), element.gradients(element.points)
-    gradients = np.einsum("qak,eqkj->eqaj", reference, np.linalg.inv(mesh.jacobians), optimize=True)
+    values, gradients = mesh.element.values(mesh.element.points), mesh.gradients()
+    if mesh.revolved:  # nothing flows around
+        gradients[..., 2] = 0.0
     weights = storage[:, None] * mesh.weights
     flow = np.einsum("eq,eqai,eij,eqbj->eab", weights, gradients, diffusivity, gradients, optimize=True)
     volume = np.einsum("eq,qa,qb->eab", weights, values, values, optimize=True)
@@ -239,14 +240,14 @@ def diffusion_time(macro: MacroSetup, coefficients: LinearCoefficients | RestCoe
     """
     mesh, largest = body_mesh(macro), 0.0
     by_element = RestCoefficients.of_elements(coefficients, len(mesh.cells))
-    share = 1.0 if mesh.element.shape == "hexahedron" else 3.0
+    share = 1.0 if mesh.element.is_product else float(mesh.element.dimension)
     for name, boundary in macro.boundary.items():
         if boundary.pressure is None:
             continue
         facets = Facets(mesh, mesh.surface(name, f"macro.boundary.{name}"))
         if not len(facets.nodes):
             continue
-        normals = (facets.normals * mesh.element.facet.weights[:, None]).sum(axis=1)
+        normals = (facets.directions * facets.areas[..., None]).sum(axis=1)
         normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         height = share * mesh.weights[facets.elements].sum(axis=1) / facets.areas.sum(axis=1)
         speed = _consolidation(by_element[facets.elements], normals)
@@ -291,7 +292,7 @@ def _drained(mesh: BodyMesh, problem: MacroProblem) -> npt.NDArray[np.bool_]:
 
 
 #: Least rate at which the overshoot decays, per h²/(6 c_v) since the loading began, measured for r of 0.5 to 8.
-DECAY = {"hexahedron": 1.0, "tetrahedron": 0.65}
+DECAY = {"hexahedron": 1.0, "quadrilateral": 1.0, "tetrahedron": 0.65, "triangle": 0.65}
 #: An overshoot up to this share is not told.
 TOLD = 0.01
 
@@ -307,10 +308,10 @@ def unresolved(problem: MacroProblem, limit: float, solution: MacroSolution) -> 
     elapsed = time - _begin(problem, time)
     if at == 0 or limit == 0 or largest <= _prescribed(problem, time) * (1 + SAME):
         return None
-    shape = body_mesh(problem).element.shape
-    if at == 1 and shape == "hexahedron" and elapsed >= limit * (1 - SAME):
-        return None  # One step of backward Euler on hexahedra does not overshoot from there on.
-    faded = float(np.exp(-DECAY[shape] * elapsed / limit))
+    element = body_mesh(problem).element
+    if at == 1 and element.is_product and elapsed >= limit * (1 - SAME):
+        return None  # One step of backward Euler on cubes and squares does not overshoot from there on.
+    faded = float(np.exp(-DECAY[element.shape] * elapsed / limit))
     # No mesh overshoots by more than the corner of three drained planes of tetrahedra, 1.7³ − 1 = 3.9.
     if 4 * faded <= TOLD:
         return None

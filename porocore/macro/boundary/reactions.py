@@ -241,11 +241,8 @@ def _find(mesh: BodyMesh, place: Array, key: str) -> tuple[int, Array]:
     near = ((place >= first - margin) & (place <= last + margin)).all(axis=1)
     for cell in np.flatnonzero(near):
         xi = _invert(mesh, nodes[cell], place)
-        inside = xi is not None and xi.min() > -LEEWAY
-        if xi is not None and inside:
-            beyond = xi.max() - 1 if mesh.element.shape == "hexahedron" else xi.sum() - 1
-            if beyond < LEEWAY:
-                return int(cell), xi
+        if xi is not None and mesh.element.beyond(xi) < LEEWAY:
+            return int(cell), xi
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
     said = partial(units_now().texts, quantity="displacement", digits=6)
     unit = (
@@ -265,9 +262,13 @@ def _invert(mesh: BodyMesh, nodes: Array, place: Array) -> Array | None:
     xi, size = element.nodes[: element.corners].mean(axis=0), float(np.ptp(nodes, axis=0).max())
     for _ in range(30):
         error = element.values(xi[None])[0] @ nodes - place
+        if element.dimension == 2:
+            error[2] += size * xi[2]
         if np.abs(error).max() < 1e-12 * size:
             return np.asarray(xi)
         jacobian = nodes.T @ element.gradients(xi[None])[0]
+        if element.dimension == 2:
+            jacobian[2, 2] = size
         xi = xi - np.linalg.solve(jacobian, error)
         if np.abs(xi).max() > 5:
             return None

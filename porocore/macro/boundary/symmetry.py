@@ -14,6 +14,7 @@ import numpy as np
 
 from porocore.core.formulas import TimeFunction, Value
 from porocore.errors import ConfigurationError
+from porocore.interfaces.law import MacroResponse
 from porocore.interfaces.sensitivities import HistoryWeights, MacroSensitivities
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.mesh import BodyMesh, Facets
@@ -100,6 +101,25 @@ class Symmetry:
 
     def _touch(self, name: str, plane: str) -> bool:
         return bool(np.isin(self.mesh.surfaces[name], self.mesh.surfaces[plane]).any())
+
+
+#: Stress across the plane of a flat body, as a share of the stiffness, that is the error of a cell's mesh.
+ACROSS = 0.01
+#: Components of a stress or of H that a mirror at the plane z = 0 turns into their opposites.
+_ODD = np.array([[False, False, True], [False, False, True], [True, True, False]])
+
+
+def across_plane(response: MacroResponse) -> float:
+    """Return the largest shear stress out of the plane by what happens in it, as a share of the largest stiffness.
+
+    It vanishes for a cell that is its own mirror image in the plane z = 0, as a body in two dimensions needs.
+    """
+    tangent = response.tangent
+    assert tangent is not None
+    stiffness = tangent.stress_grad_u
+    largest = float(np.abs(stiffness).max(initial=0.0)) or 1.0
+    parts = (stiffness[:, _ODD][:, :, ~_ODD], tangent.stress_p[:, _ODD], response.stress[:, _ODD])
+    return max(float(np.abs(part).max(initial=0.0)) for part in parts) / largest
 
 
 def part_problem(problem: MacroProblem) -> MacroProblem:
@@ -204,7 +224,9 @@ def _fault(setup: MacroSetup, mesh: BodyMesh, name: str, normal: Array) -> str:
             and own.intersection(mesh.corners_of(mesh.surface(other, f"macro.boundary.{other}")))
         ):
             return f"shares faces with '{other}', which {fault}"
-    held = [i for i, u in enumerate(face.displacement) if u is not None]
+    if mesh.revolved and abs(normal[0]) > SAME:
+        return "goes around the axis of revolution"
+    held = [i for i, u in enumerate(face.displacement) if u is not None and not (mesh.flat and i == 2)]
     along = len(held) == 1 and abs(normal[held[0]]) > 1 - SAME and face.displacement[held[0]] == 0
     if not along and (face.normal is None or face.normal != 0):
         return "does not slide along itself"

@@ -166,6 +166,8 @@ class HistoryRecorder:
             element_cells=kept_cells(
                 body, tuple(self.d.problem.regions), [each.time for each in self.profiles], self.d.all_means
             ),
+            revolved=mesh.revolved,
+            depth=mesh.depth,
         )
 
 

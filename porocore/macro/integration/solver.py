@@ -13,10 +13,11 @@ from porocore.core.echo import echo
 from porocore.core.models.bounds import LARGEST_NUMBER
 from porocore.core.parallel.memory import freed_memory_kept
 from porocore.errors import ConfigurationError
-from porocore.interfaces.law import LawMemory, MacroLaw
+from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.sensitivities import HistoryWeights, MacroChange, MacroSensitivities
 from porocore.interfaces.solution import MacroSolution, StepReport, StepWork
+from porocore.macro.boundary.symmetry import ACROSS, across_plane
 from porocore.macro.composition.regions import BodyFields, CellsAtPoints
 from porocore.macro.integration.checkpoint import CheckpointFile, HistoryRecorder
 from porocore.macro.integration.discretisation import Discretisation, StepFailed
@@ -236,10 +237,33 @@ def _at_rest(
     x = d.from_mesh(whole)
     states, grad_p = d.states(x)
     states = _fields_at(d, body, 0.0).given_to(states)
-    response = law.respond(states, grad_p, law.initial_at(states), tangent=False)
+    response = law.respond(states, grad_p, law.initial_at(states), tangent=mesh.flat)
+    if mesh.flat:
+        _require_in_plane(d, response)
     record.add_start(x, response)
     predictor.add(0.0, x, kink=True)
     return x, response.memory, record
+
+
+def _require_in_plane(d: Discretisation, response: MacroResponse) -> None:
+    """Refuse a cell that would shear a body in two dimensions out of its plane.
+
+    Raises
+    ------
+    ConfigurationError
+        It is no mirror image of itself in the plane z = 0.
+    """
+    share = d.communicator.max(across_plane(response))
+    if share > ACROSS:
+        kind, about = (
+            d.problem.body.kind,
+            "turns it about its axis" if d.mesh.revolved else "shears it out of its plane",
+        )
+        raise ConfigurationError(
+            f"macro.body.kind: a body of kind '{kind}' needs a cell that is its own mirror image in the plane z = 0, "
+            f"but what happens in the plane {about}: a stress P_13 or P_23 of {100 * share:.2g} % of the stiffness; "
+            "turn the material axes (macro.fields.axes), or take a body of three dimensions"
+        )
 
 
 def _flagged_points(d: Discretisation, law: MacroLaw, memory: LawMemory, x: Array) -> str:

@@ -292,7 +292,7 @@ class BodyCells:
 
 def volumes_of(solution: MacroSolution) -> Array:
     """Return the volumes (elements,) of the elements of a solution."""
-    return np.asarray(BodyMesh(solution.points, solution.cells).weights.sum(axis=1))
+    return np.asarray(BodyMesh.of(solution).weights.sum(axis=1))
 
 
 def region_rows(body: BodyCells) -> tuple[list[str], list[list[str]]]:

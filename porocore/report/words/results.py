@@ -228,7 +228,7 @@ def visited_shares(solution: MacroSolution, sampling: SamplingSummary) -> list[d
         return []
     span = np.subtract(sampling.inputs.upper, sampling.inputs.lower)
     tree = cKDTree(sampling.x / span)
-    volume = BodyMesh(solution.points, solution.cells).weights.sum(axis=1)
+    volume = BodyMesh.of(solution).weights.sum(axis=1)
     return [_at(solution, i, sampling, tree, span, volume) for i in range(len(solution.profiles))]
 
 

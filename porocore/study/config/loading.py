@@ -28,7 +28,7 @@ from porocore.core.units import (
     using_units,
 )
 from porocore.errors import ConfigurationError
-from porocore.macro.body.kinds import Box, Cylinder, QuarterCylinder, Wedge
+from porocore.macro.body.kinds import Axisymmetric, Box, Cylinder, PlaneStrain, QuarterCylinder, Wedge
 from porocore.plugins.discovery import Offered
 from porocore.plugins.hookspecs import CommandOffer
 from porocore.plugins.registry import find_command
@@ -128,6 +128,8 @@ SURFACES = {
     "cylinder": Cylinder.surfaces,
     "quarter-cylinder": QuarterCylinder.surfaces,
     "wedge": Wedge.surfaces,
+    "axisymmetric": Axisymmetric.surfaces,
+    "plane-strain": PlaneStrain.surfaces,
 }
 #: Stand for faulty ones while the rest of a document is looked through.
 ANY_SCALES = Scales(modulus=1.0, length=1.0, pore=1.0, viscosity=1.0)

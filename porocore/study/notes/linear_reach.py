@@ -319,7 +319,7 @@ def _share(inputs: InputSpace, objective: bool, solution: MacroSolution, states:
         states = inputs.without_rotation(states)
     unit = inputs.to_unit(inputs.gather(states))
     outside = inputs.moves_other(states) | (np.abs(unit - 0.5) > 0.5 + ROUND_OFF).any(axis=1)
-    volumes = BodyMesh(solution.points, solution.cells).weights.ravel()
+    volumes = BodyMesh.of(solution).weights.ravel()
     return float((outside.reshape(-1, len(volumes)) @ volumes).max() / volumes.sum())
 
 

@@ -219,7 +219,7 @@ def left_out_shear(
 
 def _worst(solution: MacroSolution, i: int, element: int, surrogate: Surrogate) -> MacroState:
     """Return the first state of an element that the surrogate flags; its mean where it flags none of the points."""
-    points = _point_states(solution, BodyMesh(solution.points, solution.cells), i, np.array([element]))
+    points = _point_states(solution, BodyMesh.of(solution), i, np.array([element]))
     flagged = prediction_of(surrogate, points, tangent=False).flagged
     if not flagged.any():
         return solution.cell_states(i)[[element]]
@@ -242,7 +242,7 @@ def visited(
 
     They are those that the cells see: in the material axes, and with the means of the parameters over an element.
     """
-    mesh = BodyMesh(solution.points, solution.cells)
+    mesh = BodyMesh.of(solution)
     elements = [np.flatnonzero(_wanted(profile, flagged)) for profile in solution.profiles]
     found = [_point_states(solution, mesh, i, some) for i, some in enumerate(elements)]
     of, points = np.concatenate(elements), len(mesh.element.weights)

@@ -1,0 +1,271 @@
+"""Bodies in two dimensions: exact states, closed forms, and the same bodies in three dimensions, on both backends."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from porocore.commands.verify.linear_cases import isotropic_law
+from porocore.errors import ConfigurationError
+from porocore.interfaces.sensitivities import (
+    BoundaryChange,
+    CellParameterChange,
+    InitialPressureChange,
+    LoadChange,
+)
+from porocore.macro.problem import MacroProblem, body_mesh
+from porocore.plugins.registry import registry
+from porocore.testing.synthetic.response import mean_gradient_law
+from tests.consistency.test_gradients import compare
+from tests.consistency.test_sensitivities import check
+from tests.helpers.anisotropic_cell import anisotropic_law
+from tests.helpers.sensitivity_bodies import law
+
+#: Long enough for all pressure to vanish.
+DRAINED = {"end": 4e6, "step": 1e6, "ramp_increments": 2, "ramp_step": 0.1, "profiles": ()}
+TRANSIENT = {"end": 1.0, "step": 0.3, "ramp_increments": 2, "ramp_step": 0.1, "profiles": ()}
+TUBE = {"kind": "axisymmetric", "radius": 0.5, "inner_radius": 0.1, "height": 0.8, "grading": (2, 1)}
+PLUG = {"kind": "axisymmetric", "radius": 0.5, "height": 0.8}
+
+
+@pytest.fixture(params=["skfem", pytest.param("dolfinx", marks=pytest.mark.slow)])
+def make_solver(request):
+    pytest.importorskip(request.param)
+    return registry().get("macro solver", request.param)
+
+
+def problem(body, boundary, time=DRAINED, **more):
+    data = {"body": body, "boundary": boundary, "time": time, "newton": {"tolerance": 1e-12}}
+    return MacroProblem.model_validate(data | more)
+
+
+def solve(make_solver, given, law, **options):
+    solver = make_solver(**options)
+    return solver.solve(solver.prepare(given), law)
+
+
+# ---- exact states --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("body", [TUBE, PLUG], ids=["tube", "plug"])
+def test_a_homogeneous_deformation_of_finite_strain_is_exact(make_solver, body):
+    """u_r = 0.1 r, u_y = −0.1 y, whose H is that of three dimensions; forces are the stress times the areas."""
+    free = {"pressure": 0}
+    boundary = {
+        "side": {"displacement": (0.05, None, None), **free},
+        "y-": {"normal": 0, **free},
+        "y+": {"displacement": (None, -0.08, None), **free},
+    }
+    if "inner_radius" in body:
+        boundary["inner"] = {"displacement": (0.01, None, None), **free}
+    given = problem(body | {"elements": (3, 2)}, boundary)
+    found = solve(make_solver, given, law())
+    last = found.profiles[-1]
+    np.testing.assert_allclose(
+        last.grad_u, np.broadcast_to(np.diag([0.1, -0.1, 0.1]), last.grad_u.shape), atol=1e-13
+    )
+    P = last.stress[0]
+    assert P[0, 0] == pytest.approx(P[2, 2], rel=1e-10)
+    area = np.pi * (0.25 - 0.01 * ("inner_radius" in body))
+    assert found.reactions["y+"][-1] == pytest.approx([0, area * P[1, 1], 0], abs=1e-12)
+    assert found.reactions["side"][-1] == pytest.approx([2 * np.pi * 0.5 * 0.8 * P[0, 0], 0, 0], abs=1e-12)
+    assert body_mesh(given).weights.sum() == pytest.approx(0.8 * area, rel=1e-14)
+
+
+@pytest.mark.parametrize("load", ["side", "y+"])
+def test_a_pressure_that_follows_deforms_it_as_in_three_dimensions(make_solver, load):
+    boundary = {"y-": {"normal": 0}, "side": {"pressure": 0}}
+    boundary[load] = boundary.get(load, {}) | {"follower": 0.05}
+    plug = solve(make_solver, problem(PLUG | {"elements": (2, 2)}, boundary), law())
+    quarter = {"kind": "quarter-cylinder", "radius": 0.5, "height": 0.8, "elements": (1, 1, 1)}
+    boundary |= {"x-": {"normal": 0}, "z-": {"normal": 0}}
+    whole = solve(make_solver, problem(quarter, boundary), law())
+    scale = np.abs(whole.profiles[-1].grad_u).max()
+    for each in (plug, whole):
+        H = each.profiles[-1].grad_u
+        np.testing.assert_allclose(H, np.broadcast_to(H[0], H.shape), atol=1e-8 * scale)
+    np.testing.assert_allclose(plug.profiles[-1].grad_u[0], whole.profiles[-1].grad_u[0], atol=1e-8 * scale)
+
+
+def test_plane_strain_is_a_layer_of_three_dimensional_elements(make_solver):
+    boundary = {
+        "x-": {"normal": 0},
+        "y-": {"displacement": (0, 0, None)},
+        "x+": {"pressure": 0, "traction": (0.01, 0.005, 0)},
+        "y+": {"follower": 0.03},
+    }
+    more = {"probes": {"inside": (0.3, 0.4, 0)}, "body_force": (0.01, -0.02, 0), "time": TRANSIENT}
+    flat = {"kind": "plane-strain", "size": (1, 0.8), "elements": (3, 2), "grading": (2, 1), "depth": 0.3}
+    box = {"kind": "box", "size": (1, 0.8, 0.3), "elements": (3, 2, 1), "grading": (2, 1, 1)}
+    found = solve(make_solver, problem(flat, boundary, **more), law())
+    layer = boundary | {"z-": {"normal": 0}, "z+": {"normal": 0}}
+    whole = solve(make_solver, problem(box, layer, **more), law())
+    np.testing.assert_allclose(found.probes["inside"], whole.probes["inside"], atol=1e-13)
+    for name in ("x-", "y-"):
+        np.testing.assert_allclose(found.reactions[name], whole.reactions[name], atol=1e-13)
+    np.testing.assert_allclose(found.history.drained, whole.history.drained, atol=1e-13)
+    np.testing.assert_allclose(found.inflow["x+"], whole.inflow["x+"], atol=1e-13)
+    for a, b in zip(found.profiles, whole.profiles, strict=True):
+        np.testing.assert_allclose(a.stress, b.stress, atol=1e-13)
+    assert np.abs(whole.probes["inside"]).max() > 1e-3
+
+
+# ---- closed forms --------------------------------------------------------------------------------
+
+
+def test_lame(make_solver):
+    """A thick cylinder in plane strain under a pressure inside [Timoshenko & Goodier, Theory of Elasticity, §28]."""
+    lame, shear, a, b, p = 1.2, 0.8, 0.1, 0.5, 1e-3
+    constant = p * a**2 / (b**2 - a**2)
+
+    def radial(r):
+        return constant * (r / (2 * (lame + shear)) + b**2 / (2 * shear * r))
+
+    boundary = {
+        "inner": {"traction": (p, 0, 0), "pressure": 0},
+        "side": {"pressure": 0},
+        "y-": {"normal": 0},
+        "y+": {"normal": 0},
+    }
+    errors, given = [], isotropic_law(lame, shear, 0.7, 0.1, 1.0)
+    places = {"inside": (a, 0.2, 0), "middle": (0.23, 0.2, 0), "outside": (b, 0.3, 0)}
+    for n in (6, 12):
+        body = TUBE | {"elements": (n, 1), "grading": (5, 1)}
+        found = solve(make_solver, problem(body, boundary, probes=places), given)
+        errors.append(max(abs(found.probes[name][-1, 0] / radial(at[0]) - 1) for name, at in places.items()))
+    assert errors[1] < 1e-4
+    assert errors[0] > 6 * errors[1]
+    # σ_yy = ν (σ_rr + σ_θθ) = 2 ν constant is uniform.
+    nu = lame / (2 * (lame + shear))
+    force = 2 * nu * constant * np.pi * (b**2 - a**2)
+    assert found.reactions["y+"][-1, 1] == pytest.approx(force, rel=1e-4)
+
+
+def test_a_plug_is_the_wedge_as_its_elements_become_finer(make_solver):
+    boundary = {
+        "y-": {"displacement": (0, 0, 0)},
+        "y+": {"displacement": (0, -0.1, 0), "pressure": 0},
+        "side": {"pressure": 0},
+    }
+
+    @cache
+    def force(kind, n):
+        body = {"kind": kind, "radius": 1.0, "height": 1.0}
+        more = {"elements": (n, n), "grading": (0.5, 1)}
+        sides = {}
+        if kind == "wedge":
+            more = {"elements": (n, n, 1), "grading": 0.5, "angle": 6}
+            sides = {"z-": {"normal": 0}, "oblique": {"normal": 0}}
+        found = solve(make_solver, problem(body | more, boundary | sides, TRANSIENT), law())
+        turns = 60 if kind == "wedge" else 1
+        return found.reactions["y+"][1:, 1] * turns
+
+    differences = [np.abs(force("axisymmetric", n) / force("wedge", n) - 1).max() for n in (2, 4)]
+    assert differences[1] < 5e-3
+    assert differences[0] > 2 * differences[1]
+
+
+# ---- balance, tangents and derivatives -----------------------------------------------------------
+
+
+SQUEEZED = {
+    "follower": (BoundaryChange("inner", "follower"), 0.02),
+    "plate": (BoundaryChange("y+", "plate"), 1.0),
+    "load": (LoadChange(), 0.9),
+    "initial": (InitialPressureChange(), 0.001),
+    "radius": (CellParameterChange("radius"), 0.0),
+}
+
+
+def squeezed(*, follower, plate, load, initial, radius):
+    """A hollow plug under a plate, a pressure inside that follows, and an inflow at its base."""
+    return problem(
+        TUBE | {"elements": (2, 2)},
+        {
+            "y-": {"normal": 0, "flux": 0.001},
+            "y+": {"plate": {"ramp": -0.01 * plate, "until": 0.2}},
+            "inner": {"follower": follower},
+            "side": {"pressure": 0},
+        },
+        TRANSIENT,
+        load=load,
+        initial={"pressure": initial},
+        fields={"radius": f"{0.2 + radius!r} + 0.01*x"},
+        probes={"inside": (0.2, 0.3, 0)},
+    )
+
+
+def test_derivatives_are_the_limits_of_differences(make_solver):
+    check(make_solver, squeezed, law("radius"), SQUEEZED)
+
+
+def test_gradients_are_sums_of_sensitivities(make_solver):
+    given = squeezed(**{name: value for name, (_, value) in SQUEEZED.items()})
+    compare(make_solver, given, law("radius"), [change for change, _ in SQUEEZED.values()])
+
+
+def test_the_force_on_the_base_is_the_load(make_solver):
+    boundary = {
+        "y-": {"displacement": (0, 0, None)},
+        "y+": {"traction": (0.01, -0.03, 0)},
+        "side": {"pressure": 0},
+    }
+    given = problem(PLUG | {"elements": (3, 3)}, boundary, TRANSIENT, body_force=(0, -0.02, 0))
+    found = solve(make_solver, given, law())
+    load = np.pi * 0.25 * (0.03 + 0.02 * 0.8)
+    assert found.reactions["y-"][-1, 1] == pytest.approx(load, rel=1e-9)
+    # What the sides take out of the body is what its volume loses.
+    flows = found.inflow["side"][1:] * np.diff(found.history.time)
+    assert -flows.sum() == pytest.approx(found.history.drained[-1], rel=1e-9)
+
+
+@pytest.mark.parametrize("kind", ["axisymmetric", "plane-strain"])
+def test_the_tangent_is_the_slope_of_the_residual(make_solver, kind):
+    body = (
+        TUBE | {"elements": (2, 2)}
+        if kind == "axisymmetric"
+        else {"kind": kind, "size": (1, 0.8), "elements": (2, 2)}
+    )
+    side = "inner" if kind == "axisymmetric" else "x+"
+    given = problem(body, {"y-": {"displacement": (0, 0, 0)}, side: {"follower": 0.1, "pressure": 0}})
+    d, L, rng = make_solver().prepare(given), mean_gradient_law(), np.random.default_rng(0)
+    x = d.from_mesh(0.002 * rng.standard_normal(d.mesh.size))
+    memory, loads, moved = L.initial(d.n_points), d.loads(1.0), np.zeros(len(x))
+    moved[d.free] = rng.standard_normal(len(d.free))
+
+    def residual(at):
+        states, grad_p = d.states(at)
+        response = L.respond(states, grad_p, memory)
+        return d.residual(response, 0.3, loads, at).values[d.free], response
+
+    h = 1e-6
+    slope = (residual(x + h * moved)[0] - residual(x - h * moved)[0]) / (2 * h)
+    right = np.zeros(len(x))
+    right[d.free] = slope
+    system = d.system(residual(x)[1].tangent, 0.3, d.follower_tangent(x, loads))
+    found = d.solve(system, right, np.zeros(len(d.prescribed)))
+    np.testing.assert_allclose(found[d.free], moved[d.free], atol=1e-5 * np.abs(moved).max())
+
+
+def test_iterations_give_what_a_factor_gives(make_solver):
+    boundary = {"y-": {"displacement": (0, 0, 0)}, "y+": {"follower": 0.03}, "side": {"pressure": 0}}
+    given = problem(PLUG | {"elements": (6, 6)}, boundary, TRANSIENT)
+    found = [solve(make_solver, given, law(), solver=name) for name in ("direct", "iterative")]
+    assert found[1].work["iterations"].max() > 0
+    np.testing.assert_allclose(found[0].profiles[-1].u, found[1].profiles[-1].u, atol=1e-9)
+
+
+# ---- refusals ------------------------------------------------------------------------------------
+
+
+def test_a_cell_that_would_turn_the_body_is_refused(make_solver):
+    given = problem(
+        PLUG | {"elements": (1, 1)},
+        {"y-": {"displacement": (0, 0, 0)}, "side": {"pressure": 0}},
+        fields={"axes": {"about": (0, 1, 0), "angle": "20"}},
+    )
+    with pytest.raises(ConfigurationError, match=r"its own mirror image .* turns it about its axis"):
+        solve(make_solver, given, anisotropic_law())
+    solve(make_solver, given.model_copy(update={"fields": {}}), law())
