@@ -1,4 +1,4 @@
-"""Closed forms: Terzaghi, Mandel, Armstrong, layers, relaxation, a swelling layer, Xie & Leo's clay.
+"""Closed forms: Terzaghi, Mandel, Armstrong, Lamé, layers, relaxation, a swelling layer, Xie & Leo's clay.
 
 A saturated layer is drained on top and loaded by q at t = 0 beyond the load and the self-weight under which it rests.
 In the Lagrangian coordinate a, the depth below the surface before q, the paper has
@@ -330,6 +330,76 @@ class UnconfinedCompression:
         mean_pressure = aggregate * (2 * edge - swelling)
         return aggregate * share * self.strain + 2 * self.lame * edge - mean_pressure
 
+    def creep(self, stress: float, t: float) -> float:
+        """Axial strain at the time ``t`` > 0 under a sudden mean axial ``stress`` [E], whatever ``strain`` is.
+
+        The transform of u is −ε r/2 + b I₁(q r), q² = s/(H_A K), b from the free drained mantle.
+        """
+        from scipy.special import ive
+
+        a, aggregate = self.radius, self.aggregate_modulus
+
+        def transform(rate: complex) -> Array:
+            x = a * np.sqrt(rate / (aggregate * self.conductivity))
+            ratio = ive(1, x) / ive(0, x)
+            inner = self.shear / (aggregate * x - 2 * self.shear * ratio)  # b I₀(q a)/a of a unit strain
+            edge = inner * ratio - 0.5
+            mean_pressure = aggregate * (2 * edge + 1 - inner * x)
+            return np.array([stress / rate / (aggregate + 2 * self.lame * edge - mean_pressure)])
+
+        return float(inverse_laplace(transform, t)[0])
+
+
+@dataclass(frozen=True)
+class ThickCylinder:
+    """A hollow elastic cylinder in plane strain under pressures on both faces (Lamé & Clapeyron 1833).
+
+    The constants are those of the frame where the pores are drained, and p = 0.
+
+    Attributes
+    ----------
+    inner, outer
+        Radii a and b [L].
+    inner_pressure, outer_pressure
+        p_a and p_b, positive in compression [E].
+    lame, shear
+        λ and μ [E].
+    """
+
+    inner: float
+    outer: float
+    inner_pressure: float
+    outer_pressure: float
+    lame: float
+    shear: float
+
+    @property
+    def _parts(self) -> tuple[float, float]:
+        """Stress A that is the same everywhere, and B of ± B/r²."""
+        a2, b2 = self.inner**2, self.outer**2
+        uniform = (self.inner_pressure * a2 - self.outer_pressure * b2) / (b2 - a2)
+        return uniform, (self.inner_pressure - self.outer_pressure) * a2 * b2 / (b2 - a2)
+
+    def radial_stress(self, r: npt.ArrayLike) -> Array:
+        """σ_rr at distances ``r`` from the axis, positive in tension [E]."""
+        uniform, varying = self._parts
+        return np.asarray(uniform - varying / np.asarray(r, dtype=float) ** 2)
+
+    def hoop_stress(self, r: npt.ArrayLike) -> Array:
+        """σ_θθ at distances ``r`` from the axis, positive in tension [E]."""
+        uniform, varying = self._parts
+        return np.asarray(uniform + varying / np.asarray(r, dtype=float) ** 2)
+
+    def axial_stress(self) -> float:
+        """σ_zz, the same everywhere, positive in tension [E]."""
+        return self.lame / (self.lame + self.shear) * self._parts[0]
+
+    def lateral(self, r: npt.ArrayLike) -> Array:
+        """u_r at distances ``r`` from the axis, positive outwards [L]."""
+        uniform, varying = self._parts
+        r = np.asarray(r, dtype=float)
+        return np.asarray(uniform / (2 * (self.lame + self.shear)) * r + varying / (2 * self.shear) / r)
+
 
 #: Nodes of the contour by which a transform is inverted; the error falls as 3.89^−N down to round-off.
 NODES = 24
@@ -460,19 +530,29 @@ class LayeredConsolidation:
     def _at(self, transform: Callable[[complex], Array], t: float) -> Array:
         """Return the response at ``t`` to the load, whose transform for a sudden one is given."""
         if self.ramp == 0:
-            return _inverted(transform, t)
+            return inverse_laplace(transform, t)
 
         def summed(rate: complex) -> Array:
             return np.asarray(transform(rate) / rate)
 
-        whole = _inverted(summed, t)
+        whole = inverse_laplace(summed, t)
         if t > self.ramp:
-            whole = whole - _inverted(summed, t - self.ramp)
+            whole = whole - inverse_laplace(summed, t - self.ramp)
         return whole / self.ramp
 
 
-def _inverted(transform: Callable[[complex], Array], t: float) -> Array:
-    """Return the function at ``t`` whose Laplace transform is given."""
+def inverse_laplace(transform: Callable[[complex], Array], t: float) -> Array:
+    """Return the function at ``t`` > 0 whose Laplace transform is given, along Talbot's contour.
+
+    Its singularities lie on the negative real axis [Weideman 2006, SIAM J. Numer. Anal. 44, 2342].
+
+    Parameters
+    ----------
+    transform
+        Values (k,) at a complex rate; those at conjugate rates are conjugate.
+    t
+        Time.
+    """
     a, b, c, d = 0.5017, 0.6407, 0.6122, 0.2645
     total: Array = np.zeros(1)
     # Conjugate nodes give conjugate values.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from porocore.macro.analytic import UnconfinedCompression
+from porocore.macro.analytic import ThickCylinder, UnconfinedCompression
 
 PLUG = UnconfinedCompression(radius=2.0, strain=-0.05, lame=0.3, shear=0.4, conductivity=0.7, ramp=0.3)
 R = np.linspace(0.1, 1.9, 19)
@@ -57,3 +57,32 @@ def test_first_it_keeps_its_volume_and_at_last_only_the_frame_bears():
     # Incompressible: E = 3μ, ν = ½; the edge lags in a layer of √t.
     assert sudden.stress(1e-6) == pytest.approx(-0.01 * 3 * 0.4, rel=2e-2)
     assert float(sudden.lateral(0.5, 1e-6)) == pytest.approx(0.0025, rel=1e-3)
+
+
+def test_creep_begins_without_loss_of_volume_and_ends_with_the_frame():
+    young = 0.4 * (3 * 0.3 + 2 * 0.4) / (0.3 + 0.4)
+    assert PLUG.creep(-0.01, 1e-9) == pytest.approx(-0.01 / (3 * 0.4), rel=1e-5)
+    assert PLUG.creep(-0.01, 1e4) == pytest.approx(-0.01 / young, rel=1e-12)
+
+
+def test_creep_is_the_inverse_of_relaxation():
+    """Stress of a sudden unit strain and strain of a sudden unit stress convolve to t."""
+    t = 0.6
+    sudden = UnconfinedCompression(2.0, 1.0, 0.3, 0.4, 0.7)
+    points, weights = np.polynomial.legendre.leggauss(20)
+    angle = np.pi / 4 * (points + 1)
+    product = np.array([sudden.stress(s) * sudden.creep(1.0, t - s) for s in t * np.sin(angle) ** 2])
+    assert np.pi / 4 * float(weights @ (product * t * np.sin(2 * angle))) == pytest.approx(t, rel=1e-10)
+
+
+def test_the_thick_cylinder_of_lame():
+    """Hooke's law and equilibrium, by differences; pressures on the faces."""
+    tube = ThickCylinder(1.0, 2.5, 0.3, 0.1, lame=0.6, shear=0.4)
+    r = np.linspace(1.1, 2.4, 12)
+    stretch, hoop = slope(tube.lateral, r, 1e-3), tube.lateral(r) / r
+    np.testing.assert_allclose(tube.radial_stress(r), 1.4 * stretch + 0.6 * hoop, rtol=1e-9)
+    np.testing.assert_allclose(tube.hoop_stress(r), 1.4 * hoop + 0.6 * stretch, rtol=1e-9)
+    np.testing.assert_allclose(0.6 * (hoop + stretch), tube.axial_stress(), rtol=1e-9)
+    difference = (tube.radial_stress(r) - tube.hoop_stress(r)) / r
+    np.testing.assert_allclose(slope(tube.radial_stress, r, 1e-3), -difference, rtol=1e-9)
+    np.testing.assert_allclose(tube.radial_stress([1.0, 2.5]), [-0.3, -0.1], rtol=1e-12)
