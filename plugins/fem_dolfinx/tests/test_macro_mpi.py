@@ -325,6 +325,31 @@ def test_two_processes_share_an_oblique_plane_and_a_pressure_that_follows(tmp_pa
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("solver", ["direct", "iterative"])
+@pytest.mark.parametrize("kind", ["axisymmetric", "plane-strain"])
+def test_two_processes_share_a_flat_body(tmp_path, kind, solver):
+    """What is added to the radial forces along the hoop lies on both, and so does a pressure that follows."""
+    shape = {"radius": 0.6, "inner_radius": 0.2, "height": 0.7}
+    side, shape = ("side", shape) if kind == "axisymmetric" else ("x+", {"size": (0.4, 0.7), "depth": 0.3})
+    problem = {
+        "body": {"kind": kind, "elements": (4, 5), **shape},
+        "boundary": {
+            "y-": {"displacement": (0, 0, 0)},
+            "y+": {"traction": (0, -0.01, 0)},
+            side: {"pressure": 0, "follower": 0.01},
+        },
+        "time": FEW_STEPS,
+        "newton": {"tolerance": 1e-11},
+    }
+    one, two = solved_by_one(problem, solver="direct"), solved_by_two(tmp_path, problem, solver=solver)
+    np.testing.assert_allclose(two.profiles[-1].u, one.profiles[-1].u, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(two.profiles[-1].stress, one.profiles[-1].stress, rtol=0, atol=1e-10)
+    np.testing.assert_allclose(two.reactions["y-"], one.reactions["y-"], rtol=0, atol=1e-10)
+    assert (two.revolved, two.depth) == (one.revolved, one.depth)
+    assert abs(one.profiles[-1].u).max() > 1e-3
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("elements", [2, 5])
 def test_two_processes_share_a_plate_beside_an_oblique_plane(tmp_path, elements):
     """Below and above 3,000 unknowns; reactions are told apart by the stress on both processes."""

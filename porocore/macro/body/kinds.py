@@ -313,6 +313,10 @@ def sections(points: Array, cells: IntArray) -> tuple[Section, ...]:
     if flat:
         points, straight = _thick(points, straight, float((high - low).max()))
     parts, part_of = tetrahedra(points, straight)
+    whole = (
+        np.abs(np.linalg.det(parts[:, 1:] - parts[:, :1])) > 0
+    )  # a triangle's corner is an edge without length
+    parts, part_of = parts[whole], part_of[whole]
     owner = element_of[part_of]
     # Not on a face between elements, of which either might be found.
     middle = (low + high) / 2 + 1e-4 * (high - low)

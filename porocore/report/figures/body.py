@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
@@ -122,6 +123,10 @@ MOST_WITH_EDGES = 2000
 ZOOMS = (0.98, 0.88, 0.8, 0.72, 0.64, 0.56)
 #: Pixels that labels keep from the edge: the label of the axis upwards moves by 4 when the figure is saved.
 EDGE = 6
+#: Angles in degrees between which a body of revolution is drawn, the opening towards the viewer, and elements around.
+REVOLVED, SEGMENTS = (-80.0, 190.0), 18
+#: Nodes of flat elements, by their number, in the order in which they are seen from the other side.
+FLAT = {9: [0, 3, 2, 1, 7, 6, 5, 4, 8], 6: [0, 2, 1, 5, 4, 3]}
 #: The drawn axes, which are z, x and y of the body.
 AXES = (("x", "$x_3$"), ("y", "$x_1$"), ("z", "$x_2$"))
 
@@ -129,6 +134,9 @@ AXES = (("x", "$x_3$"), ("y", "$x_1$"), ("z", "$x_2$"))
 @styled
 def body_figure(solution: MacroSolution, profile: Profile) -> Figure:
     """Draw the deformed surface of the body at one time, coloured by p; edges of elements where they are few.
+
+    A body of revolution lacks the quarter towards the viewer, so that its meridian is seen; one in plane strain is
+    drawn in its plane.
 
     Parameters
     ----------
@@ -138,7 +146,7 @@ def body_figure(solution: MacroSolution, profile: Profile) -> Figure:
         One of its profiles.
     """
     units = units_now()
-    places = (solution.points + profile.u)[:, [2, 0, 1]] * units.factor("displacement")
+    places = (solution.points + profile.u) * units.factor("displacement")
     pressure, uniform = _pressure(solution, profile)
     pressure = pressure * units.factor("pressure")
     low, high = float(pressure.min()), float(pressure.max())
@@ -146,21 +154,88 @@ def body_figure(solution: MacroSolution, profile: Profile) -> Figure:
         around = abs(low) if low else 1.0
         low, high = low - 0.5 * around, low + 0.5 * around
     colours = ScalarMappable(Normalize(low, high), COLOURS)
+    ticks = [float(pressure[0])] if uniform else None
+    if solution.cells.shape[1] in FLAT and not solution.revolved:
+        return _in_plane(solution, places, pressure, colours, ticks, units.text(profile.time, "time", 6))
+    facets = _facets(solution, places, pressure)
     figure = new_figure(5.4, 4.4)
     axes: Any = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
-    lengths = _frame(axes, places)
+    lengths = _frame(axes, np.concatenate([at.reshape(-1, 3) for at, _ in facets]))
     bar = figure.colorbar(
         colours,
         ax=axes,
         shrink=0.7,
         pad=0.13,
         label=axis_label("pore pressure $p$", "pressure"),
-        ticks=[float(pressure[0])] if uniform else None,
+        ticks=ticks,
     )
     axes.set_title(f"$t$ = {units.text(profile.time, 'time', 6)}")
     _fit(figure, axes, lengths, bar.ax)
-    _surface(axes, solution, places, pressure, colours)
+    _surface(axes, facets, colours)
     return figure
+
+
+def _in_plane(
+    solution: MacroSolution,
+    places: Array,
+    pressure: Array,
+    colours: ScalarMappable,
+    ticks: list[float] | None,
+    time: str,
+) -> Figure:
+    """Draw a body in plane strain."""
+    figure = new_figure(5.4, 4.4)
+    axes = figure.add_subplot()
+    at, values = places[solution.cells][..., :2], pressure[solution.cells]
+    few = len(at) < MOST_WITH_EDGES
+    shapes, polygons, outline = pieces(at.shape[1], 4 if few else 2)
+    corners = np.einsum("ka,fai->fki", shapes, at)
+    shades = colours.to_rgba((values @ shapes.T)[:, polygons].mean(axis=2).ravel())
+    drawn = corners[:, polygons].reshape(-1, polygons.shape[1], 2)
+    axes.add_collection(
+        PolyCollection(drawn, facecolors=shades, edgecolors=shades, linewidths=0.3, rasterized=True)
+    )
+    if few:
+        axes.add_collection(LineCollection(corners[:, outline], colors=(0, 0, 0, 0.35), linewidths=0.4))
+    axes.set_aspect("equal")
+    axes.autoscale_view()
+    axes.grid(visible=False)
+    axes.set_xlabel(length_label("$x_1$"))
+    axes.set_ylabel(length_label("$x_2$"))
+    axes.set_title(f"$t$ = {time}")
+    figure.colorbar(
+        colours, ax=axes, shrink=0.8, label=axis_label("pore pressure $p$", "pressure"), ticks=ticks
+    )
+    return figure
+
+
+def _facets(solution: MacroSolution, places: Array, pressure: Array) -> list[tuple[Array, Array]]:
+    """Return facets of the surface as drawn (k, nodes, 3), and p there (k, nodes), by the number of their nodes."""
+    cells, facets = solution.cells, boundary_facets(solution.cells)
+    if not solution.revolved:
+        return [(places[facets][..., [2, 0, 1]], pressure[facets])]
+    first, last = REVOLVED
+    angles = np.radians(np.linspace(first, last, 2 * SEGMENTS + 1))
+    #: Node of the edge and step of the angle of each of the nine nodes of a facet.
+    edge, step = np.array([(0, 0), (1, 0), (1, 2), (0, 2), (2, 0), (1, 1), (2, 2), (0, 1), (2, 1)]).T
+    turns = angles[2 * np.arange(SEGMENTS)[:, None] + step]
+    around = places[facets[:, edge]][:, None]
+    found = [
+        (
+            _turned(np.broadcast_to(around, (len(facets), *turns.shape, 3)), turns).reshape(-1, 9, 3),
+            np.repeat(pressure[facets[:, edge]], SEGMENTS, axis=0),
+        )
+    ]
+    for angle, order in ((angles[-1], slice(None)), (angles[0], FLAT[cells.shape[1]])):
+        shown = cells[:, order]
+        found.append((_turned(places[shown], np.full(shown.shape, angle)), pressure[shown]))
+    return found
+
+
+def _turned(places: Array, angles: Array) -> Array:
+    """Return places (..., 3) of a meridian turned about the y axis by angles (...), as drawn."""
+    r, y = places[..., 0], places[..., 1]
+    return np.stack([r * np.sin(angles), r * np.cos(angles), y], axis=-1)
 
 
 def _fit(figure: Figure, axes: Any, lengths: Array, bar: Any) -> None:
@@ -187,19 +262,23 @@ def _pressure(solution: MacroSolution, profile: Profile) -> tuple[Array, bool]:
     return np.full_like(profile.p, 0.0 if abs(mean) <= slack else mean), True
 
 
-def _surface(
-    axes: Any, solution: MacroSolution, places: Array, pressure: Array, colours: ScalarMappable
-) -> None:
+def _surface(axes: Any, facets: Sequence[tuple[Array, Array]], colours: ScalarMappable) -> None:
     """Draw the facets that face the viewer, and the edges of the elements where they are few."""
-    facets = boundary_facets(solution.cells)
-    facets = facets[front(places[facets], VIEW)]
-    few = len(facets) < MOST_WITH_EDGES
-    values, polygons, outline = pieces(facets.shape[1], 4 if few else 2)
-    corners = np.einsum("ka,fai->fki", values, places[facets])
-    shades = colours.to_rgba((pressure[facets] @ values.T)[:, polygons].mean(axis=2).ravel())
+    facing = [front(places, VIEW) for places, _ in facets]
+    few = sum(int(each.sum()) for each in facing) < MOST_WITH_EDGES
+    drawn: list[Array] = []
+    lines: list[Array] = []
+    values: list[Array] = []
+    for (places, pressure), shown in zip(facets, facing, strict=True):
+        shapes, polygons, outline = pieces(places.shape[1], 4 if few else 2)
+        corners = np.einsum("ka,fai->fki", shapes, places[shown])
+        drawn += [*corners[:, polygons].reshape(-1, polygons.shape[1], 3)]
+        values.append((pressure[shown] @ shapes.T)[:, polygons].mean(axis=2).ravel())
+        lines += [*corners[:, outline]]
+    shades = colours.to_rgba(np.concatenate(values))
     axes.add_collection3d(
         Poly3DCollection(
-            corners[:, polygons].reshape(-1, polygons.shape[1], 3),
+            drawn,
             facecolors=shades,
             edgecolors=shades,  # no seams between the pieces
             linewidths=0.3,
@@ -208,9 +287,7 @@ def _surface(
         )
     )
     if few:
-        axes.add_collection3d(
-            Line3DCollection(corners[:, outline], colors=(0, 0, 0, 0.35), linewidths=0.4, zorder=2)
-        )
+        axes.add_collection3d(Line3DCollection(lines, colors=(0, 0, 0, 0.35), linewidths=0.4, zorder=2))
 
 
 def length_label(name: str) -> str:

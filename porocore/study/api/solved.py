@@ -42,7 +42,7 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 #: VTK's numbers of the elements, by how many nodes they have.
-VTK_CELLS = {27: 29, 10: 24}
+VTK_CELLS = {27: 29, 10: 24, 9: 28, 6: 22}
 COMPONENTS = ("x", "y", "z")
 
 

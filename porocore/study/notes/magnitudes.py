@@ -414,13 +414,15 @@ def part_as_it_is(macro: MacroSetup) -> Iterator[str]:
     plates = [name for name, face in macro.boundary.items() if face.plate is not None]
     if not plates or macro.body.symmetry_planes:
         return
-    held = [each for each in _faces(macro, body_mesh(macro)) if _slides(each)]
-    pressed = {face.axis for face in _faces(macro, body_mesh(macro)) if face.name in plates}
+    mesh = body_mesh(macro)
+    held = [each for each in _faces(macro, mesh) if _slides(each)]
+    pressed = {face.axis for face in _faces(macro, mesh) if face.name in plates}
     alone = [
         face.name
         for face in held
         if face.axis not in pressed
         and not any(other is not face and other.axis == face.axis for other in held)
+        and not (mesh.revolved and face.axis == 0)  # it goes around
     ]
     if alone:
         planes = ", ".join(alone)
@@ -534,7 +536,7 @@ def _others(counts: Array, least: int) -> str:
 
 def _sizes(macro: MacroSetup, mesh: BodyMesh) -> Array:
     """Return the sizes of the whole body along x, y and z; it goes on for ever between two planes of symmetry."""
-    sizes: Array = np.ptp(mesh.points, axis=0)
+    sizes = _extents(mesh)
     for normal in Symmetry.of(macro).normals.values():
         across = np.abs(normal) > 1 - NORMAL
         sizes = np.where(across, 2 * sizes, sizes)
@@ -542,8 +544,16 @@ def _sizes(macro: MacroSetup, mesh: BodyMesh) -> Array:
         faces = [macro.boundary.get(f"{axis}{sign}") for sign in "-+"]
         if all(face is not None and _held(face.normal, face.displacement[i]) for face in faces):
             sizes[i] = np.inf
-    if not np.isfinite(sizes).any():
-        return np.asarray(np.ptp(mesh.points, axis=0))
+    return sizes if np.isfinite(sizes).any() else _extents(mesh)
+
+
+def _extents(mesh: BodyMesh) -> Array:
+    """Return the sizes of the body along x, y and z; of one of revolution its diameter, or the wall of a hollow one."""
+    sizes: Array = np.ptp(mesh.points, axis=0)
+    if mesh.revolved:
+        sizes[0] = sizes[2] = sizes[0] * (2 if len(mesh.on_axis) else 1)
+    elif mesh.flat:
+        sizes[2] = np.inf
     return sizes
 
 

@@ -189,7 +189,8 @@ def _body(config: RunConfig) -> Iterator[str]:
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
     units = config.result_units
     length = units.factor("displacement")
-    sizes = " × ".join(f"{(b - a) * length:.4g}" for a, b in zip(low, high, strict=True))
+    extents = list(zip(low, high, strict=True))[: mesh.element.dimension]
+    sizes = " × ".join(f"{(b - a) * length:.4g}" for a, b in extents)
     name_of_length = f" {units.name('displacement')}" if units.given else ""
     elements = f"{len(mesh.cells)} {mesh.element.shape} elements, {mesh.size} unknowns with those that are prescribed"
     volume = f"volume {mesh.weights.sum() * length**3:.5g}{name_of_length}{'³' * units.given}"
