@@ -276,6 +276,8 @@ class MacroSetup(StrictModel):
         if said["body"]["symmetry"] is None:
             # So it was before there was the key.
             del said["body"]["symmetry"]
+        if said["body"].get("flat", "") is None:
+            del said["body"]["flat"], said["body"]["depth"]
         return said | composition(self)
 
     def ramp(self, time: float) -> float:

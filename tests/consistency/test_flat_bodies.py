@@ -21,6 +21,7 @@ from porocore.testing.synthetic.response import mean_gradient_law
 from tests.consistency.test_gradients import compare
 from tests.consistency.test_sensitivities import check
 from tests.helpers.anisotropic_cell import anisotropic_law
+from tests.helpers.flat_geometry import write_dome
 from tests.helpers.sensitivity_bodies import law
 
 #: Long enough for all pressure to vanish.
@@ -87,6 +88,20 @@ def test_a_pressure_that_follows_deforms_it_as_in_three_dimensions(make_solver, 
         H = each.profiles[-1].grad_u
         np.testing.assert_allclose(H, np.broadcast_to(H[0], H.shape), atol=1e-8 * scale)
     np.testing.assert_allclose(plug.profiles[-1].grad_u[0], whole.profiles[-1].grad_u[0], atol=1e-8 * scale)
+
+
+@pytest.mark.parametrize("order", [0, 2], ids=["triangles", "quadrilaterals"])
+def test_a_pressure_all_around_half_a_ball_from_a_file_deforms_it_alike(make_solver, order, tmp_path):
+    """Curved elements of no regular pattern; the reaction is the pressure times the deformed base."""
+    body = {"kind": "file", "path": str(write_dome(tmp_path, order)), "flat": "axisymmetric"}
+    if not order:
+        body["size"] = 0.15
+    given = problem(body, {"base": {"normal": 0}, "dome": {"follower": 0.02, "pressure": 0}})
+    found = solve(make_solver, given, law())
+    H = found.profiles[-1].grad_u
+    np.testing.assert_allclose(H, np.broadcast_to(H[0, 0, 0] * np.eye(3), H.shape), atol=1e-9)
+    area = np.pi * (0.5 * (1 + H[0, 0, 0])) ** 2
+    assert found.reactions["base"][-1, 1] == pytest.approx(0.02 * area, rel=1e-8)
 
 
 def test_plane_strain_is_a_layer_of_three_dimensional_elements(make_solver):

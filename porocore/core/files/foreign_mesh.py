@@ -27,7 +27,7 @@ from porocore.states import Array
 
 #: Kinds of elements in gmsh's numbering, and the place in gmsh of each node in VTK's order where the two differ.
 _OF_GMSH = {
-    2: "triangle", 3: "quad", 4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid",
+    1: "line", 8: "line3", 2: "triangle", 3: "quad", 4: "tetra", 5: "hexahedron", 6: "wedge", 7: "pyramid",
     9: "triangle6", 10: "quad9", 11: "tetra10", 12: "hexahedron27", 16: "quad8", 17: SERENDIPITY,
 }  # fmt: skip
 _SERENDIPITY = [*range(9), 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15]
@@ -75,7 +75,7 @@ SHARED = ("text", "an HDF5 file")
 _ONE_AT_A_TIME = threading.Lock()
 
 
-def read_mesh(path: Path, numbering: str | None = None) -> ForeignMesh:
+def read_mesh(path: Path, numbering: str | None = None, flat: bool = False) -> ForeignMesh:
     """Read a mesh file: .msh with gmsh itself, others with meshio.
 
     Parameters
@@ -84,6 +84,8 @@ def read_mesh(path: Path, numbering: str | None = None) -> ForeignMesh:
         The file.
     numbering
         Data of the elements whose whole numbers are the groups with a volume; None: the groups of the file.
+    flat
+        Take the elements of the plane in place of those with a volume, and edges in place of faces, of a .msh file.
 
     Raises
     ------
@@ -103,7 +105,12 @@ def read_mesh(path: Path, numbering: str | None = None) -> ForeignMesh:
                 f"{path}: expected a file that begins with $MeshFormat, got {_first_words(beginning)}; save it anew, "
                 "as .msh of version 4.1 or 2.2"
             )
-        return _read_by_gmsh(path, numbering)
+        return _read_by_gmsh(path, numbering, flat)
+    if flat:
+        raise ConfigurationError(
+            f"{path}: a body in two dimensions is read from a .msh file of gmsh, or meshed from a geometry; save the "
+            "mesh as .msh of version 4.1 or 2.2"
+        )
     return _read_other(path, numbering)
 
 
@@ -137,11 +144,11 @@ def how_to_convert(kinds: Iterable[str]) -> str:
     return "save the mesh with elements of first or second order (gmsh: -order 2)"
 
 
-def mesh_of_model(gmsh: Any, path: Path) -> ForeignMesh:
+def mesh_of_model(gmsh: Any, path: Path, flat: bool = False) -> ForeignMesh:
     """Return the mesh of gmsh's current model with its physical groups; messages begin with ``path``."""
-    arrays = model_arrays(gmsh)
+    arrays = model_arrays(gmsh, flat)
     names = {each: gmsh.model.getPhysicalName(*each) for each in gmsh.model.getPhysicalGroups()}
-    return _of_model(arrays, path, names, None, by_group=False)
+    return _of_model(arrays, path, names, None, by_group=False, flat=flat)
 
 
 def _beginning(path: Path) -> bytes:
@@ -188,14 +195,15 @@ def _first_words(beginning: bytes) -> str:
     return repr(beginning.decode("utf-8", "replace")[:20])
 
 
-def _read_by_gmsh(path: Path, numbering: str | None) -> ForeignMesh:
+def _read_by_gmsh(path: Path, numbering: str | None, flat: bool) -> ForeignMesh:
     """Read a .msh file; without physical groups the entities of the model are the groups."""
     with path.open("rb") as file:
         version_2 = re.search(rb"\$MeshFormat\s+[12](\.\d+)?\s", file.read(10_000)) is not None
     by_group = version_2 and numbering != GEOMETRICAL
-    mesh = _of_model(file_arrays(path, by_group), path, _physical_names(path), numbering, by_group=by_group)
+    arrays, names = file_arrays(path, by_group, flat), _physical_names(path)
+    mesh = _of_model(arrays, path, names, numbering, by_group=by_group, flat=flat)
     if numbering is None and not any(mesh.groups.values()):
-        return _read_by_gmsh(path, GEOMETRICAL)
+        return _read_by_gmsh(path, GEOMETRICAL, flat)
     return mesh
 
 
@@ -212,7 +220,13 @@ def _physical_names(path: Path) -> dict[tuple[int, int], str]:
 
 
 def _of_model(
-    arrays: Arrays, path: Path, names: Mapping[tuple[int, int], str], numbering: str | None, *, by_group: bool
+    arrays: Arrays,
+    path: Path,
+    names: Mapping[tuple[int, int], str],
+    numbering: str | None,
+    *,
+    by_group: bool,
+    flat: bool,
 ) -> ForeignMesh:
     """Return the mesh of a model of gmsh.
 
@@ -228,6 +242,8 @@ def _of_model(
         As in :func:`read_mesh`.
     by_group
         The number of an entity is that of the physical group of its elements, 0 without.
+    flat
+        Faces take the place of volumes, and edges that of faces.
     """
     tags, parts = arrays["tags"], Parts(path)
     if not len(tags):
@@ -239,7 +255,10 @@ def _of_model(
         )
     kinds, views = json.loads(str(arrays["kinds"])), json.loads(str(arrays["views"]))
     blocks: dict[tuple[int, str], list[tuple[int, int]]] = {}
-    for i, (dim, type_, entity) in enumerate(arrays["blocks"].tolist()):
+    if flat:
+        names = {(dim + 1, group): name for (dim, group), name in names.items()}
+    for i, (own, type_, entity) in enumerate(arrays["blocks"].tolist()):
+        dim = own + flat
         blocks.setdefault((dim, _OF_GMSH.get(type_, kinds[str(type_)])), []).append((i, entity))
     for (dim, kind), of in blocks.items():
         # By their numbers, which are their order in most files, so that one mesh is one in every format.

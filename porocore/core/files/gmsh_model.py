@@ -87,15 +87,15 @@ SECONDS, MEMORY = 60.0, 1 << 30
 #: Bytes that are read in a second at least, and memory for each byte of a file.
 PER_SECOND, PER_BYTE = 1e6, 60
 #: It finds what this process finds, whatever the environment and the folder say.
-_COMMAND = "import sys; sys.path[:] = sys.argv[5:]; from porocore.core.files.gmsh_model import serve; serve()"
+_COMMAND = "import sys; sys.path[:] = sys.argv[6:]; from porocore.core.files.gmsh_model import serve; serve()"
 #: Exit status of the process after a refusal, whose text it prints.
 _REFUSED = 3
 
 Arrays = Mapping[str, Any]
 
 
-def model_arrays(gmsh: Any) -> dict[str, Any]:
-    """Return faces and volumes of gmsh's current model as plain arrays.
+def model_arrays(gmsh: Any, flat: bool = False) -> dict[str, Any]:
+    """Return faces and volumes of gmsh's current model as plain arrays; of a ``flat`` one its edges and faces.
 
     Returns
     -------
@@ -119,7 +119,7 @@ def model_arrays(gmsh: Any) -> dict[str, Any]:
         )
     blocks, views = list[tuple[int, int, int]](), list[str]()
     kinds: dict[int, str] = {}
-    for dim in (2, 3):
+    for dim in (1, 2) if flat else (2, 3):
         for _, entity in gmsh.model.getEntities(dim):
             if entity < 0:
                 raise ConfigurationError(
@@ -156,7 +156,7 @@ def model_arrays(gmsh: Any) -> dict[str, Any]:
     return found | {name: np.array(json.dumps(text)) for name, text in texts.items()}
 
 
-def file_arrays(path: Path, by_group: bool) -> Arrays:
+def file_arrays(path: Path, by_group: bool, flat: bool = False) -> Arrays:
     """Return :func:`model_arrays` of a .msh file, read by another process, which a crash of gmsh ends instead of this.
 
     Parameters
@@ -166,6 +166,8 @@ def file_arrays(path: Path, by_group: bool) -> Arrays:
     by_group
         Take the physical group of each element for its entity. In formats before 4 each element has a group of its
         own, of which gmsh keeps only that some element of the entity has it.
+    flat
+        As in :func:`model_arrays`.
 
     Raises
     ------
@@ -178,7 +180,8 @@ def file_arrays(path: Path, by_group: bool) -> Arrays:
     anew = "it is damaged or cut short: save it anew, as .msh of version 4.1 or 2.2"
     with TemporaryDirectory(prefix="porocore-") as folder:
         result = Path(folder) / "mesh.npz"
-        words = [str(path.absolute()), str(result), str(int(by_group)), str(MEMORY + PER_BYTE * size)]
+        memory = str(MEMORY + PER_BYTE * size)
+        words = [str(path.absolute()), str(result), str(int(by_group)), memory, str(int(flat))]
         try:
             done = subprocess.run(
                 [sys.executable, "-I", "-c", _COMMAND, *words, *sys.path],
@@ -205,7 +208,7 @@ def file_arrays(path: Path, by_group: bool) -> Arrays:
 
 def serve() -> None:
     """Read the file that the command line of this process names, and write its arrays to another one."""
-    path, result, by_group, memory = sys.argv[1:5]
+    path, result, by_group, memory, flat = sys.argv[1:6]
     memory_limited(int(memory))
     kind = "other"
     try:
@@ -213,7 +216,7 @@ def serve() -> None:
             gmsh.option.setNumber("Mesh.SwitchElementTags", float(by_group))
             kind = "gmsh"
             open_file(gmsh, Path(path))
-            arrays = model_arrays(gmsh)
+            arrays = model_arrays(gmsh, flat == "1")
             kind = "other"
             np.savez(result, **arrays)
     except Exception as error:  # gmsh raises plain Exception

@@ -19,11 +19,11 @@ SERENDIPITY = "hexahedron20"
 #: Nodes and corners of the kinds of elements that are made use of.
 NODES = {
     "tetra": 4, "tetra10": 10, "hexahedron": 8, SERENDIPITY: 20, "hexahedron27": 27,
-    "triangle": 3, "triangle6": 6, "quad": 4, "quad8": 8, "quad9": 9,
+    "triangle": 3, "triangle6": 6, "quad": 4, "quad8": 8, "quad9": 9, "line": 2, "line3": 3,
 }  # fmt: skip
 CORNERS = {
     "tetra": 4, "tetra10": 4, "hexahedron": 8, SERENDIPITY: 8, "hexahedron27": 8,
-    "triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4,
+    "triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4, "line": 2, "line3": 2,
 }  # fmt: skip
 #: Coordinates whose cubes are finite.
 FARTHEST = 1e90
@@ -36,6 +36,8 @@ _Pieces = dict[str, list[IntArray]]
 @dataclass(frozen=True, eq=False)
 class ForeignMesh:
     """Elements of a file with a volume (dimension 3) and faces (dimension 2), each once, and their groups.
+
+    Of a flat mesh the elements are those of the plane, as dimension 3, and the edges, as dimension 2.
 
     Attributes
     ----------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Annotated, ClassVar, Literal, Self
 
@@ -226,12 +226,30 @@ class MeshedBody(FromFile, Body):
     """Size of the elements, for a geometry; null: for a mesh."""
     scale: Length = 1.0
     """Factor of the file's coordinates; with a unit, that of the file, such as ``1 mm``."""
+    flat: Literal["axisymmetric", "plane-strain"] | None = None
+    """What a mesh or geometry in the plane z = 0 stands for: the meridian of a body of revolution about the y axis,
+    x ≥ 0, or a section in plane strain; null: it is one of three dimensions."""
+    depth: Length = 1.0
+    """Length along z that forces and volumes are those of, in plane strain."""
 
     def make(self) -> BodyMesh:
-        """Quadratic tetrahedra or triquadratic hexahedra; linear elements get straight edges with a node on them."""
+        """Quadratic or triquadratic elements; linear ones get straight edges with a node on them."""
         from porocore.macro.body.mesh_file import read_body
 
-        return read_body(self.checked("macro.body"), self.size, self.scale)
+        path = self.checked("macro.body")
+        if self.flat is None:
+            return read_body(path, self.size, self.scale)
+        mesh = read_body(path, self.size, self.scale, flat=True)
+        if self.flat == "plane-strain":
+            return replace(mesh, depth=self.depth)
+        mesh = replace(mesh, revolved=True)
+        on_axis = {name for name, own in mesh.surfaces.items() if np.isin(own, mesh.on_axis).all()}
+        why = "it lies on the axis of revolution, where u_1 = 0 by itself and nothing can be prescribed"
+        return replace(
+            mesh,
+            surfaces={name: own for name, own in mesh.surfaces.items() if name not in on_axis},
+            unusable={**mesh.unusable, **dict.fromkeys(on_axis, why)},
+        )
 
 
 AnyBody = Annotated[
@@ -313,10 +331,9 @@ def sections(points: Array, cells: IntArray) -> tuple[Section, ...]:
     if flat:
         points, straight = _thick(points, straight, float((high - low).max()))
     parts, part_of = tetrahedra(points, straight)
-    whole = (
-        np.abs(np.linalg.det(parts[:, 1:] - parts[:, :1])) > 0
-    )  # a triangle's corner is an edge without length
-    parts, part_of = parts[whole], part_of[whole]
+    if flat:  # some in a triangle have no volume
+        volumes = np.abs(np.linalg.det(parts[:, 1:] - parts[:, :1]))
+        parts, part_of = (each[volumes > STRAIGHT * volumes.max()] for each in (parts, part_of))
     owner = element_of[part_of]
     # Not on a face between elements, of which either might be found.
     middle = (low + high) / 2 + 1e-4 * (high - low)

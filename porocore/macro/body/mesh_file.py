@@ -26,7 +26,15 @@ from porocore.core.files.mesh_parts import CORNERS, SERENDIPITY, ForeignMesh
 from porocore.core.files.reading import read_text, require_ordinary
 from porocore.core.files.slices import foreign
 from porocore.errors import ConfigurationError
-from porocore.macro.body.mesh import HEXAHEDRON, TETRAHEDRON, BodyMesh, counted_facets
+from porocore.macro.body.mesh import (
+    HEXAHEDRON,
+    QUADRILATERAL,
+    TETRAHEDRON,
+    TRIANGLE,
+    BodyMesh,
+    ReferenceElement,
+    counted_facets,
+)
 from porocore.states import Array, IntArray
 
 KEY = "macro.body.path"
@@ -41,17 +49,32 @@ REACHING_OUT = re.compile(
 )
 #: Depth, as a share of an element's radius, from which a place is inside it, and not on a face that is curved.
 INSIDE = 0.05
+#: Of the size of a flat mesh, up to which its nodes are in one plane; triangles in a square of the size of an element.
+IN_PLANE, PER_SQUARE = 1e-9, 2.4
 #: Volume elements that are understood.
 VOLUMES = ("tetra", "tetra10", "hexahedron", SERENDIPITY, "hexahedron27")
+#: Elements of bodies in two dimensions that are.
+FLAT = ("triangle", "triangle6", "quad", "quad8", "quad9")
+#: Elements that are completed by nodes in the middle, by their kind.
+COMPLETED: dict[str, ReferenceElement] = {
+    "tetra": TETRAHEDRON,
+    "hexahedron": HEXAHEDRON,
+    SERENDIPITY: HEXAHEDRON,
+    "triangle": TRIANGLE,
+    "quad": QUADRILATERAL,
+    "quad8": QUADRILATERAL,
+}
 
 
-def read_body(path: Path, size: float | None, scale: float) -> BodyMesh:
+def read_body(path: Path, size: float | None, scale: float, flat: bool = False) -> BodyMesh:
     """Read or make the mesh of ``path``; see :class:`porocore.macro.body.kinds.MeshedBody`.
+
+    A ``flat`` one lies in the plane z = 0.
 
     Raises
     ------
     ConfigurationError
-        There is no such file, it cannot be read or meshed, or it holds no tetrahedra and hexahedra of one kind.
+        There is no such file, it cannot be read or meshed, or it holds no elements of one kind that is understood.
     """
     try:
         require_ordinary(path)
@@ -66,27 +89,40 @@ def read_body(path: Path, size: float | None, scale: float) -> BodyMesh:
             f"macro.body.size: {path.name} is a mesh, whose elements have their size; remove it"
         )
     try:
-        foreign = read_mesh(path) if size is None else _meshed(path, size)
-        return _body(foreign, path, scale)
+        foreign = read_mesh(path, flat=flat) if size is None else _meshed(path, size, flat)
+        return _body(foreign, path, scale, flat)
     except ConfigurationError as error:
         said = str(error)
         raise ConfigurationError(said if said.startswith("macro.") else f"{KEY}: {said}") from None
 
 
-def _body(foreign: ForeignMesh, path: Path, scale: float) -> BodyMesh:
-    if len(foreign.elements[3]) != 1 or next(iter(foreign.elements[3])) not in VOLUMES:
+def _body(foreign: ForeignMesh, path: Path, scale: float, flat: bool) -> BodyMesh:
+    if flat and (len(foreign.elements[3]) != 1 or next(iter(foreign.elements[3])) not in FLAT):
+        held = joined(foreign.elements[3]) or "none"
+        raise ConfigurationError(
+            f"expected elements of the plane of one kind, {', '.join(FLAT)}; {path.name} has {held}: mesh one surface "
+            "in two dimensions (gmsh -2), all with triangles or all recombined to quadrilaterals"
+        )
+    if not flat and (len(foreign.elements[3]) != 1 or next(iter(foreign.elements[3])) not in VOLUMES):
         held = joined(foreign.elements[3]) if foreign.elements[3] else ""
         raise ConfigurationError(
             f"expected volume elements of one kind, {', '.join(VOLUMES)}; {path.name} has "
             + (f"{held}; {how_to_convert(foreign.elements[3])}" if held else f"none: {IN_THREE_DIMENSIONS}")
         )
     ((kind, cells),) = foreign.elements[3].items()
-    kept, flat = np.unique(cells, return_inverse=True)
-    points, cells = foreign.points[kept], flat.reshape(cells.shape)
+    kept, rows = np.unique(cells, return_inverse=True)
+    points, cells = foreign.points[kept], rows.reshape(cells.shape)
     require_apart(points, path)
+    if flat and np.ptp(points[:, 2]) > IN_PLANE * np.ptp(points, axis=0).max():
+        raise ConfigurationError(
+            f"{path}: expected a mesh in the plane z = 0, got z from {points[:, 2].min():.4g} to "
+            f"{points[:, 2].max():.4g}; turn it so that x and y are the coordinates of the section"
+        )
+    if flat:
+        points = points * np.array([1.0, 1.0, 0.0])
     corners = np.sort(cells[:, : CORNERS[kind]], axis=1)
     collapsed = int((corners[:, 1:] == corners[:, :-1]).any(axis=1).sum())
-    if collapsed and not kind.startswith("tetra"):
+    if collapsed and not kind.startswith(("tetra", "tri")):
         raise ConfigurationError(
             f"{path}: {collapsed:,} of {len(cells):,} {kind} elements have one node at several corners, such as wedges "
             f"that are written as hexahedra; {how_to_convert(['wedge'])}"
@@ -115,8 +151,11 @@ def _body(foreign: ForeignMesh, path: Path, scale: float) -> BodyMesh:
     )
 
 
-def _meshed(path: Path, size: float) -> ForeignMesh:
-    """Return second-order tetrahedra of a geometry; the names are those of physical surfaces and volumes."""
+def _meshed(path: Path, size: float, flat: bool) -> ForeignMesh:
+    """Return second-order tetrahedra of a geometry; the names are those of physical surfaces and volumes.
+
+    Of a ``flat`` one they are triangles, and the names those of physical curves and surfaces.
+    """
     suffix = path.suffix.lower()
     told = foreign(
         path,
@@ -138,12 +177,12 @@ def _meshed(path: Path, size: float) -> ForeignMesh:
     with gmsh_session() as gmsh:
         try:
             open_file(gmsh, path)
-            _require_few(gmsh, size)
+            _require_few(gmsh, size, flat)
             gmsh.option.setNumber("Mesh.MeshSizeMax", size)
             gmsh.option.setNumber("Mesh.MeshSizeFromPoints", 0)
-            gmsh.model.mesh.generate(3)
+            gmsh.model.mesh.generate(2 if flat else 3)
             gmsh.model.mesh.setOrder(2)
-            mesh = mesh_of_model(gmsh, path)
+            mesh = mesh_of_model(gmsh, path, flat)
         except ConfigurationError:
             raise
         except Exception as error:  # gmsh raises plain Exception
@@ -156,17 +195,26 @@ def _meshed(path: Path, size: float) -> ForeignMesh:
             raise ConfigurationError(
                 f"gmsh could not mesh {path}{why}; save it as {suffix} anew, or mesh it into a .msh file, and read that"
             ) from error
-    if list(mesh.elements[3]) != ["tetra10"]:
+    if not flat and list(mesh.elements[3]) != ["tetra10"]:
         raise ConfigurationError(f"gmsh made no tetrahedra alone of {path.name}; mesh it into a .msh file")
     return mesh
 
 
-def _require_few(gmsh: Any, size: float) -> None:
-    """Refuse a geometry without a volume, and more elements than memory holds, by the boxes around the volumes."""
-    volumes = gmsh.model.getEntities(3)
+def _require_few(gmsh: Any, size: float, flat: bool) -> None:
+    """Refuse a geometry without a volume, and more elements than memory holds, by the boxes around the volumes.
+
+    Of a ``flat`` one they are surfaces.
+    """
+    volumes = gmsh.model.getEntities(2 if flat else 3)
+    if flat and not volumes:
+        raise ConfigurationError("expected a geometry with a surface, got none, so there are no triangles")
     if not volumes:
         raise ConfigurationError("expected a geometry with a volume, got none, so there are no tetrahedra")
     boxes = np.array([gmsh.model.getBoundingBox(*volume) for volume in volumes])
+    if flat:
+        areas = np.prod(boxes[:, 3:5] - boxes[:, :2], axis=1).sum()
+        require_few(float(areas) * PER_SQUARE / size**2, "macro.body.size")
+        return
     require_few(
         float(np.prod(boxes[:, 3:] - boxes[:, :3], axis=1).sum()) * PER_CUBE / size**3, "macro.body.size"
     )
@@ -188,9 +236,9 @@ def _quadratic(points: Array, kind: str, cells: IntArray) -> BodyMesh:
     The 20-node hexahedron gets the middles of its faces and its own where its shape functions place them: a quarter of
     the corners is subtracted from half of the middles of a face's edges, and from a quarter of all of them.
     """
-    if kind == "tetra10" or kind == "hexahedron27":
+    if kind not in COMPLETED:
         return BodyMesh(points, cells)
-    element = TETRAHEDRON if kind == "tetra" else HEXAHEDRON
+    element = COMPLETED[kind]
     places = element.corner_values(element.nodes)
     #: A node is known by the corners among which it lies.
     members = [np.flatnonzero(row) for row in places]
@@ -234,7 +282,10 @@ def _covered(mesh: BodyMesh, outer: IntArray) -> int:
         of = mesh.points[faces[:, k]]
         middle = of.mean(axis=1)
         # Of a quadrilateral by its diagonals.
-        normal = np.cross(of[:, 1] - of[:, -1], of[:, 2] - of[:, 0])
+        first, second = (
+            (of[:, 1] - of[:, 0], [0, 0, 1]) if mesh.flat else (of[:, 1] - of[:, -1], of[:, 2] - of[:, 0])
+        )
+        normal = np.cross(first, second)
         depth = np.einsum("ki,ki->k", middle[element] - places.reshape(-1, 3)[place], normal[element])
         inside &= depth > (INSIDE * radii * np.linalg.norm(normal, axis=1))[element]
     return len(np.unique(of_facet[place[inside]]))

@@ -451,7 +451,8 @@ class Collector:
             if self.mesh.revolved
             else "along z, across its plane"
         )
-        said = f"a body of kind '{self.problem.body.kind}' has none {across}; give 0 there"
+        what = "an axisymmetric body" if self.mesh.revolved else "a body in plane strain"
+        said = f"{what} has none {across}; give 0 there"
         for name, face in self.problem.boundary.items():
             if face.displacement[2] not in (None, 0) or face.traction[2] != 0:
                 what = "traction" if face.traction[2] != 0 else "displacement"
@@ -468,7 +469,7 @@ class Collector:
                 else "[[a, b, 0], [c, d, 0], [0, 0, 0]]"
             )
             raise ConfigurationError(
-                f"macro.initial.gradient: a body of kind '{self.problem.body.kind}' begins with {wanted} alone"
+                f"macro.initial.gradient: expected {wanted}, with which {what} may begin"
             )
         nodes = np.arange(len(self.mesh.points))
         self.prescribe(3 * nodes + 2, 0.0, "u_3", "macro.body")

@@ -256,11 +256,12 @@ def _require_in_plane(d: Discretisation, response: MacroResponse) -> None:
     share = d.communicator.max(across_plane(response))
     if share > ACROSS:
         kind, about = (
-            d.problem.body.kind,
-            "turns it about its axis" if d.mesh.revolved else "shears it out of its plane",
+            ("an axisymmetric body", "turns it about its axis")
+            if d.mesh.revolved
+            else ("a body in plane strain", "shears it out of its plane")
         )
         raise ConfigurationError(
-            f"macro.body.kind: a body of kind '{kind}' needs a cell that is its own mirror image in the plane z = 0, "
+            f"macro.body: {kind} needs a cell that is its own mirror image in the plane z = 0, "
             f"but what happens in the plane {about}: a stress P_13 or P_23 of {100 * share:.2g} % of the stiffness; "
             "turn the material axes (macro.fields.axes), or take a body of three dimensions"
         )
