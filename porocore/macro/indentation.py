@@ -1,4 +1,4 @@
-"""Indentation of half spaces: rigid indenters, elastic and poroelastic; relaxation curves of Hu et al.
+"""Indentation of half spaces and layers: rigid indenters, elastic and poroelastic bodies, published fits.
 
 A rigid frictionless indenter of revolution of profile f(r), f(0) = 0, is pressed by δ into z ≥ 0. With
 
@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import eval_legendre, j0, roots_legendre, spherical_jn
 
+from porocore.core.fields import provided
 from porocore.macro.analytic import NODES, inverse_laplace
 from porocore.states import Array
 
@@ -196,7 +197,14 @@ class Punch(Indenter):
 
 @dataclass(frozen=True)
 class ElasticIndentation:
-    """An elastic half space below a rigid frictionless indenter; small strain.
+    """An elastic half space or layer below a rigid frictionless indenter; small strain.
+
+    With the contact pressure p(r) = φ(a)/√(a² − r²) − ∫ᵣᵃ φ′(x)/√(x² − r²) dx
+
+        φ(x) + (2/π) ∫₀ᵃ ∫₀^∞ (L(ξ h) − 1) cos ξx cos ξs dξ φ(s) ds = (E*/π) (δ − g(x)),   F = 2 π ∫₀ᵃ φ dx,
+
+    where L is the compliance of a layer of thickness h over that of a half space (Lebedev & Ufliand 1958; Hayes, Keer,
+    Herrmann & Mockros 1972, J. Biomech. 5:541–551), and φ(a) = 0 unless the edge is sharp.
 
     Attributes
     ----------
@@ -206,19 +214,34 @@ class ElasticIndentation:
         G [E].
     poisson
         ν.
+    thickness
+        h of a layer on a rigid base [L]; None: a half space.
+    base
+        Whether the layer is bonded to the base or slides on it.
     """
 
     indenter: Indenter
     shear: float
     poisson: float
+    thickness: float | None = None
+    base: Literal["bonded", "smooth"] = "bonded"
 
     @property
     def reduced_modulus(self) -> float:
         """E* = E/(1 − ν²) = 2 G/(1 − ν) [E]."""
         return 2 * self.shear / (1 - self.poisson)
 
+    def compliance(self, x: npt.ArrayLike) -> Array:
+        """L of a layer at x = ξ h > 0, the share of a half space's surface displacement; the shape of ``x``."""
+        x = np.asarray(x, dtype=float)
+        far, four = np.exp(-2 * x), 3 - 4 * self.poisson
+        if self.base == "smooth":
+            return np.asarray((1 - far) ** 2 / (1 - far**2 + 4 * x * far))
+        above = four * (1 - far**2) - 4 * x * far
+        return np.asarray(above / (four * (1 + far**2) + (4 * x**2 + 1 + four**2) * far))
+
     def contact_radius(self, depth: float) -> float:
-        """a at the ``depth`` δ > 0 [L]: g(a) = δ.
+        """a at the ``depth`` δ > 0 [L].
 
         Raises
         ------
@@ -229,7 +252,8 @@ class ElasticIndentation:
             return self.indenter.fixed_radius
 
         def missing(a: float) -> float:
-            return float(self.indenter.effective_profile(a)) - depth
+            *_, unit, profile = self._density(a, np.array([a]))
+            return float(profile[0] - depth * unit[0])
 
         from scipy.optimize import brentq  # slow to import
 
@@ -240,48 +264,72 @@ class ElasticIndentation:
             if high >= limit * (1 - 1e-12):
                 raise ValueError(f"at the depth {depth:g} all of the indenter is in contact")
             high = min(2 * high, limit * (1 - 1e-12))
-        return float(brentq(missing, 0.0, high, xtol=1e-14 * high, rtol=1e-14))
+        return float(brentq(missing, 1e-12 * high, high, xtol=1e-14 * high, rtol=1e-14))
 
     def force(self, depth: float) -> float:
         """F at the ``depth`` δ > 0, positive in compression [E L²]."""
-        points, weights = roots_legendre(GAUSS)
-        a, total = self.contact_radius(depth), 0.0
-        ends = [0.0, *(c for c in self.indenter.corners if c < a), a]
-        for low, high in pairwise(ends):
-            x = low + (high - low) * (points + 1) / 2
-            total += (high - low) / 2 * float((depth - self.indenter.effective_profile(x)) @ weights)
-        return 2 * self.reduced_modulus * total
+        _, weights, unit, profile = self._density(self.contact_radius(depth))
+        return float(2 * self.reduced_modulus * (weights @ (depth * unit - profile)))
 
     def pressure(self, r: npt.ArrayLike, depth: float) -> Array:
-        """Contact pressure at distances ``r`` from the axis, 0 outside the contact [E]; the shape of ``r``.
-
-        It is (E*/π) ((δ − g(a))/√(a² − r²) + ∫ᵣᵃ g′(x)/√(x² − r²) dx).
-        """
+        """Contact pressure at distances ``r`` from the axis, 0 outside the contact [E]; the shape of ``r``."""
         a, r = self.contact_radius(depth), np.asarray(r, dtype=float)
         inside = r < a
         within = np.where(inside, r, 0.0)
         points, weights = roots_legendre(GAUSS)
         pressure = np.zeros_like(r)
-        ends = [
-            within,
-            *(np.maximum(c, within) for c in self.indenter.corners if c < a),
-            np.full_like(within, a),
-        ]
-        for low, high in pairwise(ends):
+        corners = [np.maximum(c, within) for c in self.indenter.corners if c < a]
+        for low, high in pairwise([within, *corners, np.full_like(within, a)]):
             # x = √(r² + v²) takes the root at r away, squares take that away with which g′ rises at a corner.
-            first, last = np.sqrt(low**2 - within**2), np.sqrt(high**2 - within**2)
+            first, last = (np.sqrt(np.maximum(end**2 - within**2, 0.0)) for end in (low, high))
             v = first[..., None] + (last - first)[..., None] * ((points + 1) / 2) ** 2
             x = np.sqrt(within[..., None] ** 2 + v**2)
-            pressure += (last - first) * (
-                (self.indenter.effective_slope(x) / x) @ (weights * (points + 1) / 2)
-            )
-        singular = (
-            depth - float(self.indenter.effective_profile(a))
-            if self.indenter.fixed_radius is not None
-            else 0.0
-        )
-        pressure += singular / np.sqrt(a**2 - within**2)
+            slope = self.indenter.effective_slope(x) + self._layer_slope(x, a, depth)
+            pressure += (last - first) * ((slope / x) @ (weights * (points + 1) / 2))
+        if self.indenter.fixed_radius is not None:
+            *_, unit, profile = self._density(a, np.array([a]))
+            pressure += float(depth * unit[0] - profile[0]) / np.sqrt(a**2 - within**2)
         return np.where(inside, self.reduced_modulus / np.pi * pressure, 0.0)
+
+    def _density(self, a: float, at: Array | None = None) -> tuple[Array, Array, Array, Array]:
+        """Return points x, weights, and φ π/E* there, or ``at`` others, of a unit depth and of the profile g."""
+        # A wide contact of a thin layer has a rim as wide as the layer is thick.
+        wide = 0 if self.thickness is None else int(12 * a / self.thickness)
+        points, weights = roots_legendre(max(GAUSS, wide))
+        ends = np.array([0.0, *(c for c in self.indenter.corners if c < a), a])[:, None]
+        lengths = np.diff(ends, axis=0)
+        x, w = (ends[:-1] + lengths * (points + 1) / 2).ravel(), (lengths * weights / 2).ravel()
+        given = np.stack([np.ones_like(x), self.indenter.effective_profile(x)], axis=1)
+        found = given
+        if self.thickness is not None:
+            found = np.linalg.solve(np.eye(len(x)) + self._kernel(x, x, a) * w, given)
+        if at is not None:
+            given = np.stack([np.ones_like(at), self.indenter.effective_profile(at)], axis=1)
+            found = given - (self._kernel(at, x, a) * w) @ found if self.thickness is not None else given
+        return x, w, found[:, 0], found[:, 1]
+
+    def _waves(self, a: float) -> tuple[Array, Array]:
+        """Return ξ, and the weights (2/π) (L − 1) dξ."""
+        points, weights = roots_legendre(8)
+        thickness = provided(self.thickness)
+        # L − 1 dies out as exp(−2 ξ h); cos ξx is resolved up to x = a.
+        parts = int(np.ceil(24 * max(1.0, a / thickness)))
+        xi = ((np.arange(parts)[:, None] + (points + 1) / 2) * (24 / thickness / parts)).ravel()
+        lost = self.compliance(xi * thickness) - 1
+        return xi, 2 / np.pi * lost * np.tile(weights, parts) * (12 / thickness / parts)
+
+    def _kernel(self, x: Array, s: Array, a: float) -> Array:
+        xi, weights = self._waves(a)
+        return np.asarray((np.cos(np.multiply.outer(x, xi)) * weights) @ np.cos(np.multiply.outer(xi, s)))
+
+    def _layer_slope(self, x: Array, a: float, depth: float) -> Array | float:
+        """Return −φ′ π/E* at ``x``, less g′, at a depth."""
+        if self.thickness is None:
+            return 0.0
+        s, w, unit, profile = self._density(a)
+        xi, weights = self._waves(a)
+        transform = np.cos(np.multiply.outer(xi, s)) @ (w * (depth * unit - profile))
+        return np.asarray(-np.sin(np.multiply.outer(x, xi)) @ (weights * xi * transform))
 
 
 #: Polynomials for the contact pressure, and for the pore pressure or the flux below the indenter.

@@ -6,8 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
-from scipy.linalg import schur
+from scipy.linalg import expm, schur
 from scipy.special import j0, spherical_jn
 
 from porocore.macro import indentation
@@ -39,14 +38,20 @@ def poroelastic(indenter=PUNCH, **others):
 
 
 def whole(function, radius, corners=()):
-    """Integrate over the disc; r = radius sin φ takes the root at the edge away."""
-
-    def integrand(angle):
-        r = radius * np.sin(angle)
-        return float(function(r)) * 2 * np.pi * r * radius * np.cos(angle)
-
+    """Integrate over the disc; r = radius sin φ takes the root at the edge away, parts crowd at their ends."""
     ends = np.concatenate([[0.0], np.arcsin(np.array(corners) / radius), [np.pi / 2]])
-    return sum(quad(integrand, low, high, epsrel=1e-8, limit=100)[0] for low, high in pairwise(ends))
+    halves = 2.0 ** -np.arange(1, 16)
+    shares = np.concatenate([[0.0], halves[::-1], 1 - halves[1:], [1.0]])
+    points, weights = np.polynomial.legendre.leggauss(12)
+    total = 0.0
+    for low, high in pairwise(ends):
+        parts = low + (high - low) * shares
+        lengths = np.diff(parts)[:, None]
+        angles = (parts[:-1, None] + lengths * (points + 1) / 2).ravel()
+        r = radius * np.sin(angles)
+        values = function(r) * 2 * np.pi * r * radius * np.cos(angles)
+        total += float(values @ (lengths * weights / 2).ravel())
+    return total
 
 
 def test_hertz():
@@ -121,6 +126,73 @@ def test_the_force_is_the_slope_of_the_energy(indenter):
 def test_an_indenter_that_is_all_in_contact_is_refused():
     with pytest.raises(ValueError, match="all of the indenter"):
         elastic(Punch(1.0, 0.2)).contact_radius(100.0)
+
+
+# --- elastic layer ---------------------------------------------------------------------------------------------------
+
+
+def layer(indenter, thickness, base="bonded", poisson=NU):
+    return ElasticIndentation(indenter, SHEAR, poisson, thickness, base)
+
+
+@pytest.mark.parametrize("base", ["bonded", "smooth"])
+@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.49])
+@pytest.mark.parametrize("x", [0.2, 1.0, 4.0])
+def test_the_compliance_of_a_layer_obeys_navier(x, poisson, base):
+    """(U, W, σ_rz, σ_zz) through a layer of thickness 1, whose top has the pressure 1 alone."""
+    G, H = SHEAR, 2 * SHEAR * (1 - poisson) / (1 - 2 * poisson)
+    lame = H - 2 * G
+    strain = np.array([-lame * x, 0, 0, 1]) / H
+    shear = lame * x * strain + [H * x**2, 0, 0, 0]
+    through = expm(np.array([[0, x, 1 / G, 0], strain, shear, [0, 0, -x, 0]]))
+    held = [0, 1] if base == "bonded" else [1, 2]
+    top = np.linalg.solve(through[held, :2], through[held, 3])
+    expected = x * SHEAR / (1 - poisson) * top[1]
+    assert float(layer(PUNCH, 1.0, base, poisson).compliance(x)) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("indenter", INDENTERS[:5])
+@pytest.mark.parametrize("base", ["bonded", "smooth"])
+def test_the_pressure_on_a_layer_makes_up_the_force(indenter, base):
+    body, depth = layer(indenter, 0.06, base), 0.01
+    a = body.contact_radius(depth)
+    corners = [c for c in indenter.corners if c < a]
+    assert whole(lambda r: body.pressure(r, depth), a, corners) == pytest.approx(body.force(depth), rel=3e-7)
+    if indenter.fixed_radius is None:
+        assert float(body.pressure(a * (1 - 1e-10), depth)) < 1e-3 * float(body.pressure(0.5 * a, depth))
+
+
+def test_a_thick_layer_is_a_half_space_and_a_thin_one_is_confined():
+    thick = layer(Sphere(1.0), 1e3)
+    assert thick.force(0.1) == pytest.approx(elastic(Sphere(1.0)).force(0.1), rel=1e-3)
+    modulus, radius = 2 * SHEAR * (1 - NU) / (1 - 2 * NU), 40.0
+    thin = layer(Punch(radius), 1.0)
+    # A rim bears as well, of one and the same width.
+    more = [layer(Punch(a), 1.0).force(0.1) / (np.pi * a**2 * modulus * 0.1) - 1 for a in (20.0, radius)]
+    assert 0 < more[1] < 1e-2
+    assert more[0] == pytest.approx(2 * more[1], rel=1e-2)
+    assert thin.pressure([0.0], 0.1) == pytest.approx(modulus * 0.1, rel=1e-4)
+
+
+def test_a_sphere_on_an_incompressible_layer_follows_the_series():
+    """1 + c χ + (7/6) c² χ² + …, c = (2/π) ∫ (1 − L) dx, χ = √(R δ)/h.
+
+    Garcia & Garcia (2018, Biophys. J. 114:2923–2932) have four terms, of a c that was fitted over ν.
+    """
+    R, half_space = 100.0, ElasticIndentation(Paraboloid(100.0), SHEAR, 0.5)
+
+    def ratio(chi):
+        depth = chi**2 / R
+        return layer(Paraboloid(R), 1.0, poisson=0.5).force(depth) / half_space.force(depth)
+
+    x, weights = np.polynomial.legendre.leggauss(80)
+    c = 24 / np.pi * float(weights @ (1 - layer(PUNCH, 1.0, poisson=0.5).compliance(12 * (x + 1))))
+    assert c == pytest.approx(1.133, rel=1e-2)
+    for chi in (0.005, 0.01, 0.02):
+        assert ratio(chi) == pytest.approx(1 + c * chi + 7 / 6 * c**2 * chi**2, abs=2 * chi**3)
+    for chi in (0.1, 0.2, 0.3):
+        series = 1 + 1.133 * chi + 1.497 * chi**2 + 1.469 * chi**3 + 0.755 * chi**4
+        assert ratio(chi) == pytest.approx(series, rel=5e-3)
 
 
 # --- poroelastic half space ------------------------------------------------------------------------------------------
