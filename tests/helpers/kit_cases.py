@@ -41,6 +41,7 @@ SUITES: dict[str, type[Suite]] = {
     "macro_states": porocore.testing.MacroSolverSuite,
     "macro_plates": porocore.testing.MacroSolverSuite,
     "macro_bodies": porocore.testing.MacroSolverSuite,
+    "macro_flat_bodies": porocore.testing.MacroSolverSuite,
     "macro_histories": porocore.testing.MacroSolverSuite,
     "macro_runs": porocore.testing.MacroSolverSuite,
     "macro_columns": porocore.testing.MacroSolverSuite,
