@@ -53,6 +53,7 @@ SEE = {
     "closure": "theory.md#closures",
     "conductivity": "conductivity.md",
     "macro.body.kind": "bodies.md",
+    "macro.contact.INDENTER.shape.kind": "bodies.md#indenters",
 }
 
 

@@ -22,6 +22,7 @@ ANY_KEY = {
     "materials": "REGION",
     "inputs": "NAME",
     "boundary": "SURFACE",
+    "contact": "INDENTER",
     "surfaces": "PART",
     "scenarios": "NAME",
     "regions": "REGION",

@@ -214,6 +214,7 @@ class Quantity:
 
 QUANTITIES: dict[str, Quantity] = {
     "displacement": Quantity("m", "L", lambda s: s.length),
+    "area": Quantity("m²", "L²", lambda s: s.length**2),
     "volume": Quantity("m³", "L³", lambda s: s.length**3),
     "time": Quantity("s", "L⁴ μ_c/(f_c d²)", lambda s: s.time),
     "pressure": Quantity("Pa", "f_c/L²", lambda s: s.stress),
@@ -293,6 +294,7 @@ EXAMPLES = {
     "body-force": "a force per volume, such as 9.8 kN/m**3",
     "velocity": "a velocity, such as 0.1 mm/s",
     "viscosity": "a viscosity, such as 1 mPa*s",
+    "area": "an area, such as 1 mm**2",
     "volume": "a volume, such as 1 mm**3",
     "flow": "a volume per time, such as 1 mm**3/s",
     "energy-density": "an energy per volume, such as 1 J/m**3",
@@ -559,6 +561,7 @@ class OutputUnits(StrictModel):
             return str(given)
         volume = self.volume or _power(self.length, 3)
         return {
+            "area": _power(self.length, 2),
             "volume": volume,
             "velocity": f"{self.length}/{_group(self.time)}",
             "flow": f"{volume}/{_group(self.time)}",

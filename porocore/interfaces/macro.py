@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 Part = Literal[
     "follower",
     "plate",
+    "contact",
     "flux",
     "body_force",
     "initial",

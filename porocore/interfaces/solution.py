@@ -23,6 +23,7 @@ SERIES: dict[str, tuple[int, ...]] = {
     "reactions": (3,),
     "compression": (),
     "inflow": (),
+    "contact": (7,),
     "work": (),
 }
 
@@ -58,8 +59,8 @@ class StepReport:
     displacement: float = 0.0
 
 
-#: Until version 4 the shares that are flagged were not told apart by their reason.
-FORMAT, VERSION = "porocore-solution", 5
+#: Until version 4 the shares that are flagged were not told apart by their reason; until 5 there was no contact.
+FORMAT, VERSION = "porocore-solution", 6
 
 
 def _not_given() -> Array:
@@ -122,6 +123,13 @@ class Profile:
     flux: Array  #: (elements, 3)  Ḡw
     element_p: Array  #: (elements,)
     flagged: Array  #: (elements,)  share of the element's points that are flagged
+    #: (nodes,) contact pressure per reference area at the nodes that an indenter touches, else 0; zeros if not given.
+    contact_pressure: Array = field(default_factory=_not_given)
+
+    def __post_init__(self) -> None:
+        """Fill a contact pressure that is not given with zeros."""
+        if not len(self.contact_pressure):
+            object.__setattr__(self, "contact_pressure", np.zeros(len(self.p)))
 
     @property
     def reference_conductivity(self) -> Array:
@@ -141,6 +149,7 @@ class Profile:
 PROFILE_SHAPES: dict[str, tuple[str | int, ...]] = {
     "u": ("nodes", 3),
     "p": ("nodes",),
+    "contact_pressure": ("nodes",),
     **{name: ("elements", 3, 3) for name in ("grad_u", "mean_grad", "deformation", "conductivity", "stress")},
     "flux": ("elements", 3),
     **{name: ("elements",) for name in ("element_p", "flagged")},
@@ -177,6 +186,10 @@ class MacroSolution:
     inflow : name → (steps,)
         Rate of fluid that enters through each surface with a prescribed pressure, the mean over the step; of a study,
         through its images in the whole specimen too.
+    contact : name → (steps, 7)
+        Of each rigid indenter, as :data:`CONTACT` has them: force along its direction; displacement; reference area
+        that it touches, and the radius of a circle of that area; largest contact pressure; penetration; rate of fluid
+        that leaves through its surfaces.
     work : name → (steps,)
         Fields of :class:`StepWork` against the history's time, where they are known; zero at rest.
     linear_solver
@@ -204,6 +217,7 @@ class MacroSolution:
     reactions: Mapping[str, Array] = field(default_factory=dict)
     compression: Mapping[str, Array] = field(default_factory=dict)
     inflow: Mapping[str, Array] = field(default_factory=dict)
+    contact: Mapping[str, Array] = field(default_factory=dict)
     work: Mapping[str, Array] = field(default_factory=dict)
     linear_solver: str = ""
     copies: float = 1.0
@@ -351,6 +365,16 @@ HISTORY = {
     "displacement": ("displacement", "largest size of the displacement max|u|"),
     **{f"flagged_{name}": ("", f"share that is flagged: {words}") for name, words in DOUBTS.items()},
 }
+#: Of the columns of a contact: name, quantity, and in words.
+CONTACT = (
+    ("force", "force", "force of the indenter along its direction"),
+    ("displacement", "displacement", "displacement of the indenter along its direction"),
+    ("area", "area", "reference area that the indenter touches"),
+    ("radius", "displacement", "radius of a circle of the area that the indenter touches"),
+    ("largest pressure", "pressure", "largest contact pressure, per reference area"),
+    ("penetration", "displacement", "largest penetration of the indenter into the body"),
+    ("outflow", "flow", "fluid that leaves through the surfaces of the indenter"),
+)
 #: Of the components of a probe.
 PROBE = (("u_1", "displacement"), ("u_2", "displacement"), ("u_3", "displacement"), ("p", "pressure"))
 
@@ -404,6 +428,9 @@ def all_series(solution: MacroSolution) -> Iterator[Series]:
         images = " and its images in the whole body" if solution.copies > 1 else ""
         words = f"fluid that enters through the surface {name}{images}"
         yield Series(f"{name}: inflow", "flow", words, values, "+ into the body")
+    for name, values in solution.contact.items():
+        for i, (column, quantity, words) in enumerate(CONTACT):
+            yield Series(f"{name}: {column}", quantity, f"{words}, {name}", values[:, i])
 
 
 def write_series(path: Path, solution: MacroSolution, units: ResultUnits) -> Path:

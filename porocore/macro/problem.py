@@ -16,6 +16,7 @@ from porocore.core.units import Dimension, units_now
 from porocore.interfaces.macro import Part
 from porocore.macro.body.kinds import AnyBody, Box, make_body
 from porocore.macro.body.mesh import BodyMesh, Patch, called, with_patches
+from porocore.macro.boundary.rigid import RigidIndenter
 from porocore.macro.composition.fields import Fields
 from porocore.macro.composition.regions import AnyRegion, composition, field_corners
 
@@ -196,6 +197,8 @@ class MacroSetup(StrictModel):
     """Parts of the body by name, each with parameters and material axes of its own; elsewhere those of the body."""
     boundary: dict[Name, Boundary]
     """What is prescribed on each surface; one that is not listed is free of traction and impermeable."""
+    contact: dict[Name, RigidIndenter] = Field(default={})
+    """Rigid bodies without friction by name, each with a motion or a force and the surfaces that it may touch."""
     body_force: Annotated[tuple[Value, Value, Value], Dimension("body-force")] = (0.0, 0.0, 0.0)
     """Components of the body force, per reference volume of the mixture."""
     initial: InitialState = InitialState()
@@ -225,6 +228,7 @@ class MacroSetup(StrictModel):
         there: dict[Part, bool] = {
             "follower": any(face.follower != 0 for face in faces),
             "plate": any(face.plate is not None for face in faces),
+            "contact": bool(self.contact),
             "flux": any(face.flux != 0 for face in faces),
             "body_force": any(value != 0 for value in self.body_force),
             "initial": self.initial != none,
@@ -240,7 +244,9 @@ class MacroSetup(StrictModel):
     @property
     def is_column(self) -> bool:
         """True for a box whose four sides move along y alone, loaded along y: a problem of one dimension."""
-        if self.body.kind != "box" or self.surfaces or self.body_force[0] != 0 or self.body_force[2] != 0:
+        if self.body.kind != "box" or self.surfaces or self.contact:
+            return False
+        if self.body_force[0] != 0 or self.body_force[2] != 0:
             return False
         gradient = [row[:i] + row[i + 1 :] for i, row in enumerate(self.initial.gradient)]
         if any(map(any, gradient)) or self.initial.gradient[0][0] or self.initial.gradient[2][2]:
@@ -261,7 +267,8 @@ class MacroSetup(StrictModel):
     def time_functions(self) -> tuple[TimeFunction, ...]:
         """Time functions among the prescribed values."""
         functions = [function for boundary in self.boundary.values() for function in boundary.time_functions]
-        return (*functions, *(value for value in self.body_force if isinstance(value, TimeFunction)))
+        others = (*(indenter.motion for indenter in self.contact.values()), *self.body_force)
+        return (*functions, *(value for value in others if isinstance(value, TimeFunction)))
 
     @property
     def corners(self) -> tuple[float, ...]:
@@ -278,6 +285,8 @@ class MacroSetup(StrictModel):
             del said["body"]["symmetry"]
         if said["body"].get("flat", "") is None:
             del said["body"]["flat"], said["body"]["depth"]
+        if not self.contact:
+            del said["contact"]
         return said | composition(self)
 
     def ramp(self, time: float) -> float:
@@ -307,4 +316,5 @@ def body_mesh(problem: MacroSetup) -> BodyMesh:
     """
     patches = problem.surfaces
     names = {*problem.boundary, *problem.body.symmetry_planes, *(patch.of for patch in patches.values())}
+    names |= {name for indenter in problem.contact.values() for name in indenter.surfaces}
     return with_patches(called(make_body(problem.body), names - patches.keys()), patches)

@@ -63,7 +63,18 @@ def test_no_property_of_the_schema_is_left_out():
         for cells in table[1:]
     }
     sections = {"cell", "fem", "sampling", "surrogate", "macro", "scales", "output_units"}
-    sections |= {"geometry", "material", "mesh", "contact", "test", "body", "initial", "time", "newton"}
+    sections |= {
+        "geometry",
+        "shape",
+        "material",
+        "mesh",
+        "contact",
+        "test",
+        "body",
+        "initial",
+        "time",
+        "newton",
+    }
     sections |= {"calibration", "fit", "posterior", "prior", "field", "times"}
     for section in [configuration_schema(), *configuration_schema()["$defs"].values()]:
         assert set(section.get("properties", {})) - sections <= shown, section.get("title")
@@ -76,6 +87,14 @@ def test_the_defaults_are_those_of_a_configuration_that_gives_nothing_else():
             "boundary": {"y-": {}},
             "surfaces": {"part": {"of": "y+", "x": [0, 1]}},
             "fields": {"radius": {"formula": "0.2"}},
+            "contact": {
+                "ball": {
+                    "shape": {"radius": 1},
+                    "place": [0, 9, 0],
+                    "displacement": 1,
+                    "surfaces": ["y+"],
+                }
+            },
             "regions": {"top": {"above": 1}},
             "loads": [1],
         },
@@ -84,7 +103,14 @@ def test_the_defaults_are_those_of_a_configuration_that_gives_nothing_else():
         "output_units": {},
     }
     settings = yaml.safe_load(config_from(given).resolved_yaml())
-    names = {"NAME": "p", "SURFACE": "y-", "PART": "part", "PARAMETER": "radius", "REGION": "top"}
+    names = {
+        "INDENTER": "ball",
+        "NAME": "p",
+        "SURFACE": "y-",
+        "PART": "part",
+        "PARAMETER": "radius",
+        "REGION": "top",
+    }
     compared = 0
     for of, table in tables().items():
         for key, _, default, *_ in table[1:] if of.startswith("keys ") and of != "keys calibration" else ():
@@ -103,6 +129,8 @@ def test_the_defaults_are_those_of_a_configuration_that_gives_nothing_else():
                     "fields",
                     "regions",
                     "above",
+                    "contact",
+                    "displacement",
                 ), key
             else:
                 compared += 1

@@ -40,6 +40,7 @@ SUITES: dict[str, type[Suite]] = {
     "macro_law": porocore.testing.MacroLawSuite,
     "macro_states": porocore.testing.MacroSolverSuite,
     "macro_plates": porocore.testing.MacroSolverSuite,
+    "macro_contact": porocore.testing.MacroSolverSuite,
     "macro_bodies": porocore.testing.MacroSolverSuite,
     "macro_flat_bodies": porocore.testing.MacroSolverSuite,
     "macro_histories": porocore.testing.MacroSolverSuite,

@@ -339,15 +339,13 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
             whole[of] = function.x.array
         return whole
 
-    def system(
-        self, tangent: MacroTangent, dt: float, follower: sparse.csr_matrix | None = None
-    ) -> PETSc.Mat:
+    def system(self, tangent: MacroTangent, dt: float, surface: sparse.csr_matrix | None = None) -> PETSc.Mat:
         """Return a PETSc matrix, which the next call overwrites."""
         self._forms.assemble(tangent, dt)
         self._solver.renew()
         self._tangent = tangent
-        if follower is not None:
-            self._add(follower)
+        if surface is not None:
+            self._add(surface)
         if self._to_frames is None:
             return self._matrix
         self._in_frames = self._matrix.ptap(self._to_frames, result=self._in_frames)
@@ -362,18 +360,18 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
         self._solver.renew()
         return self._transpose
 
-    def _add(self, follower: sparse.csr_matrix) -> None:
-        """Add a follower's entries, which couple nodes of one element and so lie within the pattern."""
+    def _add(self, surface: sparse.csr_matrix) -> None:
+        """Add a surface's entries, which couple nodes of one element and so lie within the pattern."""
         first = self._comm.scan(self.owned) - self.owned
         number = np.zeros(self.mesh.size)
         number[self.unknowns[: self.owned]] = first + np.arange(self.owned)
         number = np.rint(self.communicator.sum(number)).astype(PETSc.IntType)
         for row in self.unknowns[: self.owned]:
-            if row < self.mesh.n_u and follower.indptr[row] < follower.indptr[row + 1]:
-                part = slice(follower.indptr[row], follower.indptr[row + 1])
-                columns = number[follower.indices[part]]
+            if surface.indptr[row] < surface.indptr[row + 1]:
+                part = slice(surface.indptr[row], surface.indptr[row + 1])
+                columns = number[surface.indices[part]]
                 self._matrix.setValues(
-                    [number[row]], columns, follower.data[part], PETSc.InsertMode.ADD_VALUES
+                    [number[row]], columns, surface.data[part], PETSc.InsertMode.ADD_VALUES
                 )
         self._matrix.assemble()
 

@@ -320,6 +320,7 @@ class SkfemDiscretisation(Discretisation[System | SmallSystem]):
             or self.rotation is not None
             or self.boundary.followers
             or self.mesh.revolved  # its law has derivatives along the hoop
+            or self.boundary.contacts
         ):
             return None
         held, start = np.zeros(self.mesh.size, bool), self.problem.initial
@@ -365,18 +366,18 @@ class SkfemDiscretisation(Discretisation[System | SmallSystem]):
         return self._integrals.contributions(response)
 
     def system(
-        self, tangent: MacroTangent, dt: float, follower: sparse.csr_matrix | None = None
+        self, tangent: MacroTangent, dt: float, surface: sparse.csr_matrix | None = None
     ) -> System | SmallSystem:
-        """Assemble the element blocks, those of oblique nodes in their frames, and add the follower's entries.
+        """Assemble the element blocks, those of oblique nodes in their frames, and add the surface's entries.
 
-        Frames turn the components of one node, and a follower couples nodes of one element: all lies in one pattern.
+        Frames turn the components of one node, and a surface couples nodes of one element: all lies in one pattern.
         """
         if self._small is not None:
             return self._small.system(tangent, dt)
-        return self._block_system(tangent, dt, follower)
+        return self._block_system(tangent, dt, surface)
 
     def _block_system(
-        self, tangent: MacroTangent, dt: float, follower: sparse.csr_matrix | None = None
+        self, tangent: MacroTangent, dt: float, surface: sparse.csr_matrix | None = None
     ) -> System:
         blocks = tuple(
             pattern.zeros(*shape)
@@ -395,20 +396,23 @@ class SkfemDiscretisation(Discretisation[System | SmallSystem]):
             )
             for pattern, sums, pairs in zip(self._patterns, blocks, by_pairs, strict=True):
                 pattern.add(sums, number, pairs)
-        if follower is not None:
-            self._add(blocks[0], follower)
+        if surface is not None:
+            self._add(blocks, surface)
         uu, up, pu, pp = blocks
         return System(uu, up, pu, pp, tangent)
 
-    def _add(self, uu: Array, follower: sparse.csr_matrix) -> None:
-        """Add a follower's entries, which couple nodes of one element and so lie within the pattern."""
+    def _add(self, blocks: Sequence[Array], surface: sparse.csr_matrix) -> None:
+        """Add a surface's entries, which couple nodes of one element and so lie within the pattern."""
         if self.rotation is not None:
-            n_u = self.mesh.n_u
-            turn = self.rotation[:n_u, :n_u]
-            follower = turn @ follower @ turn.T
-        entries = follower.tobsr(blocksize=(3, 3)).tocsr().tocoo()
-        found = self._patterns[0].find(entries.row // 3, entries.col // 3)
-        np.add.at(uu, (found, entries.row % 3, entries.col % 3), entries.data)
+            surface = (self.rotation @ surface @ self.rotation.T).tocsr()
+        n_u = self.mesh.n_u
+        u, p = (slice(0, n_u), 3), (slice(n_u, None), 1)
+        for pattern, values, (rows, r), (columns, c) in zip(
+            self._patterns, blocks, (u, u, p, p), (u, p, u, p), strict=True
+        ):
+            entries = surface[rows, columns].tocoo()
+            found = pattern.find(entries.row // r, entries.col // c)
+            np.add.at(values, (found, entries.row % r, entries.col % c), entries.data)
 
     def transposed(self, system: System | SmallSystem) -> System | SmallSystem:
         """Return the transpose, of blocks in the same patterns."""

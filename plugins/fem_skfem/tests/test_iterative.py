@@ -51,7 +51,7 @@ def systems(name, dt, by=("iterative", "direct")):
     )
     states, grad_p = d.states(coarse)
     tangent = NONLINEAR.respond(states, grad_p, NONLINEAR.initial(len(states))).tangent
-    system = d.system(tangent, dt, d.follower_tangent(coarse, d.loads(1.0)))
+    system = d.coupled(tangent, dt, coarse, d.loads(1.0)).system
     return bodies, system, rng.standard_normal(d.mesh.size), rng.standard_normal(len(d.prescribed))
 
 

@@ -16,7 +16,9 @@ from porocore.core.formulas import TimeFunction, Value
 from porocore.core.units import units_now
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import BodyMesh, Facets
+from porocore.macro.boundary.contact import Contact, inside, united
 from porocore.macro.boundary.reactions import Share, Support, shares
+from porocore.macro.boundary.rigid import RigidIndenter
 from porocore.macro.problem import Boundary, MacroProblem
 from porocore.states import Array, BoolArray, IntArray
 
@@ -239,6 +241,8 @@ class BoundaryData:
         By which the reactions at all unknowns are summed up to the force on each surface that is held or moved.
     drains
         The same for the fluid that enters through each surface with a prescribed pressure.
+    contacts
+        Rigid indenters.
     turns
         Axes about which nothing holds the body against a rotation; its tangent is singular, or small beside the load.
     """
@@ -253,6 +257,7 @@ class BoundaryData:
     supports: Mapping[str, Share] = field(default_factory=dict)
     drains: Mapping[str, Share] = field(default_factory=dict)
     turns: tuple[str, ...] = ()
+    contacts: tuple[Contact, ...] = ()
 
     @property
     def acting(self) -> Array:
@@ -260,6 +265,8 @@ class BoundaryData:
         acts = (self.values != 0).any(axis=0) | (self.external != 0).any(axis=1)
         for function, factor, _ in self.followers:
             acts[function] |= factor != 0
+        for contact in self.contacts:
+            acts[contact.function] |= contact.factor != 0
         return np.asarray(acts)
 
     def amplitudes(self, problem: MacroProblem, time: float) -> Array:
@@ -279,11 +286,14 @@ class Loads:
         Dead loads and rates of prescribed fluxes, where owned.
     pressures
         Of each surface with a pressure that follows it.
+    indenters
+        Displacement of each indenter, or the force on it.
     """
 
     values: Array
     external: Array
     pressures: tuple[float, ...] = ()
+    indenters: tuple[float, ...] = ()
 
 
 def boundary_data(mesh: BodyMesh, problem: MacroProblem) -> BoundaryData:
@@ -318,6 +328,7 @@ class Collector:
         self.followers: list[tuple[int, float, Facets]] = []
         self.held: dict[str, Support] = {}
         self.drains: dict[str, Support] = {}
+        self.contacts: list[Contact] = []
         self.turns: list[str] = []
         self._faces: dict[str, dict[tuple[int, ...], int]] = {}
 
@@ -332,6 +343,8 @@ class Collector:
             facets = Facets(self.mesh, self.mesh.surface(name, key))
             if len(facets.nodes):
                 SurfaceConditions(self, name, key, facets, boundary).collect()
+        for name, indenter in self.problem.contact.items():
+            self.contacts.append(self._contact(name, indenter))
         self._body_force()
         self._check()
         rotation, oblique = in_frames(
@@ -358,6 +371,7 @@ class Collector:
             shares(self.mesh, self.held),
             shares(self.mesh, self.drains, fluid=True),
             tuple(self.turns),
+            tuple(self.contacts),
         )
 
     def split(self, value: Value) -> tuple[int, float]:
@@ -474,6 +488,69 @@ class Collector:
         nodes = np.arange(len(self.mesh.points))
         self.prescribe(3 * nodes + 2, 0.0, "u_3", "macro.body")
         self.prescribe(3 * self.mesh.on_axis, 0.0, "u_1", "macro.body (the axis of revolution)")
+
+    def _contact(self, name: str, indenter: RigidIndenter) -> Contact:
+        """Return an indenter with its facets.
+
+        Raises
+        ------
+        ConfigurationError
+            There is no such surface, other conditions stand in its way there, or it begins inside the body.
+        """
+        key, problem = f"macro.contact.{name}", self.problem
+        facets = united(self.mesh, [self.mesh.surface(each, f"{key}.surfaces") for each in indenter.surfaces])
+        self._require_free_surfaces(key, indenter, facets)
+        if self.mesh.flat:
+            self._require_in_plane(key, indenter)
+        contact = Contact(name, indenter, facets, *self.split(indenter.motion))
+        motion = 0.0 if contact.by_force else problem.load * problem.factor(indenter.motion, 0.0)
+        depth, place = inside(contact, problem.initial.gradient, motion)
+        if not contact.by_force and depth > SAME * np.ptp(self.mesh.points, axis=0).max():
+            said = units_now()
+            raise ConfigurationError(
+                f"{key}: the indenter begins {said.text(depth, 'displacement', 3)} deep inside the body, at "
+                f"{said.texts(place, quantity='displacement', digits=3)}; move its place back, against its direction"
+            )
+        return contact
+
+    def _require_in_plane(self, key: str, indenter: RigidIndenter) -> None:
+        """Refuse an indenter that a body in two dimensions cannot be pressed by."""
+        along, place, kind = indenter.along, indenter.place, self.problem.body.kind
+        if self.mesh.revolved and (place[0] != 0 or place[2] != 0 or abs(along[1]) < 1 - SAME):
+            raise ConfigurationError(
+                f"{key}: a body of kind '{kind}' is pressed along its axis alone; give place: [0, y, 0] and direction: "
+                "[0, -1, 0] or [0, 1, 0]"
+            )
+        if place[2] != 0 or abs(along[2]) > SAME:
+            raise ConfigurationError(
+                f"{key}: a body of kind '{kind}' is pressed in its plane alone; give 0 as third component of place and "
+                "direction"
+            )
+
+    def _require_free_surfaces(self, key: str, indenter: RigidIndenter, facets: Facets) -> None:
+        """Refuse conditions on the facets of an indenter that would act there beside it."""
+        rows = {corners: row for row, corners in enumerate(self.mesh.corners_of(facets.nodes))}
+        n = facets.directions
+        for name, face in self.problem.boundary.items():
+            both = [rows[corners] for corners in self.faces(name) if corners in rows]
+            if not both:
+                continue
+            held = np.array([u is not None for u in face.displacement])
+            along = face.normal is not None or (np.abs(n[both][..., held]) > SAME).any()
+            loaded = face.follower != 0 or face.plate is not None or any(t != 0 for t in face.traction)
+            wet = indenter.drains and (face.pressure is not None or face.flux != 0)
+            if along or loaded or wet:
+                what = (
+                    "is held along its normal"
+                    if along
+                    else "is loaded"
+                    if loaded
+                    else "has a pressure or a flux, beside which 'under' and 'outside' mean nothing"
+                )
+                raise ConfigurationError(
+                    f"{key}.surfaces: {len(both)} of the {len(rows)} faces belong to macro.boundary.{name}, which "
+                    f"{what}; keep one of the two there"
+                )
 
     def _body_force(self) -> None:
         element = self.mesh.element

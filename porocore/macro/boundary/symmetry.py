@@ -16,8 +16,9 @@ from porocore.core.formulas import TimeFunction, Value
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import MacroResponse
 from porocore.interfaces.sensitivities import HistoryWeights, MacroSensitivities
-from porocore.interfaces.solution import MacroSolution
+from porocore.interfaces.solution import CONTACT, MacroSolution
 from porocore.macro.body.mesh import BodyMesh, Facets
+from porocore.macro.boundary.rigid import RigidIndenter
 from porocore.macro.problem import Boundary, MacroProblem, MacroSetup, body_mesh
 from porocore.states import Array
 
@@ -99,6 +100,22 @@ class Symmetry:
         bent = normal is None or bool((np.abs(across @ normal) > SAME).any())
         return SurfaceOfWhole(_copies(normals), projection, None if bent else normal)
 
+    def contact_factors(self, indenter: RigidIndenter) -> Array:
+        """Return the factors (7,) from the columns of the contact of a part to those of the whole indenter."""
+        copies = self.indenter_copies(indenter)
+        by_name = {"force": copies, "area": copies, "radius": math.sqrt(copies), "outflow": copies}
+        return np.array([by_name.get(name, 1.0) for name, *_ in CONTACT])
+
+    def indenter_copies(self, indenter: RigidIndenter) -> float:
+        """Return how many parts of the whole an indenter touches: those about the planes that its axis lies in."""
+        place, size = np.array(indenter.place), np.ptp(self.mesh.points, axis=0).max()
+        normals = []
+        for plane, normal in self.normals.items():
+            depth = (place - self.mesh.points[self.mesh.surfaces[plane][0, 0]]) @ normal
+            if abs(depth) <= SAME * size and abs(indenter.along @ normal) <= SAME:
+                normals.append(normal)
+        return _copies(normals)
+
     def _touch(self, name: str, plane: str) -> bool:
         return bool(np.isin(self.mesh.surfaces[name], self.mesh.surfaces[plane]).any())
 
@@ -125,12 +142,16 @@ def across_plane(response: MacroResponse) -> float:
 def part_problem(problem: MacroProblem) -> MacroProblem:
     """Return the problem of the part: the force on each plate is that on the part's piece of it."""
     plates = {name: b for name, b in problem.boundary.items() if b.plate is not None}
-    if not plates or not problem.body.symmetry_planes:
+    pressed = {name: each for name, each in problem.contact.items() if each.force is not None}
+    if not (plates or pressed) or not problem.body.symmetry_planes:
         return problem
-    symmetry, boundary = Symmetry.of(problem), dict(problem.boundary)
+    symmetry, boundary, contact = Symmetry.of(problem), dict(problem.boundary), dict(problem.contact)
     for name, face in plates.items():
         boundary[name] = face.model_copy(update={"plate": _shared(face.plate, symmetry.surface(name).copies)})
-    return problem.model_copy(update={"boundary": boundary})
+    for name, indenter in pressed.items():
+        force = _shared(indenter.force, symmetry.indenter_copies(indenter))
+        contact[name] = indenter.model_copy(update={"force": force})
+    return problem.model_copy(update={"boundary": boundary, "contact": contact})
 
 
 def whole_specimen(solution: MacroSolution, problem: MacroSetup) -> MacroSolution:
@@ -151,6 +172,10 @@ def whole_specimen(solution: MacroSolution, problem: MacroSetup) -> MacroSolutio
         reactions=reactions,
         compression=compression,
         inflow={name: copies * rate for name, rate in solution.inflow.items()},
+        contact={
+            name: values * symmetry.contact_factors(problem.contact[name])
+            for name, values in solution.contact.items()
+        },
     )
 
 

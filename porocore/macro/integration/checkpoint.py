@@ -20,7 +20,7 @@ from porocore.core.files.plain_data import stable_hash
 from porocore.core.hdf5 import Contents, atomic_hdf5, numbered, opened
 from porocore.errors import DataError
 from porocore.interfaces.law import Integrand, LawMemory, MacroLaw, MacroResponse
-from porocore.interfaces.solution import History, MacroSolution, Profile, StepWork, read_profile
+from porocore.interfaces.solution import CONTACT, History, MacroSolution, Profile, StepWork, read_profile
 from porocore.macro.boundary.conditions import Loads
 from porocore.macro.boundary.reactions import interpolation
 from porocore.macro.composition.regions import EVERYWHERE_ALIKE, BodyFields, CellsAtPoints, kept_cells
@@ -31,6 +31,8 @@ from porocore.states import Array, Doubt, MacroState
 
 HISTORY = tuple(f.name for f in fields(History))
 PROFILE = tuple(f.name for f in fields(Profile))
+#: Column of a contact that is the rate of fluid through its surfaces.
+OUTFLOW = [name for name, *_ in CONTACT].index("outflow")
 WORK = tuple(f.name for f in fields(StepWork))
 
 
@@ -40,7 +42,8 @@ class HistoryRecorder:
     Attributes
     ----------
     columns
-        The fields of :class:`porocore.History`, then those of probes, reactions, inflows and linear solver, by name.
+        The fields of :class:`porocore.History`, then those of probes, reactions, inflows, contacts and linear solver,
+        by name.
     rows
         Values in this order.
     profiles
@@ -58,6 +61,7 @@ class HistoryRecorder:
             *((f"probes/{name}", 4) for name in d.problem.probes),
             *((f"reactions/{name}", 3) for name in d.boundary.supports),
             *((f"inflow/{name}", 1) for name in d.boundary.drains),
+            *((f"contact/{each.name}", len(CONTACT)) for each in d.boundary.contacts),
             *((f"work/{name}", 1) for name in WORK),
         )
         self.columns = (*HISTORY, *(f"{name}/{i}" for name, width in self._groups for i in range(width)))
@@ -72,9 +76,12 @@ class HistoryRecorder:
         start = dict.fromkeys(HISTORY, 0.0)
         start |= {**_flagged(d, response), "stress_spread": _spread(d, response)}
         start |= self._extremes(whole)
-        sums = np.zeros(3 * len(d.boundary.supports) + len(d.boundary.drains) + len(WORK))
-        self.rows.append((*(start[name] for name in HISTORY), *(self.probe @ whole), *sums))
-        self.add_profile(x, response, 0.0)
+        sums = np.zeros(3 * len(d.boundary.supports) + len(d.boundary.drains))
+        loads = d.loads(d.boundary.amplitudes(d.problem, 0.0))
+        touched = [state.measured() for state in d.contact_states(whole, loads)]
+        extra = np.concatenate([self.probe @ whole, sums, *touched, np.zeros(len(WORK))])
+        self.rows.append((*(start[name] for name in HISTORY), *map(float, extra)))
+        self.add_profile(x, response, 0.0, loads)
 
     def add_step(self, step: Step, time: float, dt: float, loads: Loads, work: StepWork) -> None:
         """Add an accepted step that ended at ``time``, and what the linear solver did for it."""
@@ -82,18 +89,20 @@ class HistoryRecorder:
         last = dict(zip(HISTORY, self.rows[-1], strict=False))
         squeezed = -float(d.communicator.sum(float(d.weights @ (response.storage / response.volume_ratio))))
         x = d.to_mesh(step.x)
+        touched = [state.measured() for state in d.contact_states(x, loads)]
+        seeped = dt * sum(float(each[OUTFLOW]) for each in touched)
         row = {
             "time": time,
             "ramp": d.problem.ramp(time),
             "drained_paper": last["drained_paper"] + squeezed,
-            "drained": last["drained"] + self.outflow(step.residual.values, loads, dt),
+            "drained": last["drained"] + self.outflow(step.residual.values, loads, dt) + seeped,
             **_flagged(d, response),
             "stress_spread": _spread(d, response),
             "iterations": float(step.iterations),
         }
         row |= self._extremes(x)
         sums = self.sums(step.residual.values, response, dt)
-        extra = np.concatenate([self.probe @ x, *sums, [getattr(work, name) for name in WORK]])
+        extra = np.concatenate([self.probe @ x, *sums, *touched, [getattr(work, name) for name in WORK]])
         self.rows.append((*(row[name] for name in HISTORY), *map(float, extra)))
 
     def outflow(self, residual: Array, loads: Loads, dt: float) -> float:
@@ -122,10 +131,13 @@ class HistoryRecorder:
         found = {name: sign * float(x[i]) + 0.0 for name, (i, sign) in extremes(x, n_u).items()}
         return found | {"displacement": float(np.linalg.norm(x[:n_u].reshape(-1, 3), axis=1).max())}
 
-    def add_profile(self, unknowns: Array, response: MacroResponse, time: float) -> None:
+    def add_profile(self, unknowns: Array, response: MacroResponse, time: float, loads: Loads) -> None:
         """Add the fields at ``time``: nodal values, and means over the elements."""
         d, x = self.d, self.d.to_mesh(unknowns)
         states = response.memory.states
+        pressed = np.zeros(len(d.mesh.points))
+        for contact in d.contact_states(x, loads):
+            pressed += contact.nodal_pressure()
         self.profiles.append(
             Profile(
                 time=time,
@@ -139,6 +151,7 @@ class HistoryRecorder:
                 flux=d.all_means(response.flux),
                 element_p=d.all_means(states.p),
                 flagged=d.all_means(response.flagged.astype(float)),
+                contact_pressure=pressed,
             )
         )
 
@@ -146,7 +159,8 @@ class HistoryRecorder:
         """Return history and profiles with the mesh, and the cells of its elements by the fields of the ``body``."""
         mesh = self.d.mesh
         history = History(**{name: self.column(name) for name in HISTORY})
-        series: dict[str, dict[str, Array]] = {"probes": {}, "reactions": {}, "inflow": {}, "work": {}}
+        series: dict[str, dict[str, Array]] = {"probes": {}, "reactions": {}, "inflow": {}}
+        series |= {"contact": {}, "work": {}}
         for path, width in self._groups:
             kind, _, name = path.partition("/")
             series[kind][name] = np.stack([self.column(f"{path}/{i}") for i in range(width)], axis=1)
@@ -160,6 +174,7 @@ class HistoryRecorder:
             probes=series["probes"],
             reactions=series["reactions"],
             inflow={name: values[:, 0] for name, values in series["inflow"].items()},
+            contact=series["contact"],
             work={name: values[:, 0] for name, values in series["work"].items()},
             linear_solver=self.d.linear.choice,
             # They follow from the times alone.
@@ -208,7 +223,7 @@ def _spread(d: Discretisation, response: MacroResponse) -> float:
     return d.communicator.max(float(np.abs(means - mean).max(initial=0.0)))
 
 
-FORMAT, VERSION = "porocore-macro-checkpoint", 8
+FORMAT, VERSION = "porocore-macro-checkpoint", 9
 #: What is kept of the time stepping.
 STEPPER: dict[str, Any] = {"time": float, "halvings": int, "streak": int, "proposed": float}
 #: What is kept of a law's memory, with the shape of a point: all but parameters and places of its states.

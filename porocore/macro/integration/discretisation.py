@@ -10,6 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Generic
 
 import numpy as np
@@ -20,6 +21,7 @@ from porocore.core.parallel import Communicator
 from porocore.interfaces.law import Integrand, MacroTangent
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary.conditions import BoundaryData, Loads, follower_forces, follower_tangent
+from porocore.macro.boundary.contact import ContactScales, IndenterContact, NoContact, states
 from porocore.macro.linear_systems import TIGHTEST, LinearWork
 from porocore.macro.problem import MacroProblem
 from porocore.states import Array, IntArray, MacroState
@@ -45,6 +47,85 @@ class Residual:
     values: Array
     force_scale: float
     volume_scale: float
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceTangent:
+    """Derivative of the forces and fluxes on the surface by all unknowns.
+
+    Attributes
+    ----------
+    matrix
+        Cartesian, sparse (unknowns, unknowns), on every process; it couples unknowns of one facet alone.
+    left, right : (local unknowns, r)
+        Where owned: Σ left rightᵀ is to be added, one term for each indenter under a force.
+    size
+        Largest sum of terms that cancel in a force of an indenter.
+    """
+
+    matrix: sparse.csr_matrix
+    left: Array
+    right: Array
+    size: float
+
+    def transposed(self) -> SurfaceTangent:
+        """Return the transpose."""
+        return SurfaceTangent(self.matrix.T.tocsr(), self.right, self.left, self.size)
+
+
+@dataclass(frozen=True, eq=False)
+class CoupledSystem:
+    """Tangent of all unknowns: that of a backend, plus Σ left rightᵀ of few terms.
+
+    Attributes
+    ----------
+    d
+        Discretisation.
+    system
+        Of its backend.
+    left, right : (local unknowns, r)
+        Where owned.
+    size
+        Largest sum of terms that cancel in a force of an indenter.
+    """
+
+    d: Discretisation[Any]
+    system: Any
+    left: Array
+    right: Array
+    size: float
+
+    def solve(self, right: Array, jump: Array, *, again: bool = False, accuracy: float = TIGHTEST) -> Array:
+        """Solve as :meth:`Discretisation.solve` does, for further terms by the formula of Woodbury."""
+        d = self.d
+        x = d.solve(self.system, right, jump, again=again, accuracy=accuracy)
+        if not self.left.shape[1]:
+            return x
+        shares = np.linalg.solve(np.eye(self.left.shape[1]) + self._weighed(self._columns), self._weighed(x))
+        return np.asarray(x - self._columns @ shares)
+
+    @cached_property
+    def _columns(self) -> Array:
+        """Solutions (local unknowns, r) for the left vectors."""
+        still = np.zeros(len(self.d.prescribed))
+        found = [self.d.solve(self.system, each, still, again=True) for each in self.left.T]
+        return np.stack(found, axis=1)
+
+    def _weighed(self, x: Array) -> Array:
+        """Return rightᵀ x over all processes."""
+        return np.asarray(self.d.communicator.sum(self.right[: self.d.owned].T @ x[: self.d.owned]))
+
+    def magnitudes(self, x: Array) -> Array:
+        """Return |A| |x| in the rows of the free unknowns, as :meth:`Discretisation.magnitudes`."""
+        found = self.d.magnitudes(self.system, x)
+        if not self.left.shape[1]:
+            return found
+        sizes = self.d.communicator.sum(np.abs(self.right[: self.d.owned]).T @ np.abs(x[: self.d.owned]))
+        return np.asarray(found + np.abs(self.left) @ sizes)
+
+    def transposed(self) -> CoupledSystem:
+        """Return the transpose; this system is not solved with any more."""
+        return CoupledSystem(self.d, self.d.transposed(self.system), self.right, self.left, self.size)
 
 
 #: Type of the tangent of all unknowns, which only the backend looks into.
@@ -119,6 +200,7 @@ class Discretisation(ABC, Generic[System]):
         self.stretch = mesh.stretch
         self.linear = LinearWork()  # the backend fills it
         self.keeps_factor = False  # whether to solve again with a system costs little
+        self.contact_scales = ContactScales()  # those of the law of a solve
 
     @property
     def n_points(self) -> int:
@@ -156,7 +238,8 @@ class Discretisation(ABC, Generic[System]):
         def at(amplitudes: Array) -> Loads:
             followers = boundary.followers
             pressures = tuple(float(factor * amplitudes[function]) for function, factor, _ in followers)
-            return Loads(values @ amplitudes, amplitudes @ external, pressures)
+            indenters = tuple(float(each.factor * amplitudes[each.function]) for each in boundary.contacts)
+            return Loads(values @ amplitudes, amplitudes @ external, pressures, indenters)
 
         return at
 
@@ -181,11 +264,21 @@ class Discretisation(ABC, Generic[System]):
         """Return ∫ P_E:∇N (elements, 81 or 30), ∫ Δstorage N and ∫ q·∇N (elements, 8 or 4) of each element."""
 
     @abstractmethod
-    def system(self, tangent: MacroTangent, dt: float, follower: sparse.csr_matrix | None = None) -> System:
+    def system(self, tangent: MacroTangent, dt: float, surface: sparse.csr_matrix | None = None) -> System:
         """Return the derivative of the residual by all unknowns, in the form that the other methods take.
 
-        ``follower`` is to be added, from :meth:`follower_tangent`. With a :attr:`rotation` Q it is Q A Qᵀ.
+        ``surface`` (unknowns, unknowns) is to be added, Cartesian and in the mesh's order; it couples unknowns of one
+        element. With a :attr:`rotation` Q it is Q A Qᵀ.
         """
+
+    def coupled(self, tangent: MacroTangent, dt: float, x: Array, loads: Loads) -> CoupledSystem:
+        """Return the derivative of the residual at the unknowns ``x`` with that of the forces on the surface."""
+        surface = self.surface_tangent(x, loads, dt)
+        if surface is None:
+            nothing = np.zeros((len(self.unknowns), 0))
+            return CoupledSystem(self, self.system(tangent, dt), nothing, nothing, 0.0)
+        system = self.system(tangent, dt, surface.matrix)
+        return CoupledSystem(self, system, surface.left, surface.right, surface.size)
 
     @abstractmethod
     def transposed(self, system: System) -> System:
@@ -221,13 +314,12 @@ class Discretisation(ABC, Generic[System]):
         return values
 
     def residual(self, response: Integrand, dt: float, loads: Loads, x: Array | None = None) -> Residual:
-        """Return the residual under ``loads``; pressures on the deformed surface act at the unknowns ``x``."""
+        """Return the residual under ``loads``; with the unknowns ``x`` also of what acts on the deformed surface."""
         forces, stored, moved = self.contributions(response)
         moved = -dt * moved
         external = np.where(self.is_force, 1.0, dt) * loads.external
-        if any(loads.pressures):
-            assert x is not None
-            external = external + self._following(x, loads.pressures)
+        if x is not None and self.has_surface_forces(loads):
+            external = external + self.surface_forces(x, loads, dt)
         values = self._rotated(self._gather(forces, stored + moved)) + external
         scales = self._gather(np.abs(forces), np.abs(stored) + np.abs(moved)) + np.abs(external)
         own = np.arange(len(scales)) < self.owned
@@ -237,26 +329,96 @@ class Discretisation(ABC, Generic[System]):
         )
         return Residual(values, force_scale, volume_scale)
 
-    def follower_tangent(self, x: Array, loads: Loads) -> sparse.csr_matrix | None:
-        """Return the derivative of the forces of follower pressures, (displacements,) Cartesian; None: no forces."""
-        if not any(loads.pressures):
-            return None
-        u = self.to_mesh(x)[: self.mesh.n_u].reshape(-1, 3)
-        parts = zip(self.boundary.followers, loads.pressures, strict=True)
-        return sum(follower_tangent(facets, u, pressure) for (_, _, facets), pressure in parts)
+    def has_surface_forces(self, loads: Loads) -> bool:
+        """Tell whether forces act on the deformed surface: pressures that follow it, or indenters."""
+        return any(loads.pressures) or bool(loads.indenters)
 
-    def _following(self, x: Array, pressures: tuple[float, ...]) -> Array:
-        u = self.to_mesh(x)[: self.mesh.n_u].reshape(-1, 3)
+    def surface_forces(self, x: Array, loads: Loads, dt: float) -> Array:
+        """Return the part of the residual (local unknowns,), where owned, by followers and indenters at ``x``.
+
+        Raises
+        ------
+        StepFailed
+            An indenter under a force does not find the body.
+        """
+        whole = self.to_mesh(x)
         force = np.zeros(self.mesh.size)
-        for (_, _, facets), pressure in zip(self.boundary.followers, pressures, strict=True):
-            force[: self.mesh.n_u] += follower_forces(facets, u, pressure).ravel()
+        u = whole[: self.mesh.n_u].reshape(-1, 3)
+        for (_, _, facets), pressure in zip(self.boundary.followers, loads.pressures, strict=True):
+            if pressure:
+                force[: self.mesh.n_u] += follower_forces(facets, u, pressure).ravel()
+        for state in self.contact_states(whole, loads):
+            force += state.residual(dt)
         return self._owned(force)
 
-    def of_displacements(self, matrix: sparse.csr_matrix, x: Array) -> Array:
-        """Return a matrix of Cartesian displacements times the unknowns ``x`` (local unknowns,), where owned."""
-        whole, n_u = np.zeros(self.mesh.size), self.mesh.n_u
-        whole[:n_u] = matrix @ self.to_mesh(x)[:n_u]
-        return self._owned(whole)
+    def contact_states(self, whole: Array, loads: Loads) -> list[IndenterContact]:
+        """Return the contact of each indenter under all unknowns (mesh.size,), Cartesian.
+
+        Raises
+        ------
+        StepFailed
+            An indenter under a force does not find the body.
+        """
+        try:
+            return list(states(self.boundary.contacts, whole, loads.indenters, self.contact_scales))
+        except NoContact as failure:
+            raise StepFailed(str(failure)) from None
+
+    def surface_tangent(self, x: Array, loads: Loads, dt: float) -> SurfaceTangent | None:
+        """Return the derivative of :meth:`surface_forces` by the unknowns; None: no forces.
+
+        Raises
+        ------
+        StepFailed
+            An indenter under a force does not find the body.
+        """
+        if not self.has_surface_forces(loads):
+            return None
+        whole, size = self.to_mesh(x), self.mesh.size
+        u = whole[: self.mesh.n_u].reshape(-1, 3)
+        matrix = sparse.csr_matrix((size, size))
+        for (_, _, facets), pressure in zip(self.boundary.followers, loads.pressures, strict=True):
+            if pressure:
+                part = follower_tangent(facets, u, pressure)
+                part.resize((size, size))
+                matrix = matrix + part
+        left: list[Array] = []
+        right: list[Array] = []
+        largest = 0.0
+        for state in self.contact_states(whole, loads):
+            matrix = matrix + state.tangent(dt)
+            largest = max(largest, state.size)
+            if state.contact.by_force:
+                left.append(self._owned(state.by_motion(dt)))
+                right.append(self._owned(state.motion_by_unknowns))
+        nothing = np.zeros((len(self.unknowns), 0))
+        if not left:
+            return SurfaceTangent(matrix, nothing, nothing, largest)
+        return SurfaceTangent(matrix, np.stack(left, axis=1), np.stack(right, axis=1), largest)
+
+    def surface_change(self, x: Array, loads: Loads, own: Loads, dt: float) -> Array:
+        """Return the derivative (local unknowns,) of :meth:`surface_forces`, where owned, as loads change by ``own``.
+
+        Pressures, displacements of indenters and forces on them change; the unknowns do not.
+        """
+        if not any(own.pressures) and not any(own.indenters):
+            return np.zeros(len(self.unknowns))
+        whole = self.to_mesh(x)
+        force = np.zeros(self.mesh.size)
+        u = whole[: self.mesh.n_u].reshape(-1, 3)
+        for (_, _, facets), pressure in zip(self.boundary.followers, own.pressures, strict=True):
+            if pressure:
+                force[: self.mesh.n_u] += follower_forces(facets, u, pressure).ravel()
+        for state, value in zip(self.contact_states(whole, loads), own.indenters, strict=True):
+            if value:
+                force += state.motion_by_prescribed * value * state.by_motion(dt)
+        return self._owned(force)
+
+    def surface_product(self, surface: SurfaceTangent, x: Array) -> Array:
+        """Return the derivative of the forces on the surface times a change ``x`` (local unknowns,), where owned."""
+        own = x[: self.owned]
+        shares = self.communicator.sum(surface.right[: self.owned].T @ own)
+        return np.asarray(self._owned(surface.matrix @ self.to_mesh(x)) + surface.left @ shares)
 
     def _owned(self, whole: Array) -> Array:
         """Return the local unknowns from all, zero where another process owns them."""

@@ -6,7 +6,6 @@ import math
 from bisect import bisect_right
 from contextlib import suppress
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from porocore.core.fields import provided
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
 from porocore.macro.boundary.conditions import Loads
 from porocore.macro.composition.regions import EVERYWHERE_ALIKE, CellsAtPoints
-from porocore.macro.integration.discretisation import Discretisation, Residual, StepFailed
+from porocore.macro.integration.discretisation import CoupledSystem, Discretisation, Residual, StepFailed
 from porocore.macro.integration.stepping import GROW, SAME, Stepper
 from porocore.macro.linear_systems import forcing, sufficient
 from porocore.macro.problem import MacroProblem, NewtonSettings
@@ -35,14 +34,14 @@ class Linearisation:
     Attributes
     ----------
     system
-        Of the discretisation.
+        Of the discretisation, with that of the forces on the surface.
     stiffest
         Largest entry of ∂P_E/∂H.
     fullest
         Largest entry of ∂storage/∂H.
     """
 
-    system: Any
+    system: CoupledSystem
     stiffest: float
     fullest: float
 
@@ -73,7 +72,7 @@ class Linearisations:
         return self._last if same else None
 
     def _is_exact(self, loads: Loads) -> bool:
-        return self._constant and not any(loads.pressures)
+        return self._constant and not self._d.has_surface_forces(loads)
 
     def accuracy(self, misfit: float, before: float | None, tolerance: float, loads: Loads) -> float:
         """Return the relative residual to which a system is to be solved; see :func:`forcing`."""
@@ -89,7 +88,7 @@ class Linearisations:
             d.communicator.max(float(max(each.max(initial=0.0), -each.min(initial=0.0))))
             for each in (tangent.stress_grad_u, tangent.storage_grad_u)
         )
-        system = d.system(tangent, self._dt, d.follower_tangent(x, loads))
+        system = d.coupled(tangent, self._dt, x, loads)
         self._last, self._age = Linearisation(system, stiffest, fullest), 0
         return self._last
 
@@ -220,12 +219,59 @@ def _iterated(
                 linear = linearisations.at(law.respond(states, grad_p, memory), dt, x, loads)
             before = misfits[-2] if iteration else None
             accuracy = linearisations.accuracy(misfit, before, settings.tolerance, loads)
-            x -= d.solve(linear.system, residual.values, -jump, again=iteration > 0, accuracy=accuracy)
+            change = -linear.system.solve(residual.values, -jump, again=iteration > 0, accuracy=accuracy)
+            x += change if moving else contact_share(d, x, change, residual.values, loads, dt) * change
             x[d.prescribed] = loads.values
     raise StepFailed(
         f"the relative residual of Newton's method was still {misfits[-1]:.2g} after {settings.iterations} iterations "
         f"(newton.tolerance = {settings.tolerance:g})"
     )
+
+
+#: Share of the work at the beginning of a change below which that at its end is small.
+SMALL_WORK = 0.5
+#: Evaluations of the contacts at most along one change, and the least share of it that is taken.
+MOST_SHARES, LEAST_SHARE = 20, 0.1
+
+
+def contact_share(
+    d: Discretisation, x: Array, change: Array, residual: Array, loads: Loads, dt: float
+) -> float:
+    """Return the share of a change of the unknowns that Newton's method takes, 1 but where contacts come or go.
+
+    The work of the forces on the displacements of the change vanishes at its end but for what the tangent does not
+    know. It is most of all which points touch: where too many come or go, the work changes its sign along the way, and
+    there the method stops. Apart from contacts the forces are taken to be linear along the change.
+    """
+    if not loads.indenters:
+        return 1.0
+    surface = d.surface_tangent(x, loads, dt)
+    if surface is None:
+        return 1.0
+    moved = np.where(d.is_force, change, 0.0)
+    before = d.surface_forces(x, loads, dt)
+    linear = d.surface_product(surface, change)
+
+    def work(share: float) -> float:
+        forces = (1 - share) * residual - share * linear - before
+        forces = forces + d.surface_forces(x + share * change, loads, dt)
+        return float(d.communicator.sum(float(moved[: d.owned] @ forces[: d.owned])))
+
+    begin, end = work(0.0), work(1.0)
+    if not begin < 0 or end < -SMALL_WORK * begin:
+        return 1.0
+    low, high, at_low, at_high = 0.0, 1.0, begin, end
+    for _ in range(MOST_SHARES):
+        share = low - at_low * (high - low) / (at_high - at_low)
+        share = min(max(share, low + 0.1 * (high - low)), high - 0.1 * (high - low))
+        found = work(share)
+        if abs(found) < 0.1 * abs(begin):
+            break
+        if found < 0:
+            low, at_low = share, found
+        else:
+            high, at_high = share, found
+    return max(share, LEAST_SHARE)
 
 
 def _refuse_missing_values(d: Discretisation, response: MacroResponse) -> None:
@@ -268,9 +314,10 @@ def _round_off(
     step 1e-7 of the consolidation time long takes up so little that it was 2e-9 of it, and no step could be short
     enough. Of a first guess (not ``begun``) that counts as an error, for over many steps such errors add up.
     """
-    force, volume = largest_free(d, d.magnitudes(tangent.system, x))
+    force, volume = largest_free(d, tangent.system.magnitudes(x))
     filled = tangent.fullest * d.mesh.share_of_volume if begun else 0.0
-    return share * (force + tangent.stiffest * d.stretch), share * (volume + filled)
+    pushed = tangent.system.size
+    return share * (force + tangent.stiffest * d.stretch + pushed), share * (volume + filled)
 
 
 #: So many accepted states are continued by a polynomial. On the benchmark's column under P = −0.2 Newton's method takes

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from porocore.core.echo import echo
+from porocore.core.fields import provided
 from porocore.core.models.bounds import LARGEST_NUMBER
 from porocore.core.parallel.memory import freed_memory_kept
 from porocore.errors import ConfigurationError
@@ -17,6 +18,7 @@ from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.sensitivities import HistoryWeights, MacroChange, MacroSensitivities
 from porocore.interfaces.solution import MacroSolution, StepReport, StepWork
+from porocore.macro.boundary.contact import ContactScales
 from porocore.macro.boundary.symmetry import ACROSS, across_plane
 from porocore.macro.composition.regions import BodyFields, CellsAtPoints
 from porocore.macro.integration.checkpoint import CheckpointFile, HistoryRecorder
@@ -128,6 +130,8 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
     ) -> MacroSolution:
         """Return the solution of a law in the axes of its material; a ``tracker`` follows its steps."""
         problem = d.problem
+        if d.boundary.contacts:
+            d.contact_scales = _contact_scales(d, law, body)
         saved = CheckpointFile(checkpoint, d, law, self.checkpoint_seconds, body)
         stepper, control, predictor = Stepper(problem.time, problem.corners), ErrorControl(), Predictor()
         reached = Reached(d.boundary, problem) if problem.time.tolerance is not None else None
@@ -165,7 +169,7 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
             work, notes = d.linear.take()
             record.add_step(step, time, dt, loads, work)
             if stepper.is_profile(time):
-                record.add_profile(step.x, step.response, time)
+                record.add_profile(step.x, step.response, time, loads)
             stepper.accept(error)
             if stepper.at_corner:
                 control.reset()
@@ -265,6 +269,18 @@ def _require_in_plane(d: Discretisation, response: MacroResponse) -> None:
             f"but what happens in the plane {about}: a stress P_13 or P_23 of {100 * share:.2g} % of the stiffness; "
             "turn the material axes (macro.fields.axes), or take a body of three dimensions"
         )
+
+
+def _contact_scales(d: Discretisation, law: MacroLaw, body: BodyFields) -> ContactScales:
+    """Return the largest stiffness and conductivity of the undeformed elements behind contacts."""
+    near = np.unique(np.concatenate([contact.facets.elements for contact in d.boundary.contacts]))
+    own = np.flatnonzero(np.repeat(np.isin(d.elements, near), d.n_points // max(len(d.elements), 1)))
+    largest, states = np.zeros(2), _fields_at(d, body, 0.0).given_to(MacroState.zeros(d.n_points))
+    if len(own):
+        states = states[own]
+        tangent = provided(law.respond(states, np.zeros((len(own), 3)), law.initial_at(states)).tangent)
+        largest = np.array([np.abs(each).max() for each in (tangent.stress_grad_u, tangent.flux_grad_p)])
+    return ContactScales.rounded(*(d.communicator.max(float(each)) for each in largest))
 
 
 def _flagged_points(d: Discretisation, law: MacroLaw, memory: LawMemory, x: Array) -> str:

@@ -12,11 +12,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy import sparse
 
 from porocore.core.echo import echo, suggestion
 from porocore.core.fields import Batch, provided
@@ -41,7 +39,12 @@ from porocore.interfaces.sensitivities import (
 from porocore.macro.boundary.conditions import Loads
 from porocore.macro.composition.regions import BodyFields
 from porocore.macro.integration.checkpoint import HistoryRecorder, extremes
-from porocore.macro.integration.discretisation import Discretisation, StepFailed
+from porocore.macro.integration.discretisation import (
+    CoupledSystem,
+    Discretisation,
+    StepFailed,
+    SurfaceTangent,
+)
 from porocore.macro.integration.newton import ROUND_OFF, Linearisation, Linearisations, Step, largest_free
 from porocore.macro.sensitivities.changes import Directions
 from porocore.macro.sensitivities.direct import CORRECTIONS, SMALL, TOO_LARGE
@@ -265,7 +268,7 @@ class AdjointEquations:
     """
 
     d: Discretisation
-    system: Any
+    system: CoupledSystem
     tangent: MacroTangent
     x: Array
     dt: float
@@ -283,14 +286,15 @@ class AdjointEquations:
         return self.d.residual(states, -1.0, self.still).values
 
     def following(self, rows: Array) -> Array:
-        """Return the weights of the displacements by which follower pressures change the residual."""
-        if self._follower is None:
+        """Return the weights of the unknowns by which forces and fluxes on the surface change the residual."""
+        if self._surface is None:
             return np.zeros(len(rows))
-        return self.d.of_displacements(self._follower.T, rows)
+        return self.d.surface_product(self._surface, rows)
 
     @cached_property
-    def _follower(self) -> sparse.csr_matrix | None:
-        return self.d.follower_tangent(self.x, self.loads)
+    def _surface(self) -> SurfaceTangent | None:
+        found = self.d.surface_tangent(self.x, self.loads, self.dt)
+        return None if found is None else found.transposed()
 
     def solved(self, weights: Array, *, again: bool) -> tuple[Array, PointWeights, Array]:
         """Return λ, the weights of the response by it, and the weights of the unknowns with it.
@@ -314,7 +318,7 @@ class AdjointEquations:
         at_points = PointWeights.zeros(d.n_points)
         misfit = np.inf
         for _ in range(1 + CORRECTIONS):
-            rows = rows - d.solve(self.system, total, still, again=again)
+            rows = rows - self.system.solve(total, still, again=again)
             again = True
             at_points = self.of_residual(rows)
             total = weights + self.of_unknowns(at_points.of_states(self.tangent)) + self.following(rows)
@@ -329,7 +333,7 @@ class AdjointEquations:
         """Return the largest weight that is left over those that met; zero where only round-off is left."""
         d = self.d
         left, given = largest_free(d, total), largest_free(d, weights)
-        terms = largest_free(d, d.magnitudes(self.system, rows))
+        terms = largest_free(d, self.system.magnitudes(rows))
         return max(
             value / max(right, each) if value > ROUND_OFF * max(right, each) else 0.0
             for value, right, each in zip(left, given, terms, strict=True)
@@ -587,7 +591,7 @@ class GradientPass:
         self._loaded = [j for j, each in enumerate(changes) if isinstance(each, LoadChange | BoundaryChange)]
         self._still = d.loads(0.0 * d.boundary.amplitudes(d.problem, 0.0))
         self._linearisations = Linearisations(d, law, varies=body.varies)
-        self._transposed: tuple[Linearisation, object] | None = None
+        self._transposed: tuple[Linearisation, CoupledSystem] | None = None
 
     def gradients(self, tape: RunTape, weights: HistoryWeights) -> Array:
         """Return the gradients (f, k) of f sums.
@@ -650,7 +654,7 @@ class GradientPass:
         d, known = self._d, self._linearisations
         linear = known.begin(step.dt, step.loads) or known.at(found.response, step.dt, step.x, step.loads)
         if self._transposed is None or self._transposed[0] is not linear:
-            self._transposed = linear, d.transposed(linear.system)
+            self._transposed = linear, linear.system.transposed()
         return AdjointEquations(
             d, self._transposed[1], provided(found.response.tangent), step.x, step.dt, step.loads, self._still
         )
@@ -661,7 +665,8 @@ class GradientPass:
         found = []
         for j in self._loaded:
             own = self._directions.loads_of(j, step.time)
-            external = d.residual(nothing, step.dt, own, step.x).values
+            external = d.residual(nothing, step.dt, own).values
+            external = external + d.surface_change(step.x, step.loads, own, step.dt)
             found.append((j, own.values, external, d.outflow(own)))
         return found
 

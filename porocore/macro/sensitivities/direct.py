@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import sparse
 
 from porocore.core.fields import provided
 from porocore.core.units import units_now
@@ -22,7 +21,7 @@ from porocore.interfaces.sensitivities import HISTORY_SERIES, MacroChange, Macro
 from porocore.macro.boundary.conditions import Loads
 from porocore.macro.composition.regions import BodyFields
 from porocore.macro.integration.checkpoint import HistoryRecorder, extremes
-from porocore.macro.integration.discretisation import Discretisation, Residual, StepFailed
+from porocore.macro.integration.discretisation import Discretisation, Residual, StepFailed, SurfaceTangent
 from porocore.macro.integration.newton import (
     ROUND_OFF,
     Linearisation,
@@ -112,7 +111,7 @@ class StepEquations:
         for _ in range(1 + CORRECTIONS):
             for j, misfit in enumerate(misfits):
                 if misfit > SMALL:
-                    x[j] = x[j] - d.solve(self.linear.system, residuals[j].values, still, again=True)
+                    x[j] = x[j] - self.linear.system.solve(residuals[j].values, still, again=True)
             parts, memory = self._moved(x)
             residuals = [self._residual(*each) for each in zip(parts, self.own, x, strict=True)]
             misfits = [self._misfit(*each) for each in zip(residuals, x, strict=True)]
@@ -138,19 +137,26 @@ class StepEquations:
         d, misfit = self.d, misfit_of(self.d, residual)
         if misfit <= SMALL:
             return misfit
-        force, volume = largest_free(d, d.magnitudes(self.linear.system, x))
+        force, volume = largest_free(d, self.linear.system.magnitudes(x))
         return misfit_of(d, residual, (ROUND_OFF * force, ROUND_OFF * volume))
 
     @cached_property
-    def _follower(self) -> sparse.csr_matrix | None:
-        return self.d.follower_tangent(self.x, self.loads)
+    def _surface(self) -> SurfaceTangent | None:
+        return self.d.surface_tangent(self.x, self.loads, self.dt)
+
+    @cached_property
+    def _surface_changes(self) -> dict[int, Array]:
+        """Derivatives of the forces on the surface by each change of the loads."""
+        return {id(own): self.d.surface_change(self.x, self.loads, own, self.dt) for own in self.own}
 
     def _residual(self, change: UnknownChange, own: Loads, x: Array) -> Residual:
         """Return the total derivative of the residual by one unknown, which is zero in the equations."""
-        d, found, follower = self.d, self.d.residual(change, self.dt, own, self.x), self._follower
-        if follower is None:
+        d, surface = self.d, self._surface
+        found = d.residual(change, self.dt, own)
+        if surface is None:
             return found
-        return replace(found, values=found.values + d.of_displacements(follower, x))
+        moved = self._surface_changes[id(own)] + d.surface_product(surface, x)
+        return replace(found, values=found.values + moved)
 
 
 DRAINED = HISTORY_SERIES.index("drained")

@@ -96,7 +96,7 @@ class Solving(Suite):
         tangent = residual(x)[1].tangent
         direction, h = rng.standard_normal(d.mesh.size), 1e-5
         slope = (residual(x + h * direction)[0] - residual(x - h * direction)[0]) / (2 * h)
-        return d.system(tangent, 0.3, d.follower_tangent(x, loads)), slope, direction
+        return d.coupled(tangent, 0.3, x, loads).system, slope, direction
 
     @classmethod
     def needs_core_mesh(cls) -> None:

@@ -34,6 +34,7 @@ from porocore.macro.laws.linear import LinearCellLaw
 from porocore.states import Array, MacroState
 from porocore.testing.expect import holds, near, require, same, states_text
 from porocore.testing.macro_checks.bodies import Bodies, Plates
+from porocore.testing.macro_checks.contact import Contacts
 from porocore.testing.macro_checks.flat_bodies import FlatBodies
 from porocore.testing.macro_checks.runs import (
     ALPHA,
@@ -317,7 +318,7 @@ class MacroLawSuite(Suite):
             near(name, getattr(plain, name), wanted, state, within=ROUND_OFF * float(np.abs(wanted).max()))
 
 
-class MacroSolverSuite(KnownStates, Plates, Bodies, FlatBodies, Histories, Runs, RunDerivatives):
+class MacroSolverSuite(KnownStates, Plates, Contacts, Bodies, FlatBodies, Histories, Runs, RunDerivatives):
     """Subclass it, name the class ``Test…`` and give it ``make_solver``.
 
     It expects that :meth:`~porocore.MacroSolver.prepare` returns a ``porocore.macro`` discretisation, that the

@@ -19,7 +19,7 @@ class TestForgetsFollowers(Law):
     caught_by = "test_the_tangent_is_the_derivative_of_the_residual_on_any_body"
 
     class elements(Elements):
-        def system(self, tangent, dt, follower=None):
+        def system(self, tangent, dt, surface=None):
             return super().system(tangent, dt)
 
 
@@ -39,10 +39,10 @@ class TestFollowerDoesNotTurn(Law):
     slow = True
 
     class elements(Elements):
-        def _following(self, x, pressures):
-            return super()._following(0 * x, pressures)
+        def surface_forces(self, x, loads, dt):
+            return super().surface_forces(0 * x, loads, dt)
 
-        def follower_tangent(self, x, loads):
+        def surface_tangent(self, x, loads, dt):
             return None
 
 

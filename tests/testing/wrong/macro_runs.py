@@ -70,8 +70,8 @@ class TestWrongSign(Law):
     raises = "StepFailed"
 
     class elements(Elements):
-        def system(self, tangent, dt, follower=None):
-            return super().system(replace(tangent, storage_grad_u=-tangent.storage_grad_u), dt, follower)
+        def system(self, tangent, dt, surface=None):
+            return super().system(replace(tangent, storage_grad_u=-tangent.storage_grad_u), dt, surface)
 
 
 class TestOldTangent(Law):

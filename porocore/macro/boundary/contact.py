@@ -1,0 +1,517 @@
+"""Contact of rigid indenters with the surface of a body: forces, tangent, drainage, measurements.
+
+The surface is pushed away by the traction κ⟨−g⟩ per reference area along the gradient of the signed distance g, at the
+quadrature points of its facets. This is the derivative of an energy, so forces and tangent are symmetric. A multiplier
+at every quadrature point would ask for more than the nodes of a quadratic facet can do; the penetration that a penalty
+leaves is a result of the run.
+
+An indenter under a force f is where its contact forces have the resultant f along its direction, for any displacement
+of the body: its displacement s is a function of the unknowns, and the tangent is that at fixed s plus one of rank one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from porocore.macro.body.mesh import BodyMesh, Facets
+from porocore.macro.boundary.rigid import RigidIndenter, SignedDistance
+from porocore.states import Array, BoolArray, IntArray
+
+#: Gap at which all of a surface drains that is drained outside the contact, as a share of the facet's width.
+OPEN = 0.01
+#: A drained point lets fluid pass so many times better than a layer of the body one element thick.
+DRAINED = 1000.0
+#: Gaps below which the surface is nearly touched, as shares of the facet's width.
+LEVELS = (0.002, 0.016)
+#: Parts along each edge of a facet on which the edge of the contact is a straight line.
+PARTS = 8
+#: Steps at most of the search for the place of an indenter under a force.
+SEARCH = 200
+
+
+class NoContact(Exception):
+    """Failure of a force that no contact can bear."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContactScales:
+    """Stiffness and conductivity of the body at rest, powers of ten.
+
+    They are rounded so that a small change of the cell does not change the penalty, which no derivative has to follow.
+    """
+
+    stiffness: float = 1.0
+    conductivity: float = 1.0
+
+    @classmethod
+    def rounded(cls, stiffness: float, conductivity: float) -> ContactScales:
+        """Return the scales from the largest entries of ∂P_E/∂H and of the conductivity."""
+        return cls(
+            *(10.0 ** np.round(np.log10(each)) if each > 0 else 1.0 for each in (stiffness, conductivity))
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """An indenter and the facets that it may touch.
+
+    Attributes
+    ----------
+    name
+        Of the indenter.
+    indenter
+        Its settings.
+    facets
+        Of the body.
+    function, factor
+        Time function of its motion or force, and the factor on it.
+    """
+
+    name: str
+    indenter: RigidIndenter
+    facets: Facets
+    function: int
+    factor: float
+
+    @property
+    def by_force(self) -> bool:
+        """True if a force is prescribed."""
+        return self.indenter.force is not None
+
+    @cached_property
+    def along(self) -> Array:
+        """Direction (3,) of the motion."""
+        return self.indenter.along
+
+    @cached_property
+    def areas(self) -> Array:
+        """(f, q) reference area of each quadrature point."""
+        return self.facets.areas
+
+    @cached_property
+    def sizes(self) -> Array:
+        """(f, 1) thickness of the element behind each facet, its volume over the area."""
+        volumes = self.facets.mesh.weights[self.facets.elements].sum(axis=1)
+        return np.asarray(volumes / self.areas.sum(axis=1))[:, None]
+
+    @cached_property
+    def widths(self) -> Array:
+        """(f, 1) length of each facet, of a face the root of its area."""
+        facets = self.facets
+        if not facets.mesh.flat:
+            return np.asarray(np.sqrt(self.areas.sum(axis=1, keepdims=True)))
+        along = np.linalg.norm(facets.tangents_of(facets.mesh.points)[..., 0], axis=-1)
+        return np.asarray(along @ facets.mesh.element.facet.weights)[:, None]
+
+    @cached_property
+    def dofs(self) -> IntArray:
+        """(f, 3 m + c) unknowns of each facet: displacements node by node, then pressures."""
+        mesh, nodes = self.facets.mesh, self.facets.nodes
+        u = (3 * nodes[:, :, None] + np.arange(3)).reshape(len(nodes), -1)
+        corners = nodes[:, : mesh.element.facet.corner_values.shape[1]]
+        return np.concatenate([u, mesh.n_u + np.searchsorted(mesh.p_nodes, corners)], axis=1)
+
+    def distance(self, arms: Array, motion: float) -> SignedDistance:
+        """Return the distance of places from the indenter that has moved by ``motion``.
+
+        Parameters
+        ----------
+        arms : (n, 3)
+            From the place of the indenter. The difference of two close places has less round-off than the places.
+        """
+        return self.indenter.shape.distance(arms - motion * self.along, -self.along)
+
+    @cached_property
+    def _reference(self) -> Array:
+        """(f, m, 3) from the place of the indenter to the nodes of the facets."""
+        return np.asarray(self.facets.mesh.points[self.facets.nodes] - np.array(self.indenter.place))
+
+    def arms(self, whole: Array, values: Array | None = None) -> Array:
+        """Return the ways (f, k, 3) from the place of the indenter to points of the facets.
+
+        Parameters
+        ----------
+        whole : (unknowns,)
+            Of the mesh.
+        values : (k, m)
+            Shape functions at the points; None: at the quadrature points.
+        """
+        mesh = self.facets.mesh
+        u = whole[: mesh.n_u].reshape(-1, 3)[self.facets.nodes]
+        return np.asarray((mesh.element.facet.values if values is None else values) @ (self._reference + u))
+
+    def state(self, whole: Array, prescribed: float, scales: ContactScales) -> IndenterContact:
+        """Return the contact under the unknowns ``whole`` and a prescribed motion or force.
+
+        Raises
+        ------
+        NoContact
+            The indenter under a force does not find the body.
+        """
+        motion = self._resting(whole, prescribed, scales) if self.by_force else prescribed
+        return IndenterContact(self, whole, motion, scales)
+
+    def _resting(self, whole: Array, force: float, scales: ContactScales) -> float:
+        """Return the displacement at which the contact forces have the resultant ``force`` along the direction.
+
+        The force rises with the displacement, more and more steeply while more of the surface is touched.
+        """
+        if force < 0:
+            raise NoContact(
+                f"macro.contact.{self.name}.force: the indenter cannot pull, but its force is {force:.3g}"
+            )
+        arms = self.arms(whole).reshape(-1, 3)
+        reach = 1.0 + np.linalg.norm(arms, axis=1).max()
+        motion = -reach
+        for _ in range(SEARCH):
+            # No gap is larger than the way to the surface.
+            gap = self.distance(arms, motion).gap.min()
+            motion += gap
+            if gap <= 1e-14 * reach or motion > reach:
+                break
+        if motion > reach:
+            raise NoContact(
+                f"macro.contact.{self.name}: the indenter goes past the body, which bears no force"
+            )
+        if force == 0:
+            return float(motion)
+        stiffness = float((self.areas * self.penalty(scales)).sum())
+        low, high = motion, np.inf
+        motion += force / stiffness
+        for _ in range(SEARCH):
+            now = IndenterContact(self, whole, motion, scales)
+            excess = now.force - force
+            low, high = (max(low, motion), high) if excess < 0 else (low, min(high, motion))
+            slope = now.stiffness
+            step = -excess / slope if slope > 0 else np.inf
+            after = motion + step
+            if not low <= after <= high or (high < np.inf and high - low < 1e-3 * abs(step)):
+                after = (
+                    (low + high) / 2 if high < np.inf else motion + 2 * max(motion - low, force / stiffness)
+                )
+            if abs(after - motion) <= 1e-16 * reach or abs(excess) <= 4e-16 * force:
+                return float(motion)
+            motion = after
+            if motion > 10 * reach:
+                break
+        else:
+            return float(motion)
+        raise NoContact(
+            f"macro.contact.{self.name}: no place of the indenter gives a contact with the force {force:.3g}"
+        )
+
+    def penalty(self, scales: ContactScales) -> Array:
+        """Return the stiffness κ (f, 1) per area."""
+        return self.indenter.penalty * scales.stiffness / self.sizes
+
+    def drainage(self, scales: ContactScales) -> Array:
+        """Return the flux (f, 1) per area and pressure where the surface is drained."""
+        return DRAINED * scales.conductivity / self.sizes
+
+
+@dataclass(frozen=True, eq=False)
+class IndenterContact:
+    """Contact of one indenter at given unknowns.
+
+    Attributes
+    ----------
+    contact
+        RigidIndenter and facets.
+    whole : (unknowns,)
+        Of the mesh, Cartesian.
+    motion
+        Displacement s of the indenter.
+    scales
+        Of the body.
+    """
+
+    contact: Contact
+    whole: Array
+    motion: float
+    scales: ContactScales
+
+    @cached_property
+    def distance(self) -> SignedDistance:
+        """Distance of all points (f · q)."""
+        return self.contact.distance(self.contact.arms(self.whole).reshape(-1, 3), self.motion)
+
+    @cached_property
+    def gap(self) -> Array:
+        """(f, q) distance of the points."""
+        return self.distance.gap.reshape(self.contact.areas.shape)
+
+    @cached_property
+    def normal(self) -> Array:
+        """(f, q, 3) outward normal of the indenter."""
+        return self.distance.normal.reshape(*self.gap.shape, 3)
+
+    @cached_property
+    def touched(self) -> BoolArray:
+        """(f, q) points that the indenter touches."""
+        return self.gap < 0
+
+    @cached_property
+    def _penalty(self) -> Array:
+        return self.contact.penalty(self.scales)
+
+    @cached_property
+    def pressure(self) -> Array:
+        """(f, q) contact pressure κ⟨−g⟩ per reference area."""
+        return np.where(self.touched, -self._penalty * self.gap, 0.0)
+
+    @cached_property
+    def _slope(self) -> Array:
+        """(f, q, 3, 3) w κ (n nᵀ + g ∇²g) where the points are touched, the derivative of forces by places."""
+        n, g = self.normal, self.gap[:, :, None, None]
+        found = n[..., :, None] * n[..., None, :] + g * self.distance.hessian.reshape(*g.shape[:2], 3, 3)
+        weight = np.where(self.touched, self.contact.areas * self._penalty, 0.0)
+        return np.asarray(weight[:, :, None, None] * found)
+
+    @cached_property
+    def force(self) -> float:
+        """Resultant of the contact forces along the direction, of this part of the body."""
+        return float((self.contact.areas * self.pressure * (self.normal @ self.contact.along)).sum())
+
+    @cached_property
+    def stiffness(self) -> float:
+        """Derivative of the resultant by the displacement of the indenter."""
+        along = self.contact.along
+        return float(along @ self._slope.sum(axis=(0, 1)) @ along)
+
+    @cached_property
+    def _drained(self) -> tuple[Array, Array]:
+        """Share (f, q) of the conductance of points that are drained, and its derivative by the gap."""
+        indenter = self.contact.indenter
+        under, outside = (float(each == "drained") for each in (indenter.under, indenter.outside))
+        width = OPEN * self.contact.widths
+        t = np.clip(self.gap / width, 0.0, 1.0)
+        opened, slope = t**2 * (3 - 2 * t), 6 * t * (1 - t) / width
+        return under + (outside - under) * opened, (outside - under) * slope
+
+    @cached_property
+    def _seepage(self) -> tuple[Array, Array]:
+        """Fluid (f, q) that leaves at the points, and its derivative by the gap."""
+        contact, values = self.contact, self.contact.facets.mesh.element.facet.corner_values
+        share, slope = self._drained
+        rate = contact.areas * contact.drainage(self.scales) * (self._p @ values.T)
+        return rate * share, rate * slope
+
+    @cached_property
+    def _p(self) -> Array:
+        """(f, c) pressures at the corners."""
+        columns = self.contact.facets.mesh.element.facet.corner_values.shape[1]
+        return np.asarray(self.whole[self.contact.dofs[:, -columns:]])
+
+    def _sum(self, forces: Array, volumes: Array | None) -> Array:
+        """Return forces (f, q, 3) and volumes (f, q) at the points summed into the unknowns of the mesh."""
+        facet = self.contact.facets.mesh.element.facet
+        local = np.einsum("fqi,qa->fai", forces, facet.values).reshape(len(forces), -1)
+        fluid = np.zeros((len(forces), facet.corner_values.shape[1]))
+        if volumes is not None:
+            fluid = volumes @ facet.corner_values
+        local = np.concatenate([local, fluid], axis=1)
+        size = len(self.whole)
+        return np.bincount(self.contact.dofs.ravel(), local.ravel(), size).astype(float)
+
+    def residual(self, dt: float) -> Array:
+        """Return the part of the residual (unknowns,): −∫ t n N, and Δt ∫ q̄ N."""
+        push = -(self.contact.areas * self.pressure)[:, :, None] * self.normal
+        return self._sum(push, dt * self._seepage[0] if self.contact.indenter.drains else None)
+
+    def tangent(self, dt: float) -> sparse.csr_matrix:
+        """Return its derivative (unknowns, unknowns) by the unknowns at a fixed displacement of the indenter."""
+        contact, mesh = self.contact, self.contact.facets.mesh
+        facet, drains = mesh.element.facet, contact.indenter.drains
+        share, _ = self._drained
+        active = self.touched.any(axis=1) | (drains & (share > 0).any(axis=1))
+        N, corner = facet.values, facet.corner_values
+        k, m = self._slope[active], 3 * N.shape[1]
+        local = np.zeros((len(k), contact.dofs.shape[1], contact.dofs.shape[1]))
+        uu = np.einsum("fqij,qa,qb->faibj", k, N, N, optimize=True)
+        local[:, :m, :m] = uu.reshape(len(k), m, m)
+        if drains:
+            _, by_gap = self._seepage
+            pu = dt * np.einsum(
+                "fq,qc,fqi,qa->fcai", by_gap[active], corner, self.normal[active], N, optimize=True
+            )
+            local[:, m:, :m] = pu.reshape(len(k), corner.shape[1], m)
+            rate = dt * (contact.areas * contact.drainage(self.scales) * share)[active]
+            local[:, m:, m:] = np.einsum("fq,qc,qd->fcd", rate, corner, corner, optimize=True)
+        dofs = contact.dofs[active]
+        width, size = dofs.shape[1], len(self.whole)
+        rows, columns = np.repeat(dofs, width, axis=1).ravel(), np.tile(dofs, (1, width)).ravel()
+        return sparse.csr_matrix((local.ravel(), (rows, columns)), shape=(size, size))
+
+    def by_motion(self, dt: float) -> Array:
+        """Return the derivative (unknowns,) of the residual by the displacement of the indenter."""
+        along = self.contact.along
+        volumes = None
+        if self.contact.indenter.drains:
+            volumes = -dt * self._seepage[1] * (self.normal @ along)
+        return self._sum(-self._slope @ along, volumes)
+
+    @cached_property
+    def motion_by_unknowns(self) -> Array:
+        """Derivative (unknowns,) of the displacement of an indenter under a force by the unknowns."""
+        if not self.stiffness > 0:
+            return np.zeros(len(self.whole))
+        return self._sum(self._slope @ self.contact.along, None) / self.stiffness
+
+    @property
+    def motion_by_prescribed(self) -> float:
+        """Derivative of the displacement of the indenter by what is prescribed of it, that or a force."""
+        if not self.contact.by_force:
+            return 1.0
+        return 1 / self.stiffness if self.stiffness > 0 else 0.0
+
+    def measured(self) -> Array:
+        """Return the values of :data:`porocore.interfaces.solution.CONTACT`, of this part of the body."""
+        area = touched_area(self.contact, self.whole, self.motion) if self.touched.any() else 0.0
+        return np.array(
+            [
+                self.force,
+                self.motion,
+                area,
+                np.sqrt(area / np.pi),
+                self.pressure.max(initial=0.0),
+                max(-float(self.gap.min(initial=0.0)), 0.0),
+                self._seepage[0].sum() if self.contact.indenter.drains else 0.0,
+            ]
+        )
+
+    def nodal_pressure(self) -> Array:
+        """Return the contact pressure (nodes,) at the nodes of the facets, zero elsewhere."""
+        contact, mesh = self.contact, self.contact.facets.mesh
+        nodes = contact.facets.nodes
+        arms = contact.arms(self.whole, np.eye(nodes.shape[1])).reshape(-1, 3)
+        depth = np.maximum(-contact.distance(arms, self.motion).gap, 0.0).reshape(nodes.shape)
+        found = np.zeros(len(mesh.points))
+        np.maximum.at(found, nodes.ravel(), (self._penalty * depth).ravel())
+        return found
+
+    @cached_property
+    def size(self) -> float:
+        """Largest sum of κ times the lengths that a gap is the difference of, of which a force has the round-off."""
+        arms = np.linalg.norm(self.contact.arms(self.whole) - self.motion * self.contact.along, axis=-1)
+        weight = np.where(self.touched, self.contact.areas * self._penalty, 0.0)
+        return float(self._sum((weight * arms)[:, :, None] * np.ones(3), None).max(initial=0.0))
+
+
+def touched_area(contact: Contact, whole: Array, motion: float) -> float:
+    """Return the reference area of the contact.
+
+    Where a smooth indenter lets go of the surface, the gap opens with the power 3/2 of the distance. So the area with a
+    gap below δ grows with δ^(2/3), and those of two values of δ give that of δ = 0. The gap itself is of no use: in
+    the contact it is the penetration, as small as what the shape functions miss of the shape.
+    """
+    parts = FacetParts.of(contact.facets.mesh)
+    at = contact.arms(whole, parts.values)
+    gap = contact.distance(at.reshape(-1, 3), motion).gap.reshape(at.shape[:2])
+    weights, found = parts.areas(contact.facets), []
+    for level in LEVELS:
+        below = gap - level * contact.widths
+        near = np.flatnonzero((below < 0).any(axis=1))
+        shares = covered(below[near][:, parts.simplices].reshape(-1, parts.simplices.shape[1]))
+        found.append(float(weights[near].ravel() @ shares))
+    ratio = (LEVELS[1] / LEVELS[0]) ** (2 / 3)
+    return max(float(found[0] - (found[1] - found[0]) / (ratio - 1)), 0.0)
+
+
+def covered(gaps: Array) -> Array:
+    """Return the shares (n,) of segments or triangles with the values (n, 2 or 3) of a linear function below zero."""
+    inside = gaps < 0
+    count, k = inside.sum(axis=1), gaps.shape[1]
+    found = (count == k).astype(float)
+    for one, sign in ((1, 1.0), (k - 1, -1.0)):
+        if k == 2 and sign < 0:
+            continue
+        # The one corner that stands alone, and the share of its edges that are cut off.
+        rows = np.flatnonzero(count == one)
+        alone = (inside if sign > 0 else ~inside)[rows].argmax(axis=1)
+        own = gaps[rows, alone][:, None]
+        others = gaps[rows][np.arange(k) != alone[:, None]].reshape(len(rows), k - 1)
+        share = (own / (own - others)).prod(axis=1)
+        found[rows] = share if sign > 0 else 1.0 - share
+    return np.asarray(found)
+
+
+@dataclass(frozen=True, eq=False)
+class FacetParts:
+    """Simplices into which the reference facet is cut.
+
+    Attributes
+    ----------
+    values : (v, m)
+        Shape functions of the displacement at their corners.
+    simplices : (s, 2 or 3)
+        Their corners.
+    """
+
+    values: Array
+    simplices: IntArray
+
+    @classmethod
+    def of(cls, mesh: BodyMesh) -> FacetParts:
+        """Return the parts of the facets of a mesh, by the shape functions of its elements on one of their facets."""
+        element = mesh.element
+        nodes, corners = element.facets[0], element.facet.corner_values.shape[1]
+        start, *ends = element.nodes[nodes[:corners]]
+        n = PARTS if corners > 2 else 4 * PARTS
+        t = np.arange(n + 1) / n
+        if corners == 2:
+            places = start + t[:, None] * (ends[0] - start)
+            return cls(element.values(places)[:, nodes], np.stack([np.arange(n), np.arange(n) + 1], axis=1))
+        s, r = (each.ravel() for each in np.meshgrid(t, t))
+        places = start + s[:, None] * (ends[0] - start) + r[:, None] * (ends[-1] - start)
+        first = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel()
+        lower = np.stack([first, first + 1, first + n + 1], axis=1)
+        upper = np.stack([first + 1, first + n + 2, first + n + 1], axis=1)
+        simplices = np.concatenate([lower, upper])
+        if corners == 3:
+            middles = np.stack([s, r], axis=1)[simplices].mean(axis=1)
+            simplices = simplices[middles.sum(axis=1) < 1]
+        return cls(element.values(places)[:, nodes], simplices)
+
+    def areas(self, facets: Facets) -> Array:
+        """Return the reference areas (f, s) of the simplices; those of a facet add up to that of the facet."""
+        places = (self.values @ facets.mesh.points[facets.nodes])[:, self.simplices]
+        edges = places[:, :, 1:] - places[:, :, :1]
+        if edges.shape[2] == 1:
+            found = np.linalg.norm(edges[:, :, 0], axis=-1)
+            found = found * facets.mesh.measure(places.mean(axis=2))
+        else:
+            found = np.linalg.norm(np.cross(edges[:, :, 0], edges[:, :, 1]), axis=-1)
+        return np.asarray(found * (facets.areas.sum(axis=1) / found.sum(axis=1))[:, None])
+
+
+def states(
+    contacts: Sequence[Contact], whole: Array, prescribed: Sequence[float], scales: ContactScales
+) -> Iterator[IndenterContact]:
+    """Yield the states of several contacts."""
+    for contact, value in zip(contacts, prescribed, strict=True):
+        yield contact.state(whole, value, scales)
+
+
+def united(mesh: BodyMesh, facets: Sequence[IntArray]) -> Facets:
+    """Return the facets of several surfaces, each once."""
+    rows = np.concatenate(facets)
+    _, first = np.unique(np.array(mesh.corners_of(rows)), axis=0, return_index=True)
+    return Facets(mesh, rows[np.sort(first)])
+
+
+def inside(contact: Contact, gradient: Any, motion: float) -> tuple[float, Array]:
+    """Return how deep the indenter reaches into the body, and where, under a uniform displacement gradient."""
+    mesh, nodes = contact.facets.mesh, contact.facets.nodes
+    whole = np.zeros(mesh.size)
+    whole[: mesh.n_u] = (mesh.points @ np.array(gradient).T).ravel()
+    values = np.concatenate([np.eye(nodes.shape[1]), mesh.element.facet.values])
+    arms = contact.arms(whole, values).reshape(-1, 3)
+    gap = contact.distance(arms, motion).gap
+    worst = int(gap.argmin())
+    return -float(gap[worst]), arms[worst] + np.array(contact.indenter.place)
