@@ -288,12 +288,15 @@ class Loads:
         Of each surface with a pressure that follows it.
     indenters
         Displacement of each indenter, or the force on it.
+    motions
+        Displacement of each indenter, as Newton's method has it; empty: those under a force are where they rest.
     """
 
     values: Array
     external: Array
     pressures: tuple[float, ...] = ()
     indenters: tuple[float, ...] = ()
+    motions: tuple[float, ...] = ()
 
 
 def boundary_data(mesh: BodyMesh, problem: MacroProblem) -> BoundaryData:

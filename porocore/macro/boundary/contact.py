@@ -146,6 +146,11 @@ class Contact:
         u = whole[: mesh.n_u].reshape(-1, 3)[self.facets.nodes]
         return np.asarray((mesh.element.facet.values if values is None else values) @ (self._reference + u))
 
+    @cached_property
+    def touching(self) -> Array:
+        """(k, m) shape functions at the nodes and at the quadrature points."""
+        return np.concatenate([np.eye(self.facets.nodes.shape[1]), self.facets.mesh.element.facet.values])
+
     def state(self, whole: Array, prescribed: float, scales: ContactScales) -> IndenterContact:
         """Return the contact under the unknowns ``whole`` and a prescribed motion or force.
 
@@ -166,7 +171,9 @@ class Contact:
             raise NoContact(
                 f"macro.contact.{self.name}.force: the indenter cannot pull, but its force is {force:.3g}"
             )
-        arms = self.arms(whole).reshape(-1, 3)
+        # Forces act at the quadrature points; without a force the nodes count too, so that a tip stands on one.
+        values = None if force > 0 else self.touching
+        arms = self.arms(whole, values).reshape(-1, 3)
         reach = 1.0 + np.linalg.norm(arms, axis=1).max()
         motion = -reach
         for _ in range(SEARCH):
@@ -491,11 +498,18 @@ class FacetParts:
 
 
 def states(
-    contacts: Sequence[Contact], whole: Array, prescribed: Sequence[float], scales: ContactScales
+    contacts: Sequence[Contact],
+    whole: Array,
+    prescribed: Sequence[float],
+    scales: ContactScales,
+    motions: Sequence[float] = (),
 ) -> Iterator[IndenterContact]:
-    """Yield the states of several contacts."""
-    for contact, value in zip(contacts, prescribed, strict=True):
-        yield contact.state(whole, value, scales)
+    """Yield the states of several contacts, at given displacements of the indenters or where they rest."""
+    for number, (contact, value) in enumerate(zip(contacts, prescribed, strict=True)):
+        if motions:
+            yield IndenterContact(contact, whole, motions[number], scales)
+        else:
+            yield contact.state(whole, value, scales)
 
 
 def united(mesh: BodyMesh, facets: Sequence[IntArray]) -> Facets:
@@ -507,11 +521,10 @@ def united(mesh: BodyMesh, facets: Sequence[IntArray]) -> Facets:
 
 def inside(contact: Contact, gradient: Any, motion: float) -> tuple[float, Array]:
     """Return how deep the indenter reaches into the body, and where, under a uniform displacement gradient."""
-    mesh, nodes = contact.facets.mesh, contact.facets.nodes
+    mesh = contact.facets.mesh
     whole = np.zeros(mesh.size)
     whole[: mesh.n_u] = (mesh.points @ np.array(gradient).T).ravel()
-    values = np.concatenate([np.eye(nodes.shape[1]), mesh.element.facet.values])
-    arms = contact.arms(whole, values).reshape(-1, 3)
+    arms = contact.arms(whole, contact.touching).reshape(-1, 3)
     gap = contact.distance(arms, motion).gap
     worst = int(gap.argmin())
     return -float(gap[worst]), arms[worst] + np.array(contact.indenter.place)

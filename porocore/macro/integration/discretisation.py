@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Generic
 
@@ -101,7 +101,7 @@ class CoupledSystem:
         x = d.solve(self.system, right, jump, again=again, accuracy=accuracy)
         if not self.left.shape[1]:
             return x
-        shares = np.linalg.solve(np.eye(self.left.shape[1]) + self._weighed(self._columns), self._weighed(x))
+        shares = np.linalg.solve(np.eye(self.left.shape[1]) + self.weighed(self._columns), self.weighed(x))
         return np.asarray(x - self._columns @ shares)
 
     @cached_property
@@ -111,8 +111,8 @@ class CoupledSystem:
         found = [self.d.solve(self.system, each, still, again=True) for each in self.left.T]
         return np.stack(found, axis=1)
 
-    def _weighed(self, x: Array) -> Array:
-        """Return rightᵀ x over all processes."""
+    def weighed(self, x: Array) -> Array:
+        """Return rightᵀ x over all processes: how far indenters under a force follow a change of the unknowns."""
         return np.asarray(self.d.communicator.sum(self.right[: self.d.owned].T @ x[: self.d.owned]))
 
     def magnitudes(self, x: Array) -> Array:
@@ -360,7 +360,8 @@ class Discretisation(ABC, Generic[System]):
             An indenter under a force does not find the body.
         """
         try:
-            return list(states(self.boundary.contacts, whole, loads.indenters, self.contact_scales))
+            found = states(self.boundary.contacts, whole, loads.indenters, self.contact_scales, loads.motions)
+            return list(found)
         except NoContact as failure:
             raise StepFailed(str(failure)) from None
 
@@ -395,6 +396,38 @@ class Discretisation(ABC, Generic[System]):
         if not left:
             return SurfaceTangent(matrix, nothing, nothing, largest)
         return SurfaceTangent(matrix, np.stack(left, axis=1), np.stack(right, axis=1), largest)
+
+    def resting(self, x: Array, loads: Loads) -> Loads:
+        """Return the loads with the displacements at which all indenters rest on the body with the unknowns ``x``.
+
+        Raises
+        ------
+        StepFailed
+            An indenter under a force does not find the body.
+        """
+        if not loads.indenters:
+            return loads
+        found = self.contact_states(self.to_mesh(x), replace(loads, motions=()))
+        return replace(loads, motions=tuple(state.motion for state in found))
+
+    def pushed(self, x: Array, loads: Loads) -> tuple[Array, Array]:
+        """Return what contact forces exceed those on each indenter under a force by (r,), and their stiffness (r,)."""
+        if not any(contact.by_force for contact in self.boundary.contacts):
+            return np.zeros(0), np.zeros(0)
+        found = zip(self.contact_states(self.to_mesh(x), loads), loads.indenters, strict=True)
+        pairs = [(state.force - force, state.stiffness) for state, force in found if state.contact.by_force]
+        excess, stiffness = np.array(pairs).T
+        return excess, stiffness
+
+    def moved_indenters(self, loads: Loads, by: Array) -> Loads:
+        """Return the loads with the displacements of the indenters under a force changed ``by`` (r,)."""
+        if not len(by):
+            return loads
+        motions, changes = list(loads.motions), iter(by.tolist())
+        for number, contact in enumerate(self.boundary.contacts):
+            if contact.by_force:
+                motions[number] += next(changes)
+        return replace(loads, motions=tuple(motions))
 
     def surface_change(self, x: Array, loads: Loads, own: Loads, dt: float) -> Array:
         """Return the derivative (local unknowns,) of :meth:`surface_forces`, where owned, as loads change by ``own``.

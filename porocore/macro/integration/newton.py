@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -193,6 +193,7 @@ def _iterated(
     fields: CellsAtPoints,
 ) -> Step:
     x = x.copy()
+    loads = d.resting(x, loads)
     linear = linearisations.begin(dt, loads)
     misfits: list[float] = []
     for iteration in range(settings.iterations + 1):
@@ -207,10 +208,12 @@ def _iterated(
         linear = linear or linearisations.at(response, dt, x, loads)
         # A first guess within the tolerance is improved all the same: over many steps its errors add up.
         allowed = settings.tolerance if iteration else 0.0
-        misfit = misfit_of(d, residual)
+        excess, stiffness = d.pushed(x, loads)
+        misfit = misfit_of(d, residual, pushed=excess)
         if misfit > allowed:
             share = max(ROUND_OFF, law.noise)
-            misfit = misfit_of(d, residual, _round_off(d, linear, x, share, begun=iteration > 0))
+            floor = _round_off(d, linear, x, share, begun=iteration > 0)
+            misfit = misfit_of(d, residual, floor, excess)
         misfits.append(misfit)
         if misfit <= allowed and not moving:
             return Step(x, response, residual, iteration, misfits)
@@ -219,8 +222,18 @@ def _iterated(
                 linear = linearisations.at(law.respond(states, grad_p, memory), dt, x, loads)
             before = misfits[-2] if iteration else None
             accuracy = linearisations.accuracy(misfit, before, settings.tolerance, loads)
-            change = -linear.system.solve(residual.values, -jump, again=iteration > 0, accuracy=accuracy)
-            x += change if moving else contact_share(d, x, change, residual.values, loads, dt) * change
+            if (stiffness <= 0).any():
+                loads = d.resting(x, loads)  # an indenter has lost the body
+                continue
+            own = -excess / stiffness
+            right = residual.values + linear.system.left @ own
+            change = -linear.system.solve(right, -jump, again=iteration > 0, accuracy=accuracy)
+            motion = linear.system.weighed(change) + own if len(own) else own
+            if not moving:
+                taken = contact_share(d, x, change, motion, residual.values, loads, dt)
+                change, motion = taken * change, taken * motion
+            x += change
+            loads = d.moved_indenters(loads, motion)
             x[d.prescribed] = loads.values
     raise StepFailed(
         f"the relative residual of Newton's method was still {misfits[-1]:.2g} after {settings.iterations} iterations "
@@ -235,27 +248,27 @@ MOST_SHARES, LEAST_SHARE = 20, 0.1
 
 
 def contact_share(
-    d: Discretisation, x: Array, change: Array, residual: Array, loads: Loads, dt: float
+    d: Discretisation, x: Array, change: Array, motion: Array, residual: Array, loads: Loads, dt: float
 ) -> float:
     """Return the share of a change of the unknowns that Newton's method takes, 1 but where contacts come or go.
 
     The work of the forces on the displacements of the change vanishes at its end but for what the tangent does not
     know. It is most of all which points touch: where too many come or go, the work changes its sign along the way, and
-    there the method stops. Apart from contacts the forces are taken to be linear along the change.
+    there the method stops. Apart from contacts the forces are taken to be linear along the change. ``motion`` (r,) are
+    the changes of the displacements of indenters under a force.
     """
-    if not loads.indenters:
-        return 1.0
-    surface = d.surface_tangent(x, loads, dt)
+    surface = d.surface_tangent(x, loads, dt) if loads.indenters else None
     if surface is None:
         return 1.0
     moved = np.where(d.is_force, change, 0.0)
     before = d.surface_forces(x, loads, dt)
-    linear = d.surface_product(surface, change)
+    linear = d.surface_product(replace(surface, right=0 * surface.right), change) + surface.left @ motion
 
     def work(share: float) -> float:
-        forces = (1 - share) * residual - share * linear - before
-        forces = forces + d.surface_forces(x + share * change, loads, dt)
-        return float(d.communicator.sum(float(moved[: d.owned] @ forces[: d.owned])))
+        here, there = d.moved_indenters(loads, share * motion), x + share * change
+        forces = (1 - share) * residual - share * linear - before + d.surface_forces(there, here, dt)
+        pushed = float(motion @ d.pushed(there, here)[0]) if len(motion) else 0.0
+        return float(d.communicator.sum(float(moved[: d.owned] @ forces[: d.owned]))) + pushed
 
     begin, end = work(0.0), work(1.0)
     if not begin < 0 or end < -SMALL_WORK * begin:
@@ -287,12 +300,22 @@ def _refuse_missing_values(d: Discretisation, response: MacroResponse) -> None:
         raise StepFailed(f"the law has no values at {which} (det F̄ ≤ 0, or a cell without solution)")
 
 
-def misfit_of(d: Discretisation, residual: Residual, round_off: tuple[float, float] = (0.0, 0.0)) -> float:
-    """Return the largest free residual over its scale, of forces and volumes; zero where only round-off is left."""
+def misfit_of(
+    d: Discretisation,
+    residual: Residual,
+    round_off: tuple[float, float] = (0.0, 0.0),
+    pushed: Array | None = None,
+) -> float:
+    """Return the largest free residual over its scale, of forces and volumes; zero where only round-off is left.
+
+    ``pushed`` are out-of-balance forces of indenters.
+    """
     scales = (residual.force_scale, residual.volume_scale)
+    force, volume = largest_free(d, residual.values)
+    if pushed is not None and len(pushed):
+        force = max(force, float(np.abs(pushed).max()))
     return max(
-        r / s if r > floor else 0.0
-        for r, s, floor in zip(largest_free(d, residual.values), scales, round_off, strict=True)
+        r / s if r > floor else 0.0 for r, s, floor in zip((force, volume), scales, round_off, strict=True)
     )
 
 

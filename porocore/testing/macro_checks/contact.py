@@ -68,6 +68,22 @@ class Contacts(Solving):
         holds(float(force[-1]) > 1e-4, state, "a force above 1e-4", force[-1])
         near("the force of the support", found.reactions["y-"][:, 1], force, state, rel=1e-10, within=1e-14)
 
+    @pytest.mark.parametrize("law", [LINEAR, NONLINEAR], ids=["linear", "nonlinear"])
+    def test_a_force_and_the_displacement_that_it_makes_are_one_state(self, law: Any) -> None:
+        """The force of a run by displacement is prescribed, step by step."""
+        settings: Any = {"newton": {"tolerance": 1e-12}}
+        shared = SPHERE | {"under": "sealed", "outside": "drained"}
+        moved = self.solve(pressed(shared | {"displacement": 0.05}, **settings), law)
+        series = moved.contact["indenter"]
+        table = list(zip(moved.history.time.tolist(), series[:, 0].tolist(), strict=True))
+        pushed = self.solve(pressed(shared | {"force": {"table": table}}, **settings), law)
+        state = "a sphere that is pushed by the force of one that is moved"
+        for i, name in enumerate(("force", "displacement", "area", "radius", "largest pressure")):
+            values, wanted = pushed.contact["indenter"][1:, i], series[1:, i]
+            near(f"the {name}", values, wanted, state, within=1e-8 * abs(wanted).max())
+        u = moved.profiles[-1].u
+        near("u", pushed.profiles[-1].u, u, state, within=1e-8 * abs(u).max())
+
     def test_a_turned_indentation_is_the_same(self) -> None:
         """About the diagonal, x → y → z → x, of a problem without symmetry in these axes."""
         indenter = {"shape": {"kind": "cone", "angle": 60, "radius": 0.2}, "displacement": 0.05}

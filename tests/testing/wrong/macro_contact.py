@@ -47,3 +47,22 @@ class TestIndentersComeFromAbove(Law):
                 for name, each in problem.contact.items()
             }
             return problem.model_copy(update={"contact": above})
+
+
+class TestPushesTwiceAsHard(Law):
+    caught_by = "test_a_force_and_the_displacement_that_it_makes_are_one_state"
+
+    class solver(Altered):
+        def problem(self, problem):
+            doubled = {
+                name: each.model_copy(update={"force": _doubled(each.force)})
+                for name, each in problem.contact.items()
+            }
+            return problem.model_copy(update={"contact": doubled})
+
+
+def _doubled(force):
+    """Return a force from a table, twice as large."""
+    if force is None:
+        return None
+    return force.model_copy(update={"table": tuple((time, 2 * value) for time, value in force.table)})
