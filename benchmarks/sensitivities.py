@@ -103,7 +103,7 @@ def many_unknowns(backend: str) -> list[str]:
 
     def changes(count: int) -> list[MacroChange]:
         places = tuple(np.linspace(0.0, 7.5, count).tolist())
-        hats = (HatFunction(1, places, i) for i in range(count))
+        hats = (HatFunction.along(1, places, i) for i in range(count))
         return [CellParameterChange("radius", weight=hat) for hat in hats]
 
     def forward(count: int) -> Any:

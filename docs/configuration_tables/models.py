@@ -30,6 +30,7 @@ ANY_KEY = {
     "cells": "CELL",
     "unknowns": "NAME",
     "observations": "NAME",
+    "points": "NAME",
     "experiments": "NAME",
 }
 

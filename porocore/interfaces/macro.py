@@ -108,12 +108,13 @@ class MacroSolver(ABC, Generic[Prepared]):
         law: MacroLaw,
         changes: Sequence[MacroChange],
         *,
+        profiles: bool = False,
         on_step: Callable[[StepReport], None] | None = None,
     ) -> tuple[MacroSolution, MacroSensitivities]:
         """Integrate as :meth:`solve` does, and return the exact derivatives of the histories by unknowns, too.
 
-        They are those of the discrete equations at fixed time steps. A solver that declares :attr:`sensitivities`
-        overrides this.
+        They are those of the discrete equations at fixed time steps; with ``profiles`` also those of the nodal fields
+        in the solution's profiles. A solver that declares :attr:`sensitivities` overrides this.
 
         Raises
         ------

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -16,26 +17,47 @@ BoundaryQuantity = Literal["displacement", "normal", "traction", "follower", "pl
 
 @dataclass(frozen=True)
 class HatFunction:
-    """Piecewise linear function of one coordinate: 1 at one of some places, 0 at the others, constant beyond them.
+    """Piecewise multilinear function of some coordinates: 1 at one node of a grid, 0 at the others, constant beyond it.
 
     Attributes
     ----------
-    axis
-        Of the coordinate: 0, 1 or 2.
+    axes
+        Of the coordinates: 0, 1 or 2, ascending.
     places
-        Coordinates, ascending.
+        Coordinates of the grid along each of them, ascending.
     index
-        Place at which it is 1.
+        Place along each of the node at which it is 1.
     """
 
-    axis: int
-    places: tuple[float, ...]
-    index: int
+    axes: tuple[int, ...]
+    places: tuple[tuple[float, ...], ...]
+    index: tuple[int, ...]
+
+    @classmethod
+    def along(cls, axis: int, places: Sequence[float], index: int) -> HatFunction:
+        """Return the function of one coordinate."""
+        return cls((axis,), (tuple(places),), (index,))
+
+    @classmethod
+    def grid(cls, lines: Mapping[int, Sequence[float]]) -> list[HatFunction]:
+        """Return the functions of all nodes of a grid, the first coordinate running fastest; lines by their axes."""
+        axes = tuple(sorted(lines))
+        places = tuple(tuple(lines[axis]) for axis in axes)
+        every = product(*(range(len(line)) for line in reversed(places)))
+        return [cls(axes, places, index[::-1]) for index in every]
+
+    @property
+    def node(self) -> dict[int, float]:
+        """Coordinates of the node at which it is 1, by their axes."""
+        rows = zip(self.axes, self.places, self.index, strict=True)
+        return {axis: line[i] for axis, line, i in rows}
 
     def values(self, points: Array) -> Array:
         """Return the values (n,) at points (n, 3)."""
-        at_places = np.eye(len(self.places))[self.index]
-        return np.asarray(np.interp(points[:, self.axis], self.places, at_places))
+        found = np.ones(len(points))
+        for axis, line, i in zip(self.axes, self.places, self.index, strict=True):
+            found = found * np.interp(points[:, axis], line, np.eye(len(line))[i])
+        return found
 
 
 @dataclass(frozen=True)
@@ -52,8 +74,8 @@ class CellParameterChange:
     factor
         The derivative is by the factor of the field, 1 at present, in place of the number that is added to it.
     weight
-        Share of the change that each point takes; None: all of it. With the hat functions of its places the changes are
-        those of the values of a table along an axis.
+        Share of the change that each point takes; None: all of it. With the hat functions of its nodes the changes are
+        those of the values of a table along an axis, or on a grid.
     """
 
     name: str
@@ -149,6 +171,9 @@ class HistoryWeights:
         Of the inflow through each surface with a prescribed pressure.
     compression : name → (steps, f)
         Of the compressive force on each plane surface; of a study, a solver takes none.
+    profiles : (profiles, unknowns, f)
+        Of the nodal fields in the profiles of the solution, displacements first: 3 · node + component, then the
+        pressures at the corners; None: nothing.
     """
 
     count: int
@@ -161,6 +186,7 @@ class HistoryWeights:
     reactions: Mapping[str, Array] = field(default_factory=dict)
     inflow: Mapping[str, Array] = field(default_factory=dict)
     compression: Mapping[str, Array] = field(default_factory=dict)
+    profiles: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -185,6 +211,9 @@ class MacroSensitivities:
         Of the inflow through each surface with a prescribed pressure.
     compression : name → (steps, k)
         Of the compressive force on each plane surface; of a study.
+    profiles : (profiles, unknowns, k)
+        Of the nodal fields in the profiles of the solution, displacements first: 3 · node + component, then the
+        pressures at the corners; None: they were not asked for.
     """
 
     changes: tuple[MacroChange, ...]
@@ -197,3 +226,4 @@ class MacroSensitivities:
     reactions: Mapping[str, Array]
     inflow: Mapping[str, Array]
     compression: Mapping[str, Array]
+    profiles: Array | None = None

@@ -61,16 +61,25 @@ def body_solution_of(
 
 
 def body_sensitivities_of(
-    solver: MacroSolver, prepared: Any, law: MacroLaw, problem: MacroProblem, changes: Sequence[MacroChange]
+    solver: MacroSolver,
+    prepared: Any,
+    law: MacroLaw,
+    problem: MacroProblem,
+    changes: Sequence[MacroChange],
+    *,
+    profiles: bool = False,
 ) -> tuple[MacroSolution, MacroSensitivities]:
     """Return what ``solver.solve_with_sensitivities(prepared, law, changes)`` returns for ``problem``.
+
+    With ``profiles`` it is asked for the derivatives of the profiles, too.
 
     Raises
     ------
     PluginError
         As :func:`body_solution_of`, also of the derivatives.
     """
-    solution, found = solver.solve_with_sensitivities(prepared, law, changes)
+    more: dict[str, Any] = {"profiles": True} if profiles else {}
+    solution, found = solver.solve_with_sensitivities(prepared, law, changes, **more)
     _checked(solver, solution, problem)
     if not isinstance(found, MacroSensitivities):
         raise refuse(solver, f"expected MacroSensitivities, got {short_repr(found)}")
@@ -82,6 +91,12 @@ def body_sensitivities_of(
         for name, values in getattr(found, kind).items():
             if fault := array_fault(f"sensitivities.{kind}/{name}", values, (steps, *SERIES[kind], k)):
                 raise refuse(solver, fault)
+    if profiles:
+        fields: Any = found.profiles
+        unknowns = np.shape(fields)[1] if np.ndim(fields) == 3 else 0
+        shape = (len(solution.profiles), max(unknowns, 3 * len(solution.points) + 1), k)
+        if fault := array_fault("sensitivities.profiles", fields, shape):
+            raise refuse(solver, fault)
     return solution, found
 
 

@@ -42,6 +42,15 @@ def of_unit(name: str) -> str:
     return CREEP.replace("settlement", f"settlement [{name}]")
 
 
+FILM_CSV = "x,y,z,t,u1,u2\n0.01,1,0.01,1,0,-0.1\n0.05,3,0.01,1,0,-0.2\n0.09,5,0.01,2,0,-0.3\n"
+
+
+def film(name: str, expected: str, data: Content = FILM_CSV, **changes: Any) -> Row:
+    film = {"file": "film.csv", "deviation": 0.01, **changes}
+    section = {"observations": {}, "points": {"film": film}}
+    return row(f"film {name}", expected, section, files={"film.csv": data})
+
+
 #: A piston on y+ of the study.
 MOVED = {"displacement": [None, 1, None], "traction": [0, 0, 0], "pressure": 0}
 KEY = "calibration.observations.creep"
@@ -355,6 +364,53 @@ ROWS = [
         "got 'load'",
         of="load",
         field={"along": "y", "at": [0, 1]},
+    ),
+    unknown(
+        "grid without a line",
+        "calibration.unknowns.radius.field: expected either along and at, or a grid of coordinates",
+        field={"start": [0.2, 0.25]},
+    ),
+    unknown(
+        "grid beside the body",
+        "calibration.unknowns.radius.field.grid: no point of the body has the value at x = 0.2, y = 0",
+        field={"grid": {"x": [0, 0.1, 0.2], "y": [0, 5]}},
+    ),
+    unknown(
+        "starts of a grid",
+        "calibration.unknowns.radius.field.start: expected 4 values, one for each coordinate, got 2",
+        field={"grid": {"x": [0, 0.1], "y": [0, 5]}, "start": [0.2, 0.25]},
+    ),
+    film(
+        "without a file",
+        "calibration.points.film.file: missing; add the file of the measured field",
+        file=None,
+    ),
+    film("that is not there", "none.csv cannot be read", file="none.csv"),
+    film("without times", "calibration.points.film.columns: ", FILM_CSV.replace(",t,", ",q,")),
+    film(
+        "of another unit",
+        "calibration.points.film.outside: 3 of 3 values of film.csv lie outside the body, more than the share 0.05",
+        "x,y,z,t,u2\n10,1000,10,1,-0.1\n50,3000,10,1,-0.2\n90,5000,10,2,-0.3\n",
+    ),
+    film("of words", "film.csv:3: u2: expected a number, got 'much'", FILM_CSV.replace("-0.2", "much")),
+    film("without deviations", "calibration.points.film.deviation: missing", deviation=None),
+    film("of pressures it has not", "calibration.points.film.quantities: ", quantities=["p"]),
+    film(
+        "with a time below zero",
+        "film.csv:2: t: expected a time from 0",
+        FILM_CSV.replace("0.01,1,0.01,1", "0.01,1,0.01,-1"),
+    ),
+    film("with a frame", "calibration.points.film.frames: expected a pattern of files", frames=[1.0]),
+    film(
+        "of a camera twice",
+        "calibration.points.film.camera.unknown: a part is there twice",
+        camera={"unknown": ["x", "x"]},
+    ),
+    film(
+        "planned by half",
+        "calibration.points.film: grid and times of synthetic data belong together",
+        file=None,
+        grid=[1, 2, 3],
     ),
     row("nothing unknown", "calibration.unknowns: expected at least 1 entry", {"unknowns": {}}),
     row("no observations", "calibration: expected either 'observations:'", {"observations": {}}),

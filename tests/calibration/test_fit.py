@@ -134,6 +134,28 @@ def recorded(model: CurveModel, path: Path, identity: str = "one") -> RecordedMo
     return RecordedModel(model.unknowns, lambda: model, path, identity)
 
 
+def test_an_evaluation_of_very_many_values_has_a_file_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is read again is what was returned, to the last bit; a damaged file is told."""
+    monkeypatch.setattr("porocore.commands.calibration.fit.MANY_VALUES", 3)
+    path, model = tmp_path / "evaluations.jsonl", Relaxation()
+    first = recorded(model, path)
+    at = np.array([one.start for one in model.unknowns])
+    made, exact, count = first.curves(at), model.curves(at), model.count
+    np.testing.assert_array_equal(made.values, exact.values)
+    np.testing.assert_allclose(made.slopes, exact.slopes, rtol=1e-6)
+    again = recorded(model, path)
+    for found in (again.curves(at), next(iter(again))[1]):
+        assert found is not None
+        np.testing.assert_array_equal(found.values, made.values)
+        np.testing.assert_array_equal(found.slopes, made.slopes)
+    assert model.count == count
+    (tmp_path / "evaluations-1.npz").write_bytes(b"no file of arrays")
+    with pytest.raises(RunFolderError, match=r"evaluations-1.npz cannot be read: .*; start again"):
+        again.curves(at)
+
+
 @pytest.mark.parametrize("killed_after", [0, 1, 2, 7, 15, 20])
 def test_a_fit_that_was_killed_goes_on_to_the_same_answer(killed_after: int, tmp_path: Path) -> None:
     path = tmp_path / "evaluations.jsonl"

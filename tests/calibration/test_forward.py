@@ -244,7 +244,8 @@ def test_steps_meet_the_data_and_do_not_depend_on_the_unknowns(plan: Calibration
     data = without.curves[0].times
     assert np.abs(steps[:, None] - data).min(axis=0).max() < 1e-12
     at = starts(without)
-    body, solution, _ = model.solve(at * 1.01)
+    found = model.solve(at * 1.01)
+    body, solution = found.body, found.solution
     np.testing.assert_allclose(solution.history.time[1:] * body.scales.factor("time"), steps, rtol=1e-9)
     shifted = np.array(model_of(plan).config.macro.time.profiles)
     assert np.abs(shifted[:, None] - data).min(axis=0).max() > 1e-3

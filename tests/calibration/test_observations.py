@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from porocore.commands.calibration.observations import HistoryInterpolation, ObservedCurve, curve_data
+from porocore.commands.calibration.interpolation import HistoryInterpolation
+from porocore.commands.calibration.observations import ObservedCurve, curve_data
 from porocore.commands.calibration.reading import read_curve
 from porocore.commands.calibration.settings import ObservationSettings
 from porocore.core.units import Scales

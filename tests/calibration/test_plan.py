@@ -16,6 +16,7 @@ from porocore.commands.calibration.calibrate import _identity
 from porocore.commands.calibration.loading import read_plan
 from porocore.commands.calibration.plan import CalibrationFolder, CalibrationPlan
 from porocore.errors import ConfigurationError, RunFolderError
+from porocore.interfaces.sensitivities import HatFunction
 from porocore.study.config.loading import load_config
 from tests.helpers.calibrated_column import STUDY
 
@@ -153,9 +154,7 @@ def test_a_field_has_an_unknown_for_each_control_value(tmp_path: Path) -> None:
     assert [each.unknown.name for each in found] == names
     assert [each.unknown.smoothing for each in found] == [None, 0.01, 0.01]
     hats = [each.numbers[""].hat for each in found]
-    assert [(hat.axis, hat.places, hat.index) for hat in hats if hat] == [
-        (1, (0, 0.5, 1.0), i) for i in range(3)
-    ]
+    assert hats == [HatFunction.along(1, (0, 0.5, 1.0), i) for i in range(3)]
     assert [(each.name, each.lower, each.upper) for each in plan.experiments[0].config.cell.parameters] == [
         ("radius", 0.2, 0.3)
     ]
@@ -299,7 +298,11 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
     "deviations": (curve(deviation_share=0.1), "observations.s", "expected exactly one of deviation"),
     "probe": (curve(quantity="displacement"), "observations.s", "the quantity 'displacement' needs 'probe:'"),
     "surface": (curve(surface="y+"), "observations.s", "the quantity 'settlement' has no 'surface'"),
-    "nothing": ({"unknowns": SECTION["unknowns"]}, "", "expected either 'observations:' of this study"),
+    "nothing": (
+        {"unknowns": SECTION["unknowns"]},
+        "",
+        "expected either 'observations:' or 'points:' of this study",
+    ),
     "few": (curve(until="400 s"), "unknowns", "as unknowns without a prior, got 3 for 4"),
 }
 

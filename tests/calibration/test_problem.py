@@ -83,3 +83,22 @@ def test_smoothing_is_a_prior_of_differences():
     np.testing.assert_allclose(found.jacobian, [[100, 0, 0], [-10, 10, 0], [0, -10, 10]], rtol=1e-14)
     step = np.linalg.lstsq(found.jacobian, -found.residuals, rcond=None)[0]
     np.testing.assert_allclose(found.coordinates + step, 1.5, rtol=1e-12)
+
+
+def test_reduced_points_have_the_sums_of_squares_and_steps_of_whole_ones():
+    """At most k + 1 rows of data and the rows of priors, with the same cost, gradient and normal matrix."""
+    data = CurveData(np.exp(-TIMES), np.full(7, 0.01), np.zeros(7, int), TIMES, ("decay",))
+    whole = Misfit(Decay(), data).at(np.array([0.4, 0.9]))
+    few, step = whole.reduced, np.array([0.1, -0.2])
+    assert (len(whole.residuals), len(few.residuals), few.priors) == (8, 4, 1)
+    for one, other in ((few, whole), (few.of_data, whole.of_data)):
+        assert one.cost == pytest.approx(other.cost, rel=1e-12)
+        np.testing.assert_allclose(
+            one.jacobian.T @ one.jacobian, other.jacobian.T @ other.jacobian, rtol=1e-11
+        )
+        np.testing.assert_allclose(
+            one.jacobian.T @ one.residuals, other.jacobian.T @ other.residuals, rtol=1e-11
+        )
+        moved = [np.linalg.norm(each.residuals + each.jacobian @ step) for each in (one, other)]
+        assert moved[0] == pytest.approx(moved[1], rel=1e-12)
+    assert few.reduced.cost == pytest.approx(whole.cost, rel=1e-12)

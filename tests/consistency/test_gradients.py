@@ -101,7 +101,7 @@ def compare(make_solver, problem, law, changes, within=ALIKE):
 
 CHANGES = [change for change, *_ in UNKNOWNS.values()]
 LAYERS_AXES = {"about": (0.3, 0.2, 1.0), "angle": "30 + 20*x"}
-HATS = [CellParameterChange("radius", weight=HatFunction(1, (0.0, 0.7, 1.5), i)) for i in range(3)]
+HATS = [CellParameterChange("radius", weight=HatFunction.along(1, (0.0, 0.7, 1.5), i)) for i in range(3)]
 
 
 @CLOSURES
@@ -189,7 +189,7 @@ def test_the_gradient_of_half_a_sum_of_squares_is_the_limit_of_differences(make_
         found = residuals(solver.solve(solver.prepare(problem(values)), given))
         return 0.5 * sum(float(each @ each) for each in found)
 
-    changes = [CellParameterChange("radius", weight=HatFunction(1, places, i)) for i in range(3)]
+    changes = [CellParameterChange("radius", weight=HatFunction.along(1, places, i)) for i in range(3)]
     _, gradient = solver.solve_with_gradients(solver.prepare(problem(start)), given, changes, weights)
     step = 1e-5 * direction
     wanted = (half(start + step) - half(start - step)) / 2

@@ -75,7 +75,7 @@ def test_no_property_of_the_schema_is_left_out():
         "time",
         "newton",
     }
-    sections |= {"calibration", "fit", "posterior", "prior", "field", "times"}
+    sections |= {"calibration", "fit", "posterior", "prior", "field", "times", "camera"}
     for section in [configuration_schema(), *configuration_schema()["$defs"].values()]:
         assert set(section.get("properties", {})) - sections <= shown, section.get("title")
 

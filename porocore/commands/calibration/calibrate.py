@@ -13,9 +13,11 @@ from typing import Any
 import numpy as np
 
 from porocore.commands.calibration.cells import FamilyCells, families, further_data
+from porocore.commands.calibration.clouds import FilmComponent, PointCloud
 from porocore.commands.calibration.derived import derived_cells
 from porocore.commands.calibration.expectations import start_notes
-from porocore.commands.calibration.experiment import ExperimentModel, StudiesModel, error_of_steps
+from porocore.commands.calibration.experiment import ExperimentModel, SeenField, StudiesModel, error_of_steps
+from porocore.commands.calibration.films import outside_note, require_few_outside
 from porocore.commands.calibration.fit import (
     CalibrationFit,
     FitQuality,
@@ -47,7 +49,9 @@ from porocore.core.files.reading import complete, read_json
 from porocore.core.files.store import ResultStore
 from porocore.core.parallel.calls import CallProcesses
 from porocore.core.parallel.memory import one_blas_thread
+from porocore.core.units import using_units
 from porocore.errors import RunFolderError, SolveError
+from porocore.macro.problem import body_mesh
 from porocore.states import Array
 from porocore.study.notes.checks import check_backends
 from porocore.study.store import chosen_store
@@ -104,6 +108,8 @@ def calibrate(
         cells = families(plan, folder.path, stack, console, chosen_store(store))
         for family in cells:
             family.learn()
+        if not synthetic:
+            plan = _with_points_inside(plan, cells, folder.path, console)
         count = min(len(plan.experiments), plan.experiments[0].config.sampling.worker_count())
         processes = stack.enter_context(CallProcesses(count)) if count > 1 else None
         rounds = FitRounds(plan, folder, cells, console, processes)
@@ -182,6 +188,59 @@ def _with_made_up_data(plan: CalibrationPlan, model: CurveModel) -> CalibrationP
     curves = iter([curve.made_up(part, [plan.fit.seed, number]) for number, (curve, part) in pairs])
     experiments = [replace(one, curves=tuple(islice(curves, len(one.curves)))) for one in plan.experiments]
     return replace(plan, experiments=tuple(experiments))
+
+
+def _with_points_inside(
+    plan: CalibrationPlan, cells: Sequence[FamilyCells], path: Path, console: Console
+) -> CalibrationPlan:
+    """Return the plan without points that lie outside the deformed body at the start values of the unknowns.
+
+    Raises
+    ------
+    ConfigurationError
+        They are too many.
+    """
+    file, starts = path / "points.json", np.array([each.unknown.start for each in plan.unknowns])
+    with complete(file, "record of points", "start again"):
+        known = dict(read_json(file)) if file.exists() else {}
+    experiments = []
+    for one in plan.experiments:
+        fields = [curve.series for curve in one.curves if isinstance(curve.series, FilmComponent)]
+        clouds = {each.cloud.name: each.cloud for each in fields if not each.is_reference}
+        if clouds and one.name not in known:
+            law = next(family.law() for family in cells if one.name in family.experiments)
+            seen = ExperimentModel(one, plan.unknowns, law).solve(starts).seen
+            views = {each.view.cloud.name: each.view for each in seen if isinstance(each, SeenField)}
+            mesh, lost = body_mesh(one.config.macro), dict[str, list[int]]()
+            with using_units(one.config.result_units):
+                for name, cloud in clouds.items():
+                    outside = ~views[name].counting
+                    require_few_outside(cloud.outside, outside, cloud.places, mesh, f"'{name}'", "")
+                    lost[name] = np.flatnonzero(outside).tolist()
+            known[one.name] = lost
+            write_json(file, known)
+        curves = one.curves
+        for name, cloud in clouds.items():
+            if rows := known[one.name][name]:
+                console.note(f"{name}: {outside_note(len(rows), len(cloud))}")
+                curves = tuple(_without_points(curve, cloud, rows) for curve in curves)
+        experiments.append(replace(one, curves=curves))
+    return replace(plan, experiments=tuple(experiments))
+
+
+def _without_points(curve: ObservedCurve, cloud: PointCloud, lost: Sequence[int]) -> ObservedCurve:
+    """Return a curve without some points of a cloud."""
+    if not isinstance(curve.series, FilmComponent) or curve.series.cloud.name != cloud.name:
+        return curve
+    kept = np.ones(len(cloud), dtype=bool)
+    kept[lost] = False
+    series, left = curve.series.without(cloud.kept(kept), kept)
+    spread = curve.spread[left] if isinstance(curve.spread, np.ndarray) else curve.spread
+    measured = None if curve.measured is None else curve.measured[left]
+    return replace(
+        curve, series=series, times=curve.times[left], weights=curve.weights[left], measured=measured,
+        spread=spread,
+    )  # fmt: skip
 
 
 def _experiments_identity(plan: CalibrationPlan) -> str:

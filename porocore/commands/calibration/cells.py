@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from porocore.commands.calibration.experiment import ExperimentModel
-from porocore.commands.calibration.observations import MeasuredSeries, by_curve
+from porocore.commands.calibration.observations import MeasuredSeries, ObservedCurve, by_curve
 from porocore.commands.calibration.plan import CalibrationPlan, Experiment, PlannedUnknown
-from porocore.commands.calibration.problem import slopes_at
+from porocore.commands.calibration.problem import MANY_VALUES, slopes_at
 from porocore.commands.calibration.suggestions import FurtherData
 from porocore.core.console import Console
 from porocore.core.files.plain_data import json_hash, write_json
@@ -290,7 +290,11 @@ def _further_of(
         if larger := rows(replace(test, load=factor * test.load), trusted=True):
             name = f"the test '{test.name}'" if test.name else "the same test"
             words = f"{name} under {factor:g} times the load, too"
-            return [*further, FurtherData(words, np.concatenate([each for _, each in larger]))]
+            every = np.concatenate([each for _, each in larger])
+            # A square factor tells as much of the unknowns as very many rows.
+            if len(every) > MANY_VALUES:
+                every = np.asarray(np.linalg.qr(every, mode="r"))
+            return [*further, FurtherData(words, every)]
     return further
 
 
@@ -306,13 +310,22 @@ def _noise(experiment: Experiment) -> float | None:
 def _other_quantities(model: ExperimentModel) -> Experiment:
     """Return the experiment with all quantities that were not measured, at the times of the first curve."""
     measured = {curve.series for curve in model.experiment.curves}
-    first = model.experiment.curves[0]
+    first = _with_distinct_times(model.experiment.curves)
     curves = [
         replace(first, name=words, series=series, factor=1.0)
         for series, words in _quantities(model)
         if series not in measured
     ]
     return replace(model.experiment, curves=tuple(curves))
+
+
+def _with_distinct_times(curves: Sequence[ObservedCurve]) -> ObservedCurve:
+    """Return the first curve of a series, else one with the times of the first field."""
+    first = next((curve for curve in curves if isinstance(curve.series, MeasuredSeries)), None)
+    if first is not None:
+        return first
+    times = np.unique(curves[0].times)
+    return replace(curves[0], times=times, weights=np.ones(len(times)), measured=None, spread=1.0)
 
 
 def _quantities(model: ExperimentModel) -> Iterator[tuple[MeasuredSeries, str]]:

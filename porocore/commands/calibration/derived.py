@@ -178,15 +178,16 @@ def _cells(
     """Yield place, distinction from other cells of the family, and properties by the unknowns, of each cell."""
     config, numbers = experiment.config, occurrences(plan.unknowns, experiment)
     hats = {each.number.hat for each in numbers if each.number.hat is not None}
-    lines = {(hat.axis, hat.places) for hat in hats}
-    if len(lines) > 1 or not all(_is_one_value(config, p.name, numbers) for p in config.cell.parameters):
+    grids = {(hat.axes, hat.places) for hat in hats}
+    if len(grids) > 1 or not all(_is_one_value(config, p.name, numbers) for p in config.cell.parameters):
         return
-    for place in range(len(next(iter(lines))[1])) if lines else (None,):
+    nodes = {hat.index: hat.node for hat in hats}
+    for place in sorted(nodes, key=lambda index: index[::-1]) if nodes else (None,):
         here = [each for each in numbers if each.number.hat is None or each.number.hat.index == place]
-        text = ""
-        if place is not None:
-            ((axis, places),) = lines
-            text = f"{AXES[axis]} = {config.result_units.text(places[place], 'displacement')}"
+        text = ", ".join(
+            f"{AXES[axis]} = {config.result_units.text(at, 'displacement')}"
+            for axis, at in (nodes[place].items() if place is not None else ())
+        )
         same = tuple(
             (each.index, each.number.name)
             for each in here

@@ -50,22 +50,22 @@ _OTHERS: frozenset[Part] = frozenset(("body_force", "initial", "regions"))
 
 def sign_note(curve: ObservedCurve, macro: MacroSetup, load: float) -> str | None:
     """Return the note that the large values have a sign that the load excludes; None: they do not, or it may be so."""
-    pushed = _pushed(macro, load)
-    if pushed is None or curve.measured is None:
+    pushed, series = _pushed(macro, load), curve.series
+    if pushed is None or curve.measured is None or not isinstance(series, MeasuredSeries):
         return None
     face, pressed = pushed
-    expected = _expected(curve.series, macro, face, pressed)
-    acts = f"the study {'presses' if pressed else 'pulls'} {face}, so that the {curve.series.words}"
+    expected = _expected(series, macro, face, pressed)
+    acts = f"the study {'presses' if pressed else 'pulls'} {face}, so that the {series.words}"
     low, high = float(curve.measured.min()), float(curve.measured.max())
     if expected == 0 and (low < -high * NOISE) != (high > -low * NOISE):
-        other, along = OPPOSITE[curve.series.kind]
+        other, along = OPPOSITE[series.kind]
         factor = " and 'factor: -1'" if high < -low else ""
         return (
             f"the values reach {high if high > -low else low:.4g} {pretty(curve.unit)}".rstrip()
             + f", but {acts} stays 0; change the sign of the load, or give 'quantity: {other}'{factor} if {along} was "
             "measured"
         )
-    if expected == 1 and curve.series.kind in OPPOSITE and (position := _position(curve)):
+    if expected == 1 and series.kind in OPPOSITE and (position := _position(curve)):
         return f"{position}, but {acts} grows; {_of_a_position(curve)} if the file holds a position"
     values = (expected or 0) * curve.measured
     sizes = np.abs(values)
@@ -74,7 +74,7 @@ def sign_note(curve: ObservedCurve, macro: MacroSetup, load: float) -> str | Non
         return None
     found, there = ("below", "above") if expected == 1 else ("above", "below")
     reached = f"{curve.measured[first]:.4g} {pretty(curve.unit)}".rstrip()
-    held = ", positive in compression," if curve.series.kind == "force" and not curve.series.component else ""
+    held = ", positive in compression," if series.kind == "force" and not series.component else ""
     return (
         f"the values reach {reached}, {found} 0, but {acts}{held} is {there} 0; give 'factor: -1' if the file counts "
         "the other way"
@@ -115,7 +115,9 @@ def size_note(curve: ObservedCurve, macro: MacroSetup) -> str | None:
     if curve.series.quantity != "displacement" or curve.measured is None:
         return None
     sizes, units = np.ptp(body_mesh(macro).points, axis=0) * curve.factor, units_now()
-    stands = curve.series.kind == "settlement" and _is_held(macro, "y-")
+    series = curve.series
+    settles = isinstance(series, MeasuredSeries) and series.kind == "settlement"
+    stands = settles and _is_held(macro, "y-")
     reached = float(curve.measured.max() if stands else np.abs(curve.measured).max())
     size = float(sizes[1] if stands else SEVERAL * sizes.max())
     if reached <= size * (1 + ON_A_NODE):
@@ -300,7 +302,10 @@ def linear_notes(plan: CalibrationPlan) -> Iterator[str]:
             continue
         solutions = [whole_specimen(part, experiment.config.macro) for part in parts]
         for curve in experiment.curves if solutions else ():
-            values = np.concatenate([curve.series.values(one) for one in solutions]) * curve.factor
+            series = curve.series
+            if not isinstance(series, MeasuredSeries):
+                continue
+            values = np.concatenate([series.values(one) for one in solutions]) * curve.factor
             note = scale_note(curve, values, *_multiples(plan, experiment), "by linear poroelasticity")
             if note:
                 yield f"{curve.name}: {note}"

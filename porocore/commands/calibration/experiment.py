@@ -8,7 +8,7 @@ and so on, and its results are multiplied by these. So one surrogate serves all 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -17,8 +17,10 @@ from typing import Any, get_args
 
 import numpy as np
 
-from porocore.commands.calibration.observations import HistoryInterpolation, by_curve, weights_of
-from porocore.commands.calibration.plan import AXES, Experiment, PlannedUnknown, StudyNumber, occurrences
+from porocore.commands.calibration.clouds import CAMERA_PARTS, CloudView, CloudViews, FilmComponent
+from porocore.commands.calibration.interpolation import HistoryInterpolation
+from porocore.commands.calibration.observations import MeasuredSeries, by_curve, weights_of
+from porocore.commands.calibration.plan import Experiment, PlannedUnknown, StudyNumber, occurrences
 from porocore.commands.calibration.problem import CurveModel, CurvePrediction, Unknown
 from porocore.core.models.bounds import MOST_TIMES
 from porocore.core.models.strict import with_number
@@ -31,15 +33,18 @@ from porocore.interfaces.sensitivities import (
     BoundaryChange,
     BoundaryQuantity,
     CellParameterChange,
+    HatFunction,
     HistoryWeights,
     LoadChange,
     MacroChange,
+    MacroSensitivities,
     ModulusChange,
     ViscosityChange,
 )
 from porocore.interfaces.solution import MacroSolution
+from porocore.macro.body.points import BodyPoints
 from porocore.macro.boundary.symmetry import part_weights, whole_sensitivities, whole_specimen
-from porocore.macro.composition.fields import TableField
+from porocore.macro.composition.fields import GridField
 from porocore.macro.integration.stepping import Stepper
 from porocore.macro.problem import MacroProblem, TimePlan
 from porocore.plugins.border import body_gradients_of, body_sensitivities_of, body_solution_of
@@ -86,17 +91,21 @@ class BodyAtValues:
         Modulus, viscosity and pore size.
     shift
         Added to the times of the data, in the times of the study.
+    cameras
+        Unknown parts (6,) of the places of cameras, by the names of the clouds.
     """
 
     problem: MacroProblem
     scales: RelativeScales
     shift: float
+    cameras: Mapping[str, Array]
 
     @classmethod
     def of_values(cls, config: RunConfig, load: float, values: Mapping[StudyNumber, float]) -> BodyAtValues:
         """Return the body with dimensionless values in place of the numbers of a study."""
         macro, scales, shift = config.macro, relative_scales(values), 0.0
-        fields = {**macro.fields, **table_fields(values)}
+        cameras: dict[str, Array] = {}
+        fields = {**macro.fields, **control_fields(values)}
         for number, value in values.items():
             if number.kind == "cell" and number.hat is None:
                 fields[number.name] = value
@@ -104,24 +113,31 @@ class BodyAtValues:
                 load = value
             elif number.kind == "time_shift":
                 shift += value
+            elif number.kind == "camera":
+                cloud, part = map(str, number.path)
+                cameras.setdefault(cloud, np.zeros(6))[CAMERA_PARTS.index(part)] += value
             elif number.kind == "boundary":
                 macro = with_number(macro, number.path, partial(_constant, value))
         macro = macro.model_copy(update={"fields": fields, "loads": (load,)})
-        return cls(_scaled(macro, scales).problem(load), scales, shift)
+        return cls(_scaled(macro, scales).problem(load), scales, shift, cameras)
 
 
-def table_fields(values: Mapping[StudyNumber, float]) -> dict[str, TableField]:
+def control_fields(values: Mapping[StudyNumber, float]) -> dict[str, GridField]:
     """Return the fields whose control values are among the values of numbers, by the names of the parameters."""
-    tables: dict[str, list[tuple[float, float]]] = {}
-    axes = {}
+    nodes: dict[str, dict[HatFunction, float]] = {}
     for number, value in values.items():
         if number.hat is not None:
-            tables.setdefault(number.name, []).append((number.hat.places[number.hat.index], value))
-            axes[number.name] = AXES[number.hat.axis]
-    return {
-        name: TableField(kind="table", along=axes[name], table=tuple(sorted(table)))
-        for name, table in tables.items()
-    }
+            nodes.setdefault(number.name, {})[number.hat] = value
+    return {name: _control_field(found) for name, found in nodes.items()}
+
+
+def _control_field(nodes: Mapping[HatFunction, float]) -> GridField:
+    """Return the field with the values of all nodes of one grid."""
+    one = next(iter(nodes))
+    lines = dict(zip(one.axes, one.places, strict=True))
+    values = tuple(nodes[hat] for hat in HatFunction.grid(lines))
+    x, y, z = (lines.get(axis) for axis in range(3))
+    return GridField(kind="grid", x=x, y=y, z=z, values=values)
 
 
 def _constant(value: float, _: float) -> float:
@@ -177,7 +193,7 @@ def _of_time(formula: str) -> bool:
 
 
 def effect_of(number: StudyNumber, value: float, problem: MacroProblem) -> tuple[MacroChange, float] | None:
-    """Return the change of a run under a number with this dimensionless value; None for a time shift.
+    """Return the change of a run under a number with this dimensionless value; None for a clock or a camera.
 
     With it comes the factor from the derivative by the change to that by the value.
     """
@@ -311,6 +327,124 @@ def _meeting(steps: Array, data: Array, kinks: Array) -> Array:
     return np.asarray(merged[distinct])
 
 
+@dataclass(frozen=True, eq=False)
+class SeenSeries:
+    """A series of a run at the times of its data.
+
+    Attributes
+    ----------
+    measured
+        Which series.
+    at
+        Places of the data among the steps.
+    series : (steps,)
+        Of the run.
+    """
+
+    measured: MeasuredSeries
+    at: HistoryInterpolation
+    series: Array
+
+    @property
+    def values(self) -> Array:
+        """Values (m,) at the times of the data."""
+        return self.at.values(self.series)
+
+    @property
+    def rates(self) -> Array:
+        """Derivatives (m,) of the values by the time."""
+        return self.at.rates(self.series)
+
+    def slopes(self, found: MacroSensitivities) -> Array:
+        """Return the derivatives (m, k) by the unknowns of the run."""
+        return self.at.values(self.measured.slopes(found))
+
+    def weights(self, given: Array) -> Array:
+        """Return the weights (steps, f) of the series in sums over the data, which weigh (m, f)."""
+        return np.asarray(self.at.weights(len(self.series)) @ given)
+
+
+@dataclass(frozen=True, eq=False)
+class SeenField:
+    """A component of the fields of a run at the points and times of its data.
+
+    Attributes
+    ----------
+    measured
+        Which component, and where.
+    view
+        Cloud of points in the run.
+    """
+
+    measured: FilmComponent
+    view: CloudView
+
+    @property
+    def values(self) -> Array:
+        """Values (m,) at the times of the data."""
+        return self.measured.of_points(self.view.values(self.measured.component))
+
+    @property
+    def rates(self) -> Array:
+        """Derivatives (m,) of the values by the time."""
+        return self.measured.of_points(self.view.rates(self.measured.component))
+
+    def slopes(self, found: MacroSensitivities) -> Array:
+        """Return the derivatives (m, k) by the unknowns of the run."""
+        return self.measured.of_points(self.view.slopes(self.measured.component, found))
+
+    def weights(self, given: Array) -> Array:
+        """Return the weights (profiles, unknowns, f) of the nodal fields in sums over the data, which weigh (m, f)."""
+        return self.view.weights(self.measured.component, self.measured.to_points(given))
+
+    def by_camera(self, part: str) -> Array:
+        """Return the derivatives (m,) by an unknown part of the place of the camera."""
+        by = self.view.by_camera(self.measured.component)
+        return self.measured.of_points(by[:, CAMERA_PARTS.index(part)])
+
+
+Seen = SeenSeries | SeenField
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedExperiment:
+    """Run of an experiment.
+
+    Attributes
+    ----------
+    body
+        What was solved.
+    solution
+        Of the whole specimen.
+    seen
+        What was measured, each curve in the solution.
+    slopes : (m, c)
+        Derivatives of the values of all curves, or gradients of sums over them, by c changes, in the units of the run.
+    """
+
+    body: BodyAtValues
+    solution: MacroSolution
+    seen: Sequence[Seen]
+    slopes: Array
+
+
+def sum_weights(seen: Sequence[Seen], given: Sequence[Array]) -> HistoryWeights:
+    """Return the weights of the histories and fields of a whole specimen in f sums over data, which weigh (m, f)."""
+    series = [
+        (each.measured, each.weights(own))
+        for each, own in zip(seen, given, strict=True)
+        if isinstance(each, SeenSeries)
+    ]
+    fields = [each.weights(own) for each, own in zip(seen, given, strict=True) if isinstance(each, SeenField)]
+    count = given[0].shape[1]
+    found = (
+        weights_of([one for one, _ in series], [each for _, each in series])
+        if series
+        else HistoryWeights(count)
+    )
+    return replace(found, profiles=sum(fields[1:], fields[0])) if fields else found
+
+
 #: Derivatives by more unknowns than this and half as many as there are data are found by a pass backwards. For the
 #: column of the benchmark the ratios to a run without are 1.8 + 0.073 unknowns, and 2.25 + 0.038 data the other way.
 BACKWARDS = 6
@@ -358,6 +492,10 @@ class ExperimentModel:
                 "calibration needs; choose another, such as skfem"
             )
         first = np.array([one.unknown.start for one in unknowns])
+        fields = [curve.series for curve in experiment.curves if isinstance(curve.series, FilmComponent)]
+        self._clouds = {each.cloud.name: each.cloud for each in fields}
+        #: Where the points of clouds were found last.
+        self._near: dict[str, list[BodyPoints]] = {}
         #: Steps that an error control has taken at the first values; None: there is none.
         self.chosen_steps: Array | None = None
         self.config = self._with_fixed_steps(first, steps)
@@ -393,8 +531,9 @@ class ExperimentModel:
     def values(self, values: Array) -> Array:
         """Return the curves (m,) alone, without their slopes; see :meth:`curves`."""
         with using_units(self.config.result_units):
-            body, solution, _ = self.solve(values)
-        return np.concatenate([unit * at.values(series) for unit, at, series in self._series(body, solution)])
+            found = self.solve(values)
+            pairs = zip(self._units(found.body), found.seen, strict=True)
+            return np.concatenate([unit * each.values for unit, each in pairs])
 
     def _values_of(self, values: Array) -> dict[StudyNumber, float]:
         return {each.number: each.value(values) for each in self.numbers}
@@ -403,57 +542,77 @@ class ExperimentModel:
         """Return the body for values (k,) of the unknowns."""
         return BodyAtValues.of_values(self.config, self.experiment.load, self._values_of(values))
 
-    def solve(
-        self, values: Array, changes: Sequence[MacroChange] = ()
-    ) -> tuple[BodyAtValues, MacroSolution, Array]:
-        """Return body, solution of the whole specimen, and the derivatives (m, c) of all curves by some changes.
-
-        They are those of the values of the series, in the units of the run, for values (k,) of the unknowns.
-        """
+    def solve(self, values: Array, changes: Sequence[MacroChange] = ()) -> SolvedExperiment:
+        """Return the run for values (k,) of the unknowns, with the derivatives of all curves by some changes."""
         body, solver, curves = self.body(values), self._solver, self.experiment.curves
         problem, prepared = body.problem, prepared_body(solver, self.config.macro_backend, body.problem)
         count = sum(map(len, curves))
         if not changes:
-            plain = body_solution_of(solver, prepared, self.law, problem)
-            return body, whole_specimen(plain, problem), np.zeros((count, 0))
+            plain = whole_specimen(body_solution_of(solver, prepared, self.law, problem), problem)
+            return SolvedExperiment(body, plain, self._seen(body, plain), np.zeros((count, 0)))
         if type(solver).gradients and len(changes) > BACKWARDS + count / 2:
-            weights = partial(self._weights, body)
-            back, by = body_gradients_of(solver, prepared, self.law, problem, changes, weights)
-            return body, whole_specimen(back, problem), by
-        solution, found = body_sensitivities_of(solver, prepared, self.law, problem, changes)
+            return self.solve_back(values, changes, lambda seen: by_curve(np.eye(count), curves))
+        solution, found = body_sensitivities_of(
+            solver, prepared, self.law, problem, changes, profiles=bool(self._clouds)
+        )
         found = whole_sensitivities(replace(found, changes=tuple(changes)), problem)
-        whole = self._whole(solution, body)
-        pairs = zip(curves, self._places(body, solution), strict=True)
-        return body, whole, np.concatenate([at.values(curve.series.slopes(found)) for curve, at in pairs])
+        whole = whole_specimen(solution, problem)
+        seen = self._seen(body, whole)
+        return SolvedExperiment(body, whole, seen, np.concatenate([each.slopes(found) for each in seen]))
 
-    def _whole(self, solution: MacroSolution, body: BodyAtValues) -> MacroSolution:
-        """Return the solution of the whole specimen, which has all series that were measured."""
-        whole = whole_specimen(solution, body.problem)
+    def solve_back(
+        self,
+        values: Array,
+        changes: Sequence[MacroChange],
+        given: Callable[[Sequence[Seen]], Sequence[Array]],
+    ) -> SolvedExperiment:
+        """Return the run for values (k,) of the unknowns, with the gradients (f, c) of f sums over the data.
+
+        They are found by one pass back over the steps, which costs as much for any number of changes.
+
+        Parameters
+        ----------
+        values
+            Of the unknowns.
+        changes
+            By which the gradients are.
+        given
+            Returns the weights (m, f) of the values of each curve, which may depend on these.
+        """
+        body, solver = self.body(values), self._solver
+        problem, prepared = body.problem, prepared_body(solver, self.config.macro_backend, body.problem)
+        kept: list[Seen] = []
+
+        def weights(solution: MacroSolution) -> HistoryWeights:
+            kept[:] = self._seen(body, whole_specimen(solution, problem))
+            return part_weights(sum_weights(kept, given(kept)), problem)
+
+        solution, by = body_gradients_of(solver, prepared, self.law, problem, changes, weights)
+        return SolvedExperiment(body, whole_specimen(solution, problem), kept, by)
+
+    def _seen(self, body: BodyAtValues, whole: MacroSolution) -> list[Seen]:
+        """Return what was measured, each curve in the solution of the whole specimen.
+
+        Raises
+        ------
+        ConfigurationError
+            The solution has no such probe, surface or force.
+        """
+        to_study = body.scales.factor("time")
+        views = CloudViews(self._clouds, whole, to_study, body.shift, body.cameras, self._near)
+        steps, found = whole.history.time * to_study, list[Seen]()
         for curve in self.experiment.curves:
-            curve.series.values(whole)
-        return whole
+            if isinstance(curve.series, FilmComponent):
+                found.append(SeenField(curve.series, views[curve.series.cloud.name]))
+            else:
+                at = HistoryInterpolation.at(steps, curve.times + body.shift)
+                found.append(SeenSeries(curve.series, at, curve.series.values(whole)))
+        return found
 
-    def _places(self, body: BodyAtValues, solution: MacroSolution) -> list[HistoryInterpolation]:
-        """Return the places of the data of each curve among the steps."""
-        steps = solution.history.time * body.scales.factor("time")
-        return [HistoryInterpolation.at(steps, curve.times + body.shift) for curve in self.experiment.curves]
-
-    def _series(
-        self, body: BodyAtValues, whole: MacroSolution
-    ) -> Iterator[tuple[float, HistoryInterpolation, Array]]:
-        """Yield the factor to the unit of each curve, the places of its data, and its series (steps,) of the run."""
-        for curve, at in zip(self.experiment.curves, self._places(body, whole), strict=True):
-            unit = curve.factor * body.scales.factor(curve.series.quantity)
-            yield unit, at, curve.series.values(whole)
-
-    def _weights(self, body: BodyAtValues, solution: MacroSolution) -> HistoryWeights:
-        """Return the weights of the histories of the part that is solved in each datum."""
-        self._whole(solution, body)
-        curves, steps = self.experiment.curves, len(solution.history.time)
-        data = by_curve(np.eye(sum(map(len, curves))), curves)
-        places = zip(self._places(body, solution), data, strict=True)
-        found = [at.weights(steps) @ own for at, own in places]
-        return part_weights(weights_of([curve.series for curve in curves], found), body.problem)
+    def _units(self, body: BodyAtValues) -> list[float]:
+        """Return the factors from results of the run to the unit of each curve."""
+        curves = self.experiment.curves
+        return [curve.factor * body.scales.factor(curve.series.quantity) for curve in curves]
 
     def _effects(self, values: Array, body: BodyAtValues) -> dict[int, tuple[MacroChange, float]]:
         """Return by the position of an unknown the change that it makes, and the factor to its derivative."""
@@ -487,20 +646,69 @@ class ExperimentModel:
         with using_units(self.config.result_units):
             effects = self._effects(values, self.body(values))
             changes = [*dict.fromkeys(change for change, _ in effects.values())]
-            body, solution, derivatives = self.solve(values, changes)
+            found = self.solve(values, changes)
         rows, slopes = [], []
-        parts = by_curve(derivatives, self.experiment.curves)
-        for (unit, at, series), part in zip(self._series(body, solution), parts, strict=True):
-            rows.append(unit * at.values(series))
+        parts = by_curve(found.slopes, self.experiment.curves)
+        for unit, seen, part in zip(self._units(found.body), found.seen, parts, strict=True):
+            rows.append(unit * seen.values)
             mine, by = np.zeros((len(part), self._count)), unit * part
             for j, (change, factor) in effects.items():
                 mine[:, j] = factor * by[:, changes.index(change)]
             for each in self.numbers:
-                if each.number.kind == "time_shift":
-                    mine[:, each.index] = unit * each.factor * at.rates(series)
+                mine[:, each.index] += unit * each.factor * _beside(each.number, seen)
             slopes.append(mine)
-        flagged = bool((solution.history.flagged > 0).any())
+        flagged = bool((found.solution.history.flagged > 0).any())
         return CurvePrediction(np.concatenate(rows), np.concatenate(slopes), flagged)
+
+    def gradient(self, values: Array, given: Callable[[Array], Array]) -> tuple[Array, Array]:
+        """Return the curves (m,) for values (k,) of the unknowns, and the gradient (k,) of one sum over them.
+
+        One run and one pass back over its steps find it, whatever the number of unknowns and data. The slopes of the
+        single values, which a search by least squares needs, are not found.
+
+        Parameters
+        ----------
+        values
+            Of the unknowns.
+        given
+            Returns the weights (m,) of the values (m,) of all curves in the sum, in the units of the data; with the
+            residuals over the variances the sum is that of which half the sum of squares has the gradient.
+
+        Raises
+        ------
+        SolveError
+            The body cannot be computed there.
+        """
+        curves, kept = self.experiment.curves, list[Array]()
+        with using_units(self.config.result_units):
+            body = self.body(values)
+            effects, units = self._effects(values, body), self._units(body)
+            changes = [*dict.fromkeys(change for change, _ in effects.values())]
+
+            def weights(seen: Sequence[Seen]) -> list[Array]:
+                of_curves = [unit * each.values for unit, each in zip(units, seen, strict=True)]
+                kept[:] = [np.concatenate(of_curves), *by_curve(given(np.concatenate(of_curves)), curves)]
+                return [unit * part[:, None] for unit, part in zip(units, kept[1:], strict=True)]
+
+            found = self.solve_back(values, changes, weights)
+        gradient = np.zeros(self._count)
+        for j, (change, factor) in effects.items():
+            gradient[j] = factor * found.slopes[0, changes.index(change)]
+        for unit, seen, part in zip(units, found.seen, kept[1:], strict=True):
+            for each in self.numbers:
+                if each.index not in effects:
+                    gradient[each.index] += unit * each.factor * np.sum(part * _beside(each.number, seen))
+        return kept[0], gradient
+
+
+def _beside(number: StudyNumber, seen: Seen) -> Array | float:
+    """Return the derivatives (m,) of data by a number that a run does not depend on: a clock, or a camera's place."""
+    if number.kind == "time_shift":
+        return seen.rates
+    if number.kind == "camera" and isinstance(seen, SeenField):
+        cloud, part = map(str, number.path)
+        return seen.by_camera(part) if seen.measured.cloud.name == cloud else 0.0
+    return 0.0
 
 
 class StudiesModel(CurveModel):

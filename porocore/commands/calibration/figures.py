@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from porocore.commands.calibration.clouds import FilmComponent
 from porocore.commands.calibration.infer import Inference
 from porocore.commands.calibration.plan import FittedField
 from porocore.commands.calibration.posterior import Posterior
@@ -89,8 +92,11 @@ def _text(value: float) -> str:
 @styled
 def field_figure(done: Calibration, field: FittedField) -> Figure:
     """Draw one field: fitted values with bars of their 95 % intervals, and the truth of made-up data."""
+    if len(field.lines) > 1:
+        return grid_figure(done, field)
     inference, members = done.inference, list(field.members)
-    places, values = np.array(field.places), inference.values[members]
+    ((along, line),) = field.lines.items()
+    places, values = np.array(line), inference.values[members]
     ends = [inference.intervals[i].values for i in members]
     bars = np.array(
         [
@@ -106,9 +112,115 @@ def field_figure(done: Calibration, field: FittedField) -> Figure:
         places, values, np.maximum(bars, 0.0), fmt="o-", ms=4, color=BLUE, ecolor=GREY, elinewidth=1.2, capsize=3,
         label="fit, 95 % intervals",
     )  # fmt: skip
-    axes.set_xlabel(_labelled(field.along, field.unit))
+    axes.set_xlabel(_labelled(along, field.unit))
     axes.set_ylabel(_labelled(field.name, inference.unknowns[members[0]].unit))
     legend_above(figure, axes, columns=2)
+    return figure
+
+
+#: Slices of a grid along its third axis that are drawn at most.
+MOST_SLICES = 4
+
+
+@styled
+def grid_figure(done: Calibration, field: FittedField) -> Figure:
+    """Draw the values on a grid, half the widths of their 95 % intervals, and the truth of made-up data.
+
+    A cross stands where an interval has an open end. Of a grid along three axes there is a row for each slice.
+    """
+    inference, members = done.inference, list(field.members)
+    axes_names, lines = [*field.lines], [np.array(line) for line in field.lines.values()]
+    shape = [len(line) for line in lines]
+    ends = [inference.intervals[i].values for i in members]
+    half = np.array([np.nan if None in pair else (pair[1] - pair[0]) / 2 for pair in ends])  # type: ignore[operator]
+    found = {"fit": inference.values[members], "half of the 95 % interval": half}
+    if done.truth is not None:
+        found = {"truth": done.truth[members], **found}
+    slices = range(shape[2]) if len(shape) > 2 else range(1)
+    slices = slices[:: -(-len(slices) // MOST_SLICES)]
+    figure = new_figure(0.6 + 3.1 * len(found), 0.4 + 2.6 * len(slices))
+    panels = figure.subplots(len(slices), len(found), squeeze=False, sharex=True, sharey=True)
+    values = np.concatenate([each for name, each in found.items() if name in ("truth", "fit")])
+    label = _labelled(field.name, inference.unknowns[members[0]].unit)
+    for row, place in zip(panels, slices, strict=True):
+        for axes, (name, each) in zip(row, found.items(), strict=True):
+            flat = np.reshape(each, shape, order="F").reshape(shape[0], shape[1], -1)[..., place].T
+            plain = name not in ("truth", "fit")
+            limits = (0.0, np.nanmax([*half, 0.0]) or 1.0) if plain else (values.min(), values.max())
+            image = axes.pcolormesh(
+                lines[0], lines[1], flat, shading="nearest" if plain else "gouraud",
+                cmap="Greys" if plain else "viridis", vmin=limits[0], vmax=limits[1], rasterized=True,
+            )  # fmt: skip
+            nodes = np.meshgrid(lines[0], lines[1])
+            lost = np.isnan(flat)
+            axes.plot(nodes[0][~lost], nodes[1][~lost], ".", ms=3, color=GREY)
+            axes.plot(nodes[0][lost], nodes[1][lost], "x", ms=6, color=VERMILLION)
+            axes.set_title(name if len(slices) == 1 else f"{name}, {axes_names[2]} = {lines[2][place]:.4g}")
+            axes.grid(visible=False)
+            axes.set_aspect("equal")
+            figure.colorbar(image, ax=axes, shrink=0.85).set_label(label)
+        row[0].set_ylabel(_labelled(axes_names[1], field.unit))
+    for axes in panels[-1]:
+        axes.set_xlabel(_labelled(axes_names[0], field.unit))
+    return figure
+
+
+#: Times of a measured field that are drawn at most, and standard deviations at which residuals have the darkest colour.
+MOST_TIMES_SHOWN, DARKEST = 3, 4.0
+#: Area of all points of a picture, in squared points of type.
+INK = 9000.0
+
+
+@styled
+def film_figure(done: Calibration, curve: int) -> Figure:
+    """Draw a measured field side by side with the fit and the residuals, a row for each of some times.
+
+    Points are shown along the two axes in which they extend most.
+    """
+    observed = done.plan.curves[curve]
+    series, rows = observed.series, np.flatnonzero(done.data.curve == curve)
+    assert isinstance(series, FilmComponent)
+    measured, fitted = done.data.values[rows], done.inference.best.prediction.values[rows]
+    residuals = (measured - fitted) / done.data.deviations[rows]
+    units = next(each.config.result_units for each in done.plan.experiments if observed in each.curves)
+    places, unit = (
+        series.places * units.factor("displacement"),
+        units.name("displacement") if units.given else "",
+    )
+    first, second = sorted(np.argsort(-np.ptp(places, axis=0), kind="stable")[:2].tolist())
+    times = np.unique(observed.displayed_times)
+    shown = times[np.unique(np.linspace(0, len(times) - 1, MOST_TIMES_SHOWN).round().astype(int))]
+    size = np.ptp(places[:, [first, second]], axis=0)
+    tall = float(np.clip(size[1] / max(size[0], 1e-300), 0.3, 3.0))
+    high = min(2.4 * tall, 2.9)
+    figure = new_figure(max(3 * high / tall + 3.4, 6.0), 0.6 + (high + 0.4) * len(shown))
+    panels = figure.subplots(len(shown), 3, squeeze=False, sharex=True, sharey=True)
+    ends = float(min(measured.min(), fitted.min())), float(max(measured.max(), fitted.max()))
+    images: list[Any] = []
+    for row, time in zip(panels, shown, strict=True):
+        here = observed.displayed_times == time
+        ink = min(60.0, max(2.0, INK / max(int(here.sum()), 1)))
+        images = []
+        for axes, values, words in zip(
+            row, (measured, fitted, residuals), ("measured", "fitted", "residual"), strict=True
+        ):
+            plain = words == "residual"
+            images.append(
+                axes.scatter(
+                    places[here, first], places[here, second], c=values[here], s=ink, lw=0, rasterized=True,
+                    cmap="RdBu_r" if plain else "viridis", vmin=-DARKEST if plain else ends[0],
+                    vmax=DARKEST if plain else ends[1],
+                )
+            )  # fmt: skip
+            axes.set_aspect("equal")
+            axes.grid(visible=False)
+            axes.set_title(f"{words}, $t$ = {time:.4g} {pretty(observed.time_unit)}".rstrip())
+        row[0].set_ylabel(_labelled("xyz"[second], unit))
+    for axes in panels[-1]:
+        axes.set_xlabel(_labelled("xyz"[first], unit))
+    words = _labelled(done.data.names[curve], observed.unit)
+    figure.colorbar(images[0], ax=panels[:, :2], shrink=0.8, aspect=40).set_label(words)
+    figure.colorbar(images[2], ax=panels[:, 2:], shrink=0.8, aspect=40).set_label("residual [standard dev.]")
     return figure
 
 

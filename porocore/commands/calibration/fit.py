@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from porocore.commands.calibration.problem import (
+    MANY_VALUES,
     CurveData,
     CurveModel,
     CurvePrediction,
@@ -21,6 +23,7 @@ from porocore.commands.calibration.problem import (
 )
 from porocore.commands.calibration.settings import FitSettings
 from porocore.core.console import Console, Task
+from porocore.core.files.atomic import atomic_path
 from porocore.core.files.reading import complete, read_text
 from porocore.errors import RunFolderError, SolveError
 from porocore.states import Array
@@ -32,6 +35,8 @@ LARGEST = 1 << 30
 
 class RecordedModel(CurveModel):
     """Model whose evaluations are kept in a file of JSON lines, each when it is made, and not made again.
+
+    An evaluation of very many values has a file of its own beside it, with slopes of single precision.
 
     Parameters
     ----------
@@ -73,7 +78,7 @@ class RecordedModel(CurveModel):
     def __iter__(self) -> Iterator[tuple[Array, CurvePrediction | None]]:
         """Yield values (k,) and curves of every evaluation, None where there were none, in the order they were made."""
         for values, line in self._known.items():
-            yield np.array(values), None if "failed" in line else _prediction(line)
+            yield np.array(values), None if "failed" in line else self._prediction(line)
 
     def curves(self, values: Array) -> CurvePrediction:
         """Return the curves; see :class:`~porocore.commands.calibration.problem.CurveModel`.
@@ -89,15 +94,40 @@ class RecordedModel(CurveModel):
         if (line := self._known.get(key)) is not None:
             if "failed" in line:
                 raise SolveError(line["failed"])
-            return _prediction(line)
+            return self._prediction(line)
         try:
             found = self._model().curves(values)
         except SolveError as error:
             self._keep(key, {"failed": str(error)})
             raise
+        if len(found.values) > MANY_VALUES:
+            self._keep(key, {"file": self._file_of(found), "flagged": found.flagged})
+            # What a call that goes on with the files reads.
+            return self._prediction(self._known[key])
         outcome = {"values": found.values.tolist(), "slopes": found.slopes.tolist(), "flagged": found.flagged}
         self._keep(key, outcome)
         return found
+
+    def _file_of(self, found: CurvePrediction) -> str:
+        """Write values and slopes into a file of their own, and return its name."""
+        path = self.path.with_name(f"{self.path.stem}-{len(self._known) + 1}.npz")
+        try:
+            with atomic_path(path) as made, made.open("wb") as file:
+                np.savez(file, values=found.values, slopes=found.slopes.astype(np.float32))
+        except OSError as error:
+            raise RunFolderError(f"{path} cannot be written: {error.strerror or error}") from None
+        return path.name
+
+    def _prediction(self, line: dict[str, Any]) -> CurvePrediction:
+        if "file" not in line:
+            return _prediction(line)
+        path = self.path.with_name(line["file"])
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                values, slopes = file["values"], file["slopes"].astype(float)
+        except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError) as error:
+            raise RunFolderError(f"{path} cannot be read: {error}; start again in another --out") from None
+        return CurvePrediction(values, slopes, bool(line["flagged"]))
 
     def _keep(self, key: tuple[float, ...], outcome: dict[str, Any]) -> None:
         line = {"unknowns": list(key), **outcome}

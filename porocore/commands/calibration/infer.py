@@ -17,7 +17,7 @@ from porocore.commands.calibration.directions import (
     significant,
 )
 from porocore.commands.calibration.minimum import LinearPrecision, Minimum, Objective, minimise
-from porocore.commands.calibration.problem import Fitted, Misfit, Unknown, values_at
+from porocore.commands.calibration.problem import MANY_VALUES, Fitted, Misfit, Unknown, values_at
 from porocore.commands.calibration.profiles import (
     ConfidenceInterval,
     LowerPoint,
@@ -221,8 +221,10 @@ def infer(
     alone, data_found, data_intervals = objective.without_priors(), found, intervals
     if any(one.has_prior for one in unknowns):
         data_found, data_intervals = _intervals(alone, found.fitted.coordinates)
-    fitted, limits = found.fitted, rule.limits(unknowns, found.fitted.coordinates)
-    jacobian = alone.at(fitted.coordinates).jacobian
+    # Of very many data the objective keeps less than the whole point.
+    many = len(misfit.data.values) > MANY_VALUES
+    fitted = misfit.at(found.fitted.coordinates) if many else found.fitted
+    limits, jacobian = rule.limits(unknowns, fitted.coordinates), fitted.of_data.jacobian
     known = None if dependence is None else dependence(fitted.coordinates)
     directions = non_identifiable_directions(jacobian, limits, known)
     products = [identifiable_product(alone, data_found, each, limits) for each in directions if each.exact]

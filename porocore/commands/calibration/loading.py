@@ -10,6 +10,7 @@ from typing import Any
 import yaml
 
 from porocore.commands.calibration.expectations import body_height, require_free, sign_note, size_note
+from porocore.commands.calibration.films import read_film
 from porocore.commands.calibration.observations import MeasuredSeries
 from porocore.commands.calibration.plan import (
     OF_LOAD,
@@ -19,9 +20,10 @@ from porocore.commands.calibration.plan import (
     occurrences,
 )
 from porocore.commands.calibration.posterior import require_emcee
+from porocore.commands.calibration.problem import MANY_VALUES
 from porocore.commands.calibration.reading import read_curve
 from porocore.commands.calibration.settings import CalibrationSettings, ExperimentSettings
-from porocore.commands.calibration.unknowns import bounds_notes, keyed, planned_unknowns
+from porocore.commands.calibration.unknowns import bounds_notes, camera_unknowns, keyed, planned_unknowns
 from porocore.core.files.reading import read_text
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted
 from porocore.core.models.strict import StrictModel
@@ -112,7 +114,7 @@ def _experiments(settings: CalibrationSettings, document: YamlDocument) -> dict[
         raise ConfigurationError(
             "observations: a file of its own has 'experiments:' with the study of each, and observations below them"
         )
-    return {"": ExperimentSettings(observations=settings.observations)}
+    return {"": ExperimentSettings(observations=settings.observations, points=settings.points)}
 
 
 def _key(at: Location, *keys: str) -> str:
@@ -186,6 +188,23 @@ def _plan(
             else:
                 curves.append(curve)
                 notes |= dict.fromkeys(f"{curve.name}: {note}" for note in (*curve.notes, large) if note)
+        for filmed, film in experiment.points.items():
+            keys = ("experiments", name, "points") if name else ("points",)
+            try:
+                with keyed(_key(at, *keys, filmed)), using_units(config.result_units):
+                    found, unit = read_film(
+                        filmed, film, document.folder, config.macro, config.scales, experiment=name,
+                        synthetic=synthetic or (planned and film.file is None),
+                    )  # fmt: skip
+                    sizes = [None if synthetic else size_note(curve, config.macro) for curve in found]
+            except ConfigurationError as error:
+                refused.append(str(error))
+            else:
+                curves += found
+                with keyed(_key(at, *keys, filmed)):
+                    unknowns += camera_unknowns(filmed, film, found[0], unit, config, name)
+                for curve, size in zip(found, sizes, strict=True):
+                    notes |= dict.fromkeys(f"{curve.name}: {note}" for note in (*curve.notes, size) if note)
         if not kinds & set(OF_LOAD):
             signs = ((curve, sign_note(curve, config.macro, load)) for curve in curves)
             notes |= dict.fromkeys(f"{curve.name}: {note}" for curve, note in signs if note)
@@ -194,7 +213,7 @@ def _plan(
         raise ConfigurationError("\n".join(refused))
     own = experiments[0].config.title
     title = f"Calibration: {own}".removesuffix(": ") if settings.title in ("", own) else settings.title
-    _check_posterior(settings, len(unknowns), at)
+    _check_posterior(settings, len(unknowns), sum(len(c) for one in experiments for c in one.curves), at)
     _check_shifts(experiments, unknowns, at)
     plan = CalibrationPlan(
         title, tuple(experiments), tuple(unknowns), settings.fit, tuple(notes), settings.posterior
@@ -229,10 +248,15 @@ def _check_shifts(experiments: Sequence[Experiment], unknowns: list[PlannedUnkno
                 )
 
 
-def _check_posterior(settings: CalibrationSettings, unknowns: int, at: Location) -> None:
-    """Refuse too few walkers, and a posterior without the package that draws from it."""
+def _check_posterior(settings: CalibrationSettings, unknowns: int, values: int, at: Location) -> None:
+    """Refuse too many data, too few walkers, and a posterior without the package that draws from it."""
     if settings.posterior is None:
         return
+    if values > MANY_VALUES:
+        raise ConfigurationError(
+            f"{_key(at, 'posterior')}: expected at most {MANY_VALUES} measured values, between whose runs a posterior "
+            f"distribution is interpolated, got {values}; remove the section, or keep fewer points or times"
+        )
     if (walkers := settings.posterior.walkers_of(unknowns)) < 2 * unknowns:
         raise ConfigurationError(
             f"{_key(at, 'posterior', 'walkers')}: expected at least {2 * unknowns}, twice the number of unknowns, got "

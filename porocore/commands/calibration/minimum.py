@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from porocore.commands.calibration.problem import Fitted, Misfit
+from porocore.commands.calibration.problem import MANY_VALUES, Fitted, Misfit
 from porocore.errors import SolveError
 from porocore.states import Array, IntArray
 
@@ -58,7 +58,7 @@ class Objective:
 
     def add(self, fitted: Fitted) -> None:
         """Take over an evaluation that was made elsewhere."""
-        self._known[fitted.coordinates.tobytes()] = fitted
+        self._known[fitted.coordinates.tobytes()] = self._kept(fitted)
 
     @property
     def evaluations(self) -> int:
@@ -71,7 +71,7 @@ class Objective:
         return tuple(each for each in self._known.values() if isinstance(each, Fitted))
 
     def at(self, coordinates: Array) -> Fitted:
-        """Return residuals and Jacobian at coordinates (k,).
+        """Return residuals and Jacobian at coordinates (k,); of very many data :attr:`Fitted.reduced`.
 
         Raises
         ------
@@ -82,16 +82,17 @@ class Objective:
         key = x.tobytes()
         if key not in self._known:
             try:
-                self._known[key] = _finite(self.misfit.at(x))
+                self._known[key] = self._kept(_finite(self.misfit.at(x)))
             except SolveError as error:
                 self._known[key] = error
         found = self._known[key]
         if isinstance(found, SolveError):
             raise found
-        if self._priors:
-            return found
-        data = len(self.misfit.data.values)
-        return Fitted(x, found.prediction, found.residuals[:data], found.jacobian[:data])
+        return found if self._priors else found.of_data
+
+    def _kept(self, fitted: Fitted) -> Fitted:
+        """Return what is kept of an evaluation: with very many data, no more than steps and sums of squares need."""
+        return fitted.reduced if len(self.misfit.data.values) > MANY_VALUES else fitted
 
     def step(self, fitted: Fitted, free: IntArray, moved: Array, damping: float = 0.0) -> Array:
         """Return the step (k,) of the free coordinates that minimises the linear residuals within the bounds.

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from porocore.commands.calibration.clouds import FilmComponent
 from porocore.commands.calibration.problem import CurveData
 from porocore.commands.calibration.settings import Kind, ObservationSettings
 from porocore.core.echo import echo, suggestion
@@ -30,7 +31,7 @@ from porocore.errors import ConfigurationError
 from porocore.interfaces.sensitivities import HistoryWeights, MacroSensitivities
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.problem import MacroSetup
-from porocore.states import Array, IntArray
+from porocore.states import Array
 
 #: Quantities of the units of each kind.
 QUANTITY: dict[Kind, str] = {
@@ -276,7 +277,7 @@ class ObservedCurve:
     """
 
     name: str
-    series: MeasuredSeries
+    series: MeasuredSeries | FilmComponent
     times: Array
     unit: str
     time_unit: str
@@ -378,52 +379,6 @@ def curve_data(curves: Sequence[ObservedCurve]) -> CurveData:
 def by_curve(values: Array, curves: Sequence[ObservedCurve]) -> list[Array]:
     """Return the parts of values (m, ...) of all curves one after the other that belong to each curve."""
     return np.split(values, np.cumsum([len(curve) for curve in curves])[:-1])
-
-
-@dataclass(frozen=True, eq=False)
-class HistoryInterpolation:
-    """Linear interpolation between the steps of a run.
-
-    Before the first step a series has its first value, and behind the last step its last one.
-
-    Attributes
-    ----------
-    before : (m,)
-        Step before each time, or at it.
-    share : (m,)
-        Share of the step behind it that has passed.
-    rate : (m,)
-        Derivative of the share by the time; 0 outside the run.
-    """
-
-    before: IntArray
-    share: Array
-    rate: Array
-
-    @classmethod
-    def at(cls, steps: Array, times: Array) -> HistoryInterpolation:
-        """Return the interpolation of series at ascending steps (n,) for times (m,)."""
-        before = np.clip(np.searchsorted(steps, times, side="right") - 1, 0, len(steps) - 2)
-        length = steps[before + 1] - steps[before]
-        share = (times - steps[before]) / length
-        inside = (share >= 0) & (share <= 1)
-        return cls(before.astype(np.int64), np.clip(share, 0.0, 1.0), np.where(inside, 1 / length, 0.0))
-
-    def values(self, series: Array) -> Array:
-        """Return a series (n, ...) at the times, (m, ...); derivatives of a series by unknowns are series too."""
-        share = self.share.reshape(-1, *[1] * (series.ndim - 1))
-        return np.asarray((1 - share) * series[self.before] + share * series[self.before + 1])
-
-    def weights(self, steps: int) -> Array:
-        """Return the weights (steps, m) of the values of a series in those at the times."""
-        found, column = np.zeros((steps, len(self.share))), np.arange(len(self.share))
-        found[self.before, column] = 1 - self.share
-        found[self.before + 1, column] += self.share
-        return found
-
-    def rates(self, series: Array) -> Array:
-        """Return the derivative (m,) of the interpolated series (n,) by the time; at a step that behind it."""
-        return np.asarray((series[self.before + 1] - series[self.before]) * self.rate)
 
 
 #: Advice on a unit that a key gives: on one of another quantity, and on one in a study without scales.

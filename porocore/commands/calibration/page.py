@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from porocore.commands.calibration.clouds import FilmComponent
 from porocore.commands.calibration.figures import (
     correlation_figure,
     field_figure,
+    film_figure,
     fit_figure,
     plane_figure,
     posterior_figure,
@@ -64,7 +66,7 @@ def _prior(one: Unknown) -> str:
     elif one.prior is not None:
         found.append(f"{number(one.prior.mean)} ± {number(one.prior.deviation)}")
     if one.smoothing is not None:
-        found.append(f"difference from the value before: deviation {number(one.smoothing)}")
+        found.append(f"difference from its neighbours: deviation {number(one.smoothing)}")
     return "; ".join(found) or NONE
 
 
@@ -192,6 +194,7 @@ def render(done: Calibration, pictures: Pictures | None = None) -> str:
     """Return the page as text; ``pictures`` may keep the figures as files."""
     draw, plan, inference, truth = (pictures or Pictures()).svg, done.plan, done.inference, done.truth
     made = environment("porocore.commands.calibration")
+    films = [c for c, curve in enumerate(plan.curves) if isinstance(curve.series, FilmComponent)]
     made.filters |= {"pretty": pretty, "ends": ends_text, "open": open_text}
     profiles = draw("profiles", profile_figure(inference, truth), "Profile likelihood of each unknown")
     return made.get_template("calibration.html.j2").render(
@@ -209,6 +212,11 @@ def render(done: Calibration, pictures: Pictures | None = None) -> str:
         fits=[
             (name, draw(f"fit_{name}", fit_figure(done, c), f"Fit of {name}"))
             for c, name in enumerate(done.data.names)
+            if c not in films
+        ],
+        films=[
+            (done.data.names[c], draw(f"fit_{done.data.names[c]}", film_figure(done, c), "Fit of a field"))
+            for c in films
         ],
         fields=[
             draw(f"field_{each.name}", field_figure(done, each), f"Field of {each.name}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -19,7 +19,7 @@ from porocore.interfaces.sensitivities import HatFunction
 from porocore.states import Array
 from porocore.study.config.config import RunConfig
 
-NumberKind = Literal["cell", "modulus", "viscosity", "pore", "load", "boundary", "time_shift"]
+NumberKind = Literal["cell", "modulus", "viscosity", "pore", "load", "boundary", "time_shift", "camera"]
 #: Unknown numbers by which a load may have either sign, and any size.
 OF_LOAD: tuple[NumberKind, ...] = ("load", "boundary")
 #: Those by which the units of a run are multiplied: they are above 0, and searched in ln x by default.
@@ -43,7 +43,7 @@ class StudyNumber:
     value
         That of the study, dimensionless.
     path
-        Keys below ``macro`` of a value on the boundary.
+        Keys below ``macro`` of a value on the boundary; cloud and part of the place of a camera.
     hat
         Of a control value of a parameter's field; None: the number holds everywhere.
     """
@@ -153,17 +153,16 @@ class FittedField:
     ----------
     name
         Of the unknown in the configuration.
-    along
-        ``x``, ``y`` or ``z``.
-    places, unit
-        Coordinates of the control values, and their unit; empty for dimensionless ones.
+    lines
+        Coordinates of the control values by their axes ``x``, ``y`` or ``z``, in the order of these.
+    unit
+        Of the coordinates; empty for dimensionless ones.
     members
-        Positions of the control values among the unknowns.
+        Positions of the control values among the unknowns, the first axis running fastest.
     """
 
     name: str
-    along: str
-    places: tuple[float, ...]
+    lines: Mapping[str, tuple[float, ...]]
     unit: str
     members: tuple[int, ...]
 
@@ -211,9 +210,12 @@ class CalibrationPlan:
         assert number.hat is not None
         units = next(each.config.result_units for each in self.experiments if each.name == experiment)
         factor = units.factor("displacement")
-        places = tuple(factor * place for place in number.hat.places)
+        lines: dict[str, tuple[float, ...]] = {
+            AXES[axis]: tuple(factor * place for place in line)
+            for axis, line in zip(number.hat.axes, number.hat.places, strict=True)
+        }
         unit = units.name("displacement") if units.given else ""
-        return FittedField(name, AXES[number.hat.axis], places, unit, tuple(members))
+        return FittedField(name, lines, unit, tuple(members))
 
     @property
     def rule(self) -> IdentifiabilityRule:

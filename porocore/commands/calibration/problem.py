@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import exp, log
 from typing import Literal
@@ -16,6 +16,8 @@ from porocore.states import Array, IntArray
 Scale = Literal["linear", "log"]
 #: A curve that the whole range of an unknown changes by fewer of its standard deviations does not depend on it.
 UNMOVED = 1e-6
+#: Values of all curves above which single evaluations are not kept whole in memory, nor as text in files.
+MANY_VALUES = 5_000
 
 
 @dataclass(frozen=True)
@@ -43,8 +45,10 @@ class Unknown:
     unit
         Unit of the numbers here, empty for a dimensionless one.
     smoothing
-        Standard deviation, before any data, of the difference of its coordinate from that of the unknown before it;
-        None: the two have nothing to do with each other.
+        Standard deviation, before any data, of the difference of its coordinate from those of its neighbours; None: it
+        has nothing to do with them.
+    neighbours
+        How many unknowns before it each of these stands.
     """
 
     name: str
@@ -55,6 +59,7 @@ class Unknown:
     prior: NormalPrior | None = None
     unit: str = ""
     smoothing: float | None = None
+    neighbours: tuple[int, ...] = (1,)
 
     @property
     def has_prior(self) -> bool:
@@ -173,15 +178,39 @@ class Fitted:
         The curves.
     residuals : (m + priors,)
         (predicted − measured)/deviation, then (coordinate − mean)/deviation of each prior, then (coordinate −
-        coordinate before)/deviation of each that is smoothed.
+        coordinate of a neighbour)/deviation of each that is smoothed.
     jacobian : (m + priors, k)
         Their derivatives by the coordinates.
+    priors
+        Number of rows that priors have, the last ones.
     """
 
     coordinates: Array
     prediction: CurvePrediction
     residuals: Array
     jacobian: Array
+    priors: int = 0
+
+    @property
+    def of_data(self) -> Fitted:
+        """The same without priors."""
+        rows = len(self.residuals) - self.priors
+        return replace(self, residuals=self.residuals[:rows], jacobian=self.jacobian[:rows], priors=0)
+
+    @property
+    def reduced(self) -> Fitted:
+        """The same with at most k + 1 rows of data, turned in the space of the data, and without its curves.
+
+        Sums of squares, gradients and linear steps are those of the rows themselves: [J r] = Q R has them in R.
+        """
+        data = self.of_data
+        both = np.column_stack([data.jacobian, data.residuals])
+        if len(both) <= both.shape[1]:
+            return self
+        factor = np.linalg.qr(both, mode="r")
+        rows = np.concatenate([factor, np.column_stack([self.jacobian, self.residuals])[len(both) :]])
+        nothing = CurvePrediction(np.zeros(0), np.zeros((0, rows.shape[1] - 1)), self.prediction.flagged)
+        return replace(self, prediction=nothing, residuals=rows[:, -1], jacobian=rows[:, :-1])
 
     @property
     def cost(self) -> float:
@@ -253,6 +282,7 @@ class Misfit:
             prediction,
             np.concatenate([residuals, rows @ x - offsets]),
             np.concatenate([jacobian, rows]),
+            len(rows),
         )
 
     @cached_property
@@ -263,7 +293,7 @@ class Misfit:
         offsets = [prior.mean / prior.deviation for _, prior in known]
         rows = [row / prior.deviation for row, prior in known]
         for i, one in enumerate(self.unknowns):
-            if one.smoothing is not None:
-                rows.append((unit[i] - unit[i - 1]) / one.smoothing)
+            for before in one.neighbours if one.smoothing is not None else ():
+                rows.append((unit[i] - unit[i - before]) / one.smoothing)
                 offsets.append(0.0)
         return np.array(offsets), np.reshape(rows, (-1, len(unit)))

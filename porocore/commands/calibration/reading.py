@@ -127,7 +127,7 @@ def _planned(
         raise ConfigurationError("file: missing; the columns of deviations or weights stand in it")
     time = StudyUnit.at_key("time_unit", settings.time_unit or "", "time", scales)
     unit = StudyUnit.at_key("unit", settings.unit or "", series.quantity, scales)
-    times = _times(settings.times, time)
+    times = planned_times(settings.times, time)
     times = times[_counting("times", settings, times, time, FEWEST_TIMES)]
     return ObservedCurve(
         title, series, times / time.factor, unit.name, time.name, unit.factor, time.factor,
@@ -135,7 +135,14 @@ def _planned(
     )  # fmt: skip
 
 
-def _times(settings: SyntheticTimes, unit: StudyUnit) -> Array:
+def planned_times(settings: SyntheticTimes, unit: StudyUnit) -> Array:
+    """Return the times (m,) of synthetic data, in a unit.
+
+    Raises
+    ------
+    ConfigurationError
+        They are not ascending, or begin at 0 where their spacing is logarithmic.
+    """
     first, last = (
         unit.converted(f"times.{key}", value)
         for key, value in (("first", settings.first), ("last", settings.last))

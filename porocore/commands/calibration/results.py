@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from porocore.commands.calibration.clouds import FilmComponent
 from porocore.commands.calibration.derived import METHOD, DerivedCell
 from porocore.commands.calibration.fit import FitQuality, RecordedModel
 from porocore.commands.calibration.infer import Inference
 from porocore.commands.calibration.observations import by_curve
-from porocore.commands.calibration.plan import CalibrationPlan
+from porocore.commands.calibration.plan import CalibrationPlan, FittedField
 from porocore.commands.calibration.posterior import Posterior
 from porocore.commands.calibration.problem import CurveData, values_at
 from porocore.core.files.plain_data import write_csv
@@ -86,7 +87,7 @@ MOST_DRAWS = 2000
 
 
 def write_tables(done: Calibration, model: RecordedModel) -> None:
-    """Write ``curves.csv``, ``samples.csv`` with all evaluations, and ``posterior.csv`` where there is one.
+    """Write ``curves.csv``, ``samples.csv`` with all evaluations, and ``points.csv``, ``posterior.csv`` if due.
 
     Raises
     ------
@@ -95,6 +96,8 @@ def write_tables(done: Calibration, model: RecordedModel) -> None:
     """
     columns = ("curve", "time", "time unit", "measured", "deviation", "fitted", "unit")
     write_csv(done.path / "curves.csv", columns, _curve_rows(done))
+    if any(isinstance(curve.series, FilmComponent) for curve in done.plan.curves):
+        write_csv(done.path / "points.csv", POINT_COLUMNS, _point_rows(done))
     names = [f"{one.name} [{one.unit or '-'}]" for one in done.inference.unknowns]
     samples = _sample_rows(done.data, model)
     write_csv(done.path / "samples.csv", [*names, "chi_square", "flagged"], samples)
@@ -113,9 +116,47 @@ def _curve_rows(done: Calibration) -> Iterator[list[Any]]:
     curves = done.plan.curves
     for curve, fitted in zip(curves, by_curve(done.inference.best.prediction.values, curves), strict=True):
         assert curve.measured is not None
+        if isinstance(curve.series, FilmComponent):
+            continue
         columns = curve.displayed_times, curve.measured, curve.deviations, fitted
         for t, measured, deviation, value in np.stack(columns, axis=1).tolist():
             yield [curve.name, t, curve.time_unit or "-", measured, deviation, value, curve.unit or "-"]
+
+
+#: Columns of ``points.csv``.
+POINT_COLUMNS = (
+    *(
+        "field",
+        "x",
+        "y",
+        "z",
+        "unit of places",
+        "time",
+        "time unit",
+        "measured",
+        "deviation",
+        "fitted",
+        "unit",
+    ),
+)
+
+
+def _point_rows(done: Calibration) -> Iterator[list[Any]]:
+    """Yield the values of measured fields with their places in the axes of the body, as far as these are known."""
+    fitted = iter(by_curve(done.inference.best.prediction.values, done.plan.curves))
+    for experiment in done.plan.experiments:
+        units = experiment.config.result_units
+        length = units.name("displacement") if units.given else "-"
+        for curve, values in zip(experiment.curves, fitted, strict=False):
+            if not isinstance(curve.series, FilmComponent):
+                continue
+            assert curve.measured is not None
+            places = curve.series.places * units.factor("displacement")
+            columns = (curve.displayed_times, curve.measured, curve.deviations, values)
+            rows = np.column_stack([places, *columns]).tolist()
+            for x, y, z, t, measured, deviation, value in rows:
+                time = curve.time_unit or "-"
+                yield [curve.name, x, y, z, length, t, time, measured, deviation, value, curve.unit or "-"]
 
 
 def _sample_rows(data: CurveData, model: RecordedModel) -> Iterator[list[Any]]:
@@ -133,8 +174,7 @@ def results_of(done: Calibration) -> dict[str, Any]:
         "unknowns": unknown_entries(done.inference),
         "fields": {
             each.name: {
-                "along": each.along,
-                "at": each.places,
+                **_places_entry(each),
                 "unit": each.unit,
                 "unknowns": [done.inference.unknowns[i].name for i in each.members],
             }
@@ -157,6 +197,14 @@ def results_of(done: Calibration) -> dict[str, Any]:
         "seconds": round(done.seconds, 2),
     }
     return entries if done.posterior is None else entries | {"posterior": done.posterior.entries()}
+
+
+def _places_entry(field: FittedField) -> dict[str, Any]:
+    """Return axis and coordinates of a profile, or the coordinates of a grid by its axes."""
+    if len(field.lines) > 1:
+        return {"grid": dict(field.lines)}
+    ((axis, places),) = field.lines.items()
+    return {"along": axis, "at": places}
 
 
 def unknown_entries(inference: Inference) -> dict[str, dict[str, Any]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Self, get_args
 
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
@@ -51,6 +51,7 @@ def _encoding(name: str) -> str:
 #: A plain number, or a text with a unit, whose quantity another key decides.
 Value = Annotated[float | Annotated[str, Field(max_length=120, min_length=1)], BeforeValidator(_no_switch)]
 Positive = Annotated[float, Field(gt=0, le=LARGEST_NUMBER)]
+GridCount = Annotated[int, Field(ge=1, le=1000)]
 Kind = Literal[
     "settlement", "heave", "displacement", "force", "pressure", "pressure_min", "drained", "inflow"
 ]
@@ -66,19 +67,43 @@ class PriorSettings(StrictModel):
     0.2."""
 
 
-class ControlSettings(StrictModel):
-    """Profile of a cell parameter along an axis of the body, given by control values."""
+Axis = Literal["x", "y", "z"]
+Line = Annotated[tuple[Value, ...], Field(min_length=2, max_length=MOST_CONTROLS)]
 
-    along: Literal["x", "y", "z"]
+
+class ControlSettings(StrictModel):
+    """Field of a cell parameter over the body, given by control values along an axis or on a grid."""
+
+    along: Axis | None = None
     """Axis along which the parameter varies, such as the depth."""
-    at: Annotated[tuple[Value, ...], Field(min_length=2, max_length=MOST_CONTROLS)]
+    at: Line | None = None
     """Coordinates of the control values, in ascending order, as multiples of the study's length or with a unit. The
     parameter is linear between them, and constant outside the first and the last."""
+    grid: Annotated[dict[Axis, Line], Field(max_length=3)] = Field(default={})
+    """Coordinates of a grid of control values along two or three axes, in place of ``along`` and ``at``. The parameter
+    is multilinear between them. The first axis runs fastest."""
     start: Annotated[tuple[Value, ...], Field(max_length=MOST_CONTROLS)] = ()
-    """Start values, one for each coordinate; empty: ``start`` for all of them, or the field of the study."""
+    """Start values, one for each control value; empty: ``start`` for all of them, or the field of the study."""
     smoothing: Value | None = None
     """Prior standard deviation of the difference between neighbouring control values, in the unit of the values (on a
     log scale that of ln x); null: no smoothing prior."""
+
+    @property
+    def lines(self) -> dict[Axis, tuple[float | str, ...]]:
+        """Coordinates of the control values by their axes, in the order of these."""
+        if self.along is not None and self.at is not None:
+            return {self.along: self.at}
+        return {axis: self.grid[axis] for axis in get_args(Axis) if axis in self.grid}
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if (self.along is None) != (self.at is None):
+            raise ValueError("along and at belong together: the axis and the coordinates; add the other")
+        if (self.along is None) == (not self.grid):
+            raise ValueError("expected either along and at, or a grid of coordinates; give one of them")
+        if math.prod(map(len, self.lines.values())) > MOST_CONTROLS:
+            raise ValueError(f"grid: expected at most {MOST_CONTROLS} control values; give fewer coordinates")
+        return self
 
 
 class UnknownSettings(StrictModel):
@@ -101,8 +126,8 @@ class UnknownSettings(StrictModel):
     prior: PriorSettings | None = None
     """Prior of the unknown; null: no prior."""
     field: ControlSettings | None = None
-    """Control values along an axis. Each is an unknown with these bounds: ``radius[0]``, ``radius[1]`` and so on; null:
-    one value in the whole body."""
+    """Control values along an axis or on a grid. Each is an unknown with these bounds: ``radius[0]``, ``radius[1]`` and
+    so on; null: one value in the whole body."""
     resolution: Value | None = None
     """Limit of identifiability, in the unit of the unknown: the unknown is identifiable if both ends of its 95 %
     interval lie within this distance of its value; null: 10 % of the value, 0.04 for a Poisson's ratio, 9 degrees for
@@ -214,8 +239,105 @@ class ObservationSettings(StrictModel):
         return self
 
 
+#: Components of a measured field, and all columns that its files may have.
+Component = Literal["u1", "u2", "u3", "p"]
+Column = Literal[
+    "x", "y", "z", "t", "u1", "u2", "u3", "p", "u1_deviation", "u2_deviation", "u3_deviation", "p_deviation"
+]
+Degrees = Annotated[float, Field(ge=-360, le=360)]
+
+
+class CameraSettings(StrictModel):
+    """Place of a camera: x = offset + R x', with places x' and displacements in its own axes."""
+
+    offset: tuple[Value, Value, Value] = (0.0, 0.0, 0.0)
+    """Place of the origin of the camera's axes in the body, in the unit of the places or with a unit of its own."""
+    rotation: tuple[Degrees, Degrees, Degrees] = (0.0, 0.0, 0.0)
+    """Rotation vector from the camera's axes to those of the body, in degrees: its direction is the axis, its length
+    the angle. ``[0, 0, 90]`` turns the camera's x axis to y."""
+    unknown: Annotated[tuple[Literal["x", "y", "z", "rx", "ry", "rz"], ...], Field(max_length=6)] = ()
+    """Parts of the place that are unknowns beside the given ones: further offsets along x, y and z, and angles of a
+    further rotation about these axes through the middle of the points, in degrees."""
+    offset_bound: Value | None = None
+    """Largest size of an unknown offset, in the unit of the places or with a unit of its own; null: a tenth of the
+    largest edge of the body."""
+    rotation_bound: Annotated[float, Field(gt=0, le=90)] = 10.0
+    """Largest size of an unknown angle in degrees."""
+
+
+class PointsSettings(StrictModel):
+    """Measured fields: displacements or pressures at many points, such as those of a filmed test."""
+
+    file: Annotated[str, Field(min_length=1)] | None = None
+    """CSV file with a line of headings, VTU file or NPZ file with places, times and values; or a pattern such as
+    ``frames/*.csv`` of files of one time each. A relative path starts at the folder of the configuration."""
+    columns: dict[Column, Annotated[str, Field(min_length=1, max_length=200)]] = Field(default={})
+    """Heading, or name in the file, of a column or of a component such as ``disp[0]``, by the name here: ``x``, ``y``,
+    ``z`` (place), ``t`` (time), ``u1``, ``u2``, ``u3`` (displacement), ``p`` (pressure), and ``u1_deviation``, …,
+    ``p_deviation`` (standard deviations). Columns that have these names need no entry."""
+    quantities: Annotated[tuple[Component, ...], Field(max_length=4)] = ()
+    """Components that are fitted; empty: all in the file."""
+    frames: Annotated[tuple[Value, ...], Field(max_length=MOST_POINTS)] = ()
+    """Times of the files of a pattern, in the order of their names."""
+    fixed: dict[Axis, Value] = Field(default={})
+    """Coordinates that all points have, such as ``{z: 0}`` for a film of that plane."""
+    unit: Annotated[str, Field(max_length=60)] | None = None
+    """Unit of the places; null: that in the headings of the CSV file; if there is none, places are dimensionless."""
+    displacement_unit: Annotated[str, Field(max_length=60)] | None = None
+    """Unit of the displacements; null: that in the headings; if there is none, that of the places."""
+    pressure_unit: Annotated[str, Field(max_length=60)] | None = None
+    """Unit of the pressures; null: that in the heading; if there is none, pressures are dimensionless."""
+    time_unit: Annotated[str, Field(max_length=60)] | None = None
+    """Unit of the times; null: that in the heading; if there is none, times are dimensionless."""
+    encoding: Annotated[str, Field(max_length=60), AfterValidator(_encoding)] | None = None
+    """Encoding of a CSV file; null: UTF-8 or UTF-16 if the file is valid as such, else Windows-1252."""
+    missing: Annotated[tuple[Annotated[str, Field(max_length=60)], ...], Field(max_length=20)] = ()
+    """Further texts that mark a missing number, beside empty cells, ``NaN`` and ``---``."""
+    deviation: Value | None = None
+    """Standard deviation of each displacement, in the unit of the displacements or with a unit of its own."""
+    pressure_deviation: Value | None = None
+    """Standard deviation of each pressure, in the unit of the pressures or with a unit of its own."""
+    weight: Positive = 1.0
+    """Weight of each squared residual, such as the reciprocal of the number of points within the distance over which
+    the errors of an image correlation are correlated."""
+    place: Literal["reference", "deformed"] = "reference"
+    """Whether the places are those of the particles in the undeformed body (``reference``), or those at which the
+    particles are at each time (``deformed``)."""
+    camera: CameraSettings = CameraSettings()
+    """Place of the camera."""
+    outside: Annotated[float, Field(ge=0, lt=1)] = 0.05
+    """Largest share of the points that may lie outside the body. They are left out."""
+    since: Value | None = None
+    """Values before this time are left out; null: none."""
+    until: Value | None = None
+    """Values after this time are left out; null: none."""
+    grid: tuple[GridCount, GridCount, GridCount] | None = None
+    """Numbers of points of synthetic data along x, y and z, evenly in the box around the body, where there is no
+    file."""
+    times: SyntheticTimes | None = None
+    """Times of synthetic data, where there is no file."""
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if (self.grid is None) != (self.times is None):
+            raise ValueError("grid and times of synthetic data belong together; add the other")
+        if self.file is not None and self.grid is not None:
+            raise ValueError("expected either a file, or the grid and times of synthetic data; remove one")
+        if len(set(self.quantities)) < len(self.quantities):
+            raise ValueError("quantities: one is there twice; keep it once")
+        return self
+
+
 #: Curves by name.
-Observations = Annotated[dict[Name, ObservationSettings], Field(min_length=1)]
+Observations = Annotated[dict[Name, ObservationSettings], Field(max_length=100)]
+#: Measured fields by name.
+Films = Annotated[dict[Name, PointsSettings], Field(max_length=20)]
+
+
+def _require_apart(observations: Observations, points: Films) -> None:
+    """Refuse a curve and a field of one name."""
+    if both := observations.keys() & points.keys():
+        raise ValueError(f"observations and points both have '{min(both)}'; rename one")
 
 
 class ExperimentSettings(StrictModel):
@@ -225,8 +347,19 @@ class ExperimentSettings(StrictModel):
     """Configuration of the study; null: the study that contains the section."""
     load: Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER)] | None = None
     """Load of the test, in place of ``macro.loads``; null: the only load there."""
-    observations: Observations
+    observations: Observations = Field(default={})
     """Measured curves by name."""
+    points: Films = Field(default={})
+    """Measured fields by name."""
+
+    @model_validator(mode="after")
+    def _measured(self) -> Self:
+        if not self.observations and not self.points:
+            raise ValueError(
+                "expected 'observations:' or 'points:' with something that was measured; add one"
+            )
+        _require_apart(self.observations, self.points)
+        return self
 
 
 class FitSettings(StrictModel):
@@ -272,8 +405,10 @@ class CalibrationSettings(StrictModel):
     """Heading of the report; empty: that of the study."""
     unknowns: Annotated[dict[Name, UnknownSettings], Field(min_length=1, max_length=50)]
     """Numbers that are fitted, by names."""
-    observations: Annotated[dict[Name, ObservationSettings], Field(max_length=100)] = Field(default={})
+    observations: Observations = Field(default={})
     """Measured curves by name, where there is one experiment: the study in which the section stands."""
+    points: Films = Field(default={})
+    """Measured fields by name, such as displacements of many points of a film, where there is one experiment."""
     experiments: Annotated[dict[Name, ExperimentSettings], Field(max_length=100)] = Field(default={})
     """Tests by name, where there are several, or in a file of its own."""
     fit: FitSettings = FitSettings()
@@ -283,9 +418,10 @@ class CalibrationSettings(StrictModel):
 
     @model_validator(mode="after")
     def _one_or_the_other(self) -> Self:
-        if bool(self.observations) == bool(self.experiments):
+        if bool(self.observations or self.points) == bool(self.experiments):
             raise ValueError(
-                "expected either 'observations:' of this study or 'experiments:' with observations of their own; "
-                "give one of them"
+                "expected either 'observations:' or 'points:' of this study, or 'experiments:' with observations of "
+                "their own; give one of them"
             )
+        _require_apart(self.observations, self.points)
         return self

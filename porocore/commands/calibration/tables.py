@@ -42,7 +42,7 @@ _OTHERS = (
 GUESS = "Windows-1252"
 
 
-def decoded_text(path: Path, encoding: str | None = None) -> tuple[str, str]:
+def decoded_text(path: Path, encoding: str | None = None, largest: int = LARGEST_TEXT) -> tuple[str, str]:
     """Return the text of a file without a mark of its encoding, and the encoding where it is a guess.
 
     Without ``encoding`` it is that of the mark at the beginning, or UTF-16 where every other byte is zero, or UTF-8,
@@ -55,6 +55,8 @@ def decoded_text(path: Path, encoding: str | None = None) -> tuple[str, str]:
         The file.
     encoding
         Python's name of the encoding; None: it is found.
+    largest
+        Size of a file that is read [bytes].
 
     Returns
     -------
@@ -66,7 +68,7 @@ def decoded_text(path: Path, encoding: str | None = None) -> tuple[str, str]:
     ConfigurationError
         The file cannot be read, is no text, or is not in the encoding.
     """
-    data = _data(path)
+    data = _data(path, largest)
     for begin, kind in _OTHERS:
         if data.startswith(begin):
             raise ConfigurationError(f"{path}: expected a CSV file, got {kind}; save the table as CSV")
@@ -100,9 +102,9 @@ def _family(name: str) -> str:
     return name.removesuffix("-le").removesuffix("-be")
 
 
-def _data(path: Path) -> bytes:
+def _data(path: Path, largest: int) -> bytes:
     try:
-        require_ordinary(path, LARGEST_TEXT)
+        require_ordinary(path, largest)
         return path.read_bytes()
     except FileNotFoundError as error:
         raise ConfigurationError(
@@ -578,6 +580,20 @@ class CurveTable:
             It cannot be read, has no headings or no rows, or a row has another number of entries.
         """
         text, guess = decoded_text(path, encoding)
+        return cls.of_text(path, text, guess, names, heading_line=heading_line, last_line=last_line)
+
+    @classmethod
+    def of_text(
+        cls,
+        path: Path,
+        text: str,
+        guess: str,
+        names: Sequence[str],
+        *,
+        heading_line: int | None = None,
+        last_line: int | None = None,
+    ) -> CurveTable:
+        """Return the table in the text of a file, the encoding of which may be a guess; see :meth:`read`."""
         lines = _NEWLINE.split(text)
         if (said := _SEPARATOR_LINE.fullmatch(lines[0])) is not None:
             lines[0] = ""

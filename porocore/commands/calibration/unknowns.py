@@ -3,23 +3,28 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from itertools import chain, pairwise, product
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from annotated_types import Ge, Gt
 from pydantic.fields import FieldInfo
 
 from porocore.cell.family.family import possible_parameters
+from porocore.commands.calibration.clouds import FilmComponent
+from porocore.commands.calibration.observations import ObservedCurve, StudyUnit
 from porocore.commands.calibration.plan import AXES, Experiment, NumberKind, PlannedUnknown, StudyNumber
 from porocore.commands.calibration.problem import NormalPrior, Scale, Unknown
 from porocore.commands.calibration.settings import (
     CalibrationSettings,
+    CameraSettings,
+    Column,
     ControlSettings,
     ObservationSettings,
+    PointsSettings,
     PriorSettings,
     SyntheticTimes,
     UnknownSettings,
@@ -63,9 +68,14 @@ OWN: dict[NumberKind, str] = {
 _KEYS = {
     *UnknownSettings.model_fields,
     *ObservationSettings.model_fields,
+    *PointsSettings.model_fields,
+    *(f"camera.{name}" for name in CameraSettings.model_fields),
+    *(f"columns.{name}" for name in get_args(Column)),
+    *(f"fixed.{name}" for name in AXES),
     *(f"prior.{name}" for name in PriorSettings.model_fields),
     *(f"times.{name}" for name in SyntheticTimes.model_fields),
     *(f"field.{name}" for name in ControlSettings.model_fields),
+    *(f"field.grid.{name}" for name in AXES),
 }
 #: Factors of one number in two experiments that are the same.
 SAME = 1e-9
@@ -267,11 +277,24 @@ class _Values:
             return "start", self.given.start
         if self.given.start is not None:
             raise ConfigurationError("start: the first values stand in field.start too; keep one of the two")
-        if len(field.start) != len(field.at):
+        count = math.prod(map(len, field.lines.values()))
+        if len(field.start) != count:
             raise ConfigurationError(
-                f"field.start: expected {len(field.at)} values, one for each coordinate, got {len(field.start)}"
+                f"field.start: expected {count} values, one for each coordinate, got {len(field.start)}"
             )
         return "field.start", field.start[control]
+
+
+def _neighbours(given: UnknownSettings, control: int | None) -> tuple[int, ...]:
+    """Return how many control values before one its neighbours stand; the first of all has none."""
+    if control is None or given.field is None:
+        return ()
+    found, stride = [], 1
+    for line in given.field.lines.values():
+        if control // stride % len(line):
+            found.append(stride)
+        stride *= len(line)
+    return tuple(found)
 
 
 def _positive(key: str, value: float | str, number: float) -> float:
@@ -291,10 +314,10 @@ def _unknown(
     values = _Values(given, numbers, experiments)
     lower, upper = values.bounds()
     prior, smoothing = values.prior(), None if given.field is None else given.field.smoothing
-    # The first control value has no neighbour before it.
-    spread = values.deviation("field.smoothing", smoothing) if control and smoothing is not None else None
+    before = _neighbours(given, control)
+    spread = values.deviation("field.smoothing", smoothing) if before and smoothing is not None else None
     resolution = None if given.resolution is None else values.positive("resolution", given.resolution)
-    unknown = Unknown(name, lower, lower, upper, values.scale, prior, values.unit, spread)
+    unknown = Unknown(name, lower, lower, upper, values.scale, prior, values.unit, spread, before or (1,))
     found = PlannedUnknown(unknown, numbers, resolution)
     key, first = values.start(control)
     if first is not None:
@@ -306,6 +329,61 @@ def _unknown(
         if not lower < start < upper:
             start = math.sqrt(lower * upper) if values.scale == "log" else (lower + upper) / 2
     return replace(found, unknown=replace(unknown, start=start))
+
+
+#: Distance of the ends of an interval with which an unknown part of a camera's place is identifiable: as a share of the
+#: largest edge of the body, and in degrees.
+OFFSET_SHARE, DEGREES = 0.01, 1.0
+#: Largest unknown offset by default, as a share of the same.
+OFFSET_BOUND = 0.1
+
+
+def camera_unknowns(
+    name: str,
+    settings: PointsSettings,
+    curve: ObservedCurve,
+    unit: StudyUnit,
+    config: RunConfig,
+    experiment: str,
+) -> list[PlannedUnknown]:
+    """Return the unknown parts of the place of a camera, which begin at 0.
+
+    Parameters
+    ----------
+    name, settings
+        The measured field.
+    curve
+        One of its components.
+    unit
+        Of its places.
+    config, experiment
+        The study, and the name of the experiment.
+
+    Raises
+    ------
+    ConfigurationError
+        A part is there twice, or a bound is not above 0.
+    """
+    series, camera, found = curve.series, settings.camera, []
+    assert isinstance(series, FilmComponent)
+    if len(set(camera.unknown)) < len(camera.unknown):
+        raise ConfigurationError("camera.unknown: a part is there twice; keep it once")
+    edge = float(np.ptp(body_mesh(config.macro).points, axis=0).max()) * unit.factor
+    bound = OFFSET_BOUND * edge
+    if camera.offset_bound is not None:
+        bound = unit.converted("camera.offset_bound", camera.offset_bound)
+        _positive("camera.offset_bound", camera.offset_bound, bound)
+    for part in camera.unknown:
+        turned = part.startswith("r")
+        most, own = (camera.rotation_bound, "") if turned else (bound, unit.name)
+        called = f"{experiment}: {name}.camera.{part}" if experiment else f"{name}.camera.{part}"
+        quantity = "" if turned else "displacement"
+        number = StudyNumber("camera", called, quantity, 0.0, (series.cloud.name, part))
+        unknown = Unknown(called, 0.0, -most, most, unit=own)
+        found.append(
+            PlannedUnknown(unknown, {experiment: number}, DEGREES if turned else OFFSET_SHARE * edge)
+        )
+    return found
 
 
 def bounds_notes(planned: PlannedUnknown, experiments: Mapping[str, Experiment]) -> Iterator[str]:
@@ -486,27 +564,36 @@ def control_numbers(number: StudyNumber, given: ControlSettings, config: RunConf
         The coordinates do not ascend, a control value concerns no point of the body, or the field of the study changes
         with time.
     """
-    axis = AXES.index(given.along)
-    places, mesh = _places(given, config), body_mesh(config.macro)
-    hats = [HatFunction(axis, places, i) for i in range(len(places))]
+    lines, mesh = _lines(given, config), body_mesh(config.macro)
+    hats = HatFunction.grid(lines)
     _require_points(given, hats, mesh)
     values = _values_of_study(number, hats, mesh, config)
     return [replace(number, hat=hat, value=float(value)) for hat, value in zip(hats, values, strict=True)]
 
 
-def _places(given: ControlSettings, config: RunConfig) -> tuple[float, ...]:
-    """Return the coordinates of the control values, dimensionless."""
+def _key_of_line(given: ControlSettings, axis: str) -> str:
+    return "field.at" if given.along is not None else f"field.grid.{axis}"
+
+
+def _lines(given: ControlSettings, config: RunConfig) -> dict[int, tuple[float, ...]]:
+    """Return the coordinates of the control values, dimensionless, by the numbers of their axes."""
+    return {
+        AXES.index(axis): _places(_key_of_line(given, axis), at, config) for axis, at in given.lines.items()
+    }
+
+
+def _places(key: str, at: Sequence[float | str], config: RunConfig) -> tuple[float, ...]:
+    """Return the coordinates along one axis, dimensionless."""
     try:
         found = tuple(
-            value_of(each, "displacement", config.scales) if isinstance(each, str) else each
-            for each in given.at
+            value_of(each, "displacement", config.scales) if isinstance(each, str) else each for each in at
         )
     except UnitError as error:
-        raise ConfigurationError(f"field.at: {error}") from None
+        raise ConfigurationError(f"{key}: {error}") from None
     for k, (one, other) in enumerate(pairwise(found)):
         if not one < other:
             raise ConfigurationError(
-                f"field.at: expected ascending coordinates, got {_text(given.at[k])} before {_text(given.at[k + 1])}"
+                f"{key}: expected ascending coordinates, got {_text(at[k])} before {_text(at[k + 1])}"
             )
     return found
 
@@ -518,20 +605,28 @@ def _text(coordinate: float | str) -> str:
 def _require_points(given: ControlSettings, hats: list[HatFunction], mesh: BodyMesh) -> None:
     """Refuse a control value that holds at no point of the body."""
     points = mesh.quadrature_points.reshape(-1, 3)
-    for hat, place in zip(hats, given.at, strict=True):
-        if not hat.values(points).any():
-            along = mesh.points[:, hat.axis]
-            raise ConfigurationError(
-                f"field.at: no point of the body has the value at {_text(place)}; the body reaches from "
-                f"{along.min():.6g} to {along.max():.6g} along {given.along}, dimensionless, and each value needs an "
-                "element beside it; give fewer coordinates, or others"
-            )
+    for hat in hats:
+        if hat.values(points).any():
+            continue
+        rows = [(AXES[axis], given.lines[AXES[axis]][i]) for axis, i in zip(hat.axes, hat.index, strict=True)]
+        place = (
+            _text(rows[0][1]) if len(rows) == 1 else ", ".join(f"{axis} = {_text(at)}" for axis, at in rows)
+        )
+        reach = ", ".join(
+            f"from {mesh.points[:, axis].min():.6g} to {mesh.points[:, axis].max():.6g} along {AXES[axis]}"
+            for axis in hat.axes
+        )
+        key = _key_of_line(given, rows[0][0]) if len(rows) == 1 else "field.grid"
+        raise ConfigurationError(
+            f"{key}: no point of the body has the value at {place}; the body reaches {reach}, dimensionless, and each "
+            "value needs an element beside it; give fewer coordinates, or others"
+        )
 
 
 def _values_of_study(
     number: StudyNumber, hats: list[HatFunction], mesh: BodyMesh, config: RunConfig
 ) -> Array:
-    """Return the values at the control places, of a field of the study those along a line through the body's middle."""
+    """Return the values at the control places, of a field of the study those at the body's middle along other axes."""
     own = config.macro.fields.get(number.name)
     if own is None or isinstance(own, float | int):
         return np.full(len(hats), number.value)
@@ -542,5 +637,7 @@ def _values_of_study(
         )
     middle = (mesh.points.min(axis=0) + mesh.points.max(axis=0)) / 2
     line = np.tile(middle, (len(hats), 1))
-    line[:, hats[0].axis] = hats[0].places
+    for row, hat in zip(line, hats, strict=True):
+        for axis, place in hat.node.items():
+            row[axis] = place
     return field.reached(Points(line, line, np.arange(len(line))), 0.0, key)

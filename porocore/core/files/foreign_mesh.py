@@ -114,6 +114,34 @@ def read_mesh(path: Path, numbering: str | None = None, flat: bool = False) -> F
     return _read_other(path, numbering)
 
 
+def read_point_data(path: Path) -> tuple[Array, dict[str, Any]]:
+    """Return the points (n, 3) of a file that meshio reads, such as .vtu, and their data by name.
+
+    Raises
+    ------
+    ConfigurationError
+        It cannot be read; the message begins with the path.
+    """
+    import meshio  # heavy, and needed here only
+
+    said = io.StringIO()
+    try:
+        # What it prints is redirected for all threads.
+        with _ONE_AT_A_TIME, redirect_stdout(said), redirect_stderr(said):
+            mesh = meshio.read(path)
+        points = np.asarray(mesh.points, dtype=float)
+        if points.ndim != 2 or points.shape[1] not in (2, 3):
+            raise ValueError(f"points of the shape {points.shape}")
+    # Readers raise whatever the file makes them stumble over; some of meshio's print and end the process.
+    except (Exception, SystemExit) as error:
+        how = "is cut short, before its last tag" if _is_cut(path) else "is damaged or of another kind"
+        raise ConfigurationError(
+            f"{path}: expected points with data that meshio reads, such as .vtu, got a file that {how}; write it again"
+        ) from error
+    flat = np.zeros((len(points), 3 - points.shape[1]))
+    return np.hstack([points, flat]), {name: np.asarray(data) for name, data in mesh.point_data.items()}
+
+
 def require_apart(points: Array, path: Path) -> None:
     """Refuse nodes (n, 3) that are there twice, between which a mesh would be torn.
 

@@ -105,11 +105,13 @@ class ReferenceElement:
         """Corners of a facet."""
         return 2 if self.dimension == 2 else 4 if self.is_product else 3
 
-    def beyond(self, x: Array) -> float:
-        """Return how far a place ``x`` (3,) lies outside, negative inside."""
-        inside = x[: self.dimension]
-        last = inside.max() if self.is_product else inside.sum()
-        return float(max(-inside.min(), last - 1, *np.abs(x[self.dimension :])))
+    def beyond(self, x: Array) -> Array:
+        """(k,) how far places ``x`` (k, 3) lie outside, negative inside."""
+        inside = x[:, : self.dimension]
+        last = inside.max(axis=1) if self.is_product else inside.sum(axis=1)
+        found = np.maximum(-inside.min(axis=1), last - 1)
+        across = np.abs(x[:, self.dimension :]).max(axis=1, initial=0.0)
+        return np.asarray(np.maximum(found, across) if self.dimension < 3 else found)
 
     def values(self, x: Array) -> Array:
         """(k, n) shape functions of the displacement at ``x`` (k, 3)."""

@@ -22,6 +22,7 @@ from scipy import sparse
 from porocore.core.units import units_now
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import BodyMesh, Facets
+from porocore.macro.body.points import BodyPoints
 from porocore.states import Array, IntArray
 
 #: Of the largest eigenvalue of a node, below which a direction is not held.
@@ -210,10 +211,6 @@ class _Part:
         return Share(self.projection, summed(self.unknowns(nodes), self.mesh.size), by_field)
 
 
-#: How far outside its element a point may lie, in reference coordinates.
-LEEWAY = 1e-6
-
-
 def interpolation(mesh: BodyMesh, probes: Mapping[str, tuple[float, float, float]]) -> Any:
     """Return the sparse matrix (4 probes, unknowns) from all unknowns to u_1, u_2, u_3 and p of each probe.
 
@@ -222,27 +219,17 @@ def interpolation(mesh: BodyMesh, probes: Mapping[str, tuple[float, float, float
     ConfigurationError
         A probe lies outside the body.
     """
-    element, rows = mesh.element, sparse.lil_matrix((4 * len(probes), mesh.size))
-    for number, (name, place) in enumerate(probes.items()):
-        cell, xi = _find(mesh, np.array(place), f"macro.probes.{name}")
-        values, corner = element.values(xi[None])[0], element.corner_values(xi[None])[0]
-        for i in range(3):
-            rows[4 * number + i, 3 * mesh.cells[cell] + i] = values
-        rows[4 * number + 3, mesh.n_u + mesh.p_cells[cell]] = corner
-    return rows.tocsr()
+    points = BodyPoints.at(mesh, np.array(list(probes.values())).reshape(-1, 3))
+    if not points.inside.all():
+        name = list(probes)[int(np.argmin(points.inside))]
+        raise outside(mesh, f"macro.probes.{name}", np.array(probes[name]))
+    of_u = np.concatenate([np.eye(3), np.zeros((1, 3))])
+    every = points[np.repeat(np.arange(len(points)), 4)]
+    return every.rows(np.tile(of_u, (len(points), 1)), np.tile([0.0, 0.0, 0.0, 1.0], len(points)))
 
 
-def _find(mesh: BodyMesh, place: Array, key: str) -> tuple[int, Array]:
-    """Return the element that holds a point, and its reference coordinates there."""
-    nodes = mesh.points[mesh.cells]
-    first, last = nodes.min(axis=1), nodes.max(axis=1)
-    # A curved element may reach a little beyond the box of its nodes.
-    margin = 0.1 * (last - first).max(axis=1, keepdims=True)
-    near = ((place >= first - margin) & (place <= last + margin)).all(axis=1)
-    for cell in np.flatnonzero(near):
-        xi = _invert(mesh, nodes[cell], place)
-        if xi is not None and mesh.element.beyond(xi) < LEEWAY:
-            return int(cell), xi
+def outside(mesh: BodyMesh, key: str, place: Array) -> ConfigurationError:
+    """Return the complaint about a place outside the body."""
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
     said = partial(units_now().texts, quantity="displacement", digits=6)
     unit = (
@@ -250,26 +237,7 @@ def _find(mesh: BodyMesh, place: Array, key: str) -> tuple[int, Array]:
         if units_now().given
         else "lengths as in macro.body"
     )
-    raise ConfigurationError(
+    return ConfigurationError(
         f"{key}: the point {said(place)} lies outside the body, which extends from {said(low)} to {said(high)}; move "
         f"it inside (coordinates are {unit})"
     )
-
-
-def _invert(mesh: BodyMesh, nodes: Array, place: Array) -> Array | None:
-    """Return the reference coordinates of a place by Newton's method; None if it does not converge."""
-    element = mesh.element
-    xi, size = element.nodes[: element.corners].mean(axis=0), float(np.ptp(nodes, axis=0).max())
-    for _ in range(30):
-        error = element.values(xi[None])[0] @ nodes - place
-        if element.dimension == 2:
-            error[2] += size * xi[2]
-        if np.abs(error).max() < 1e-12 * size:
-            return np.asarray(xi)
-        jacobian = nodes.T @ element.gradients(xi[None])[0]
-        if element.dimension == 2:
-            jacobian[2, 2] = size
-        xi = xi - np.linalg.solve(jacobian, error)
-        if np.abs(xi).max() > 5:
-            return None
-    return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
@@ -169,6 +170,51 @@ class TableField(ParameterField):
         """Return the values of the table."""
         at, values = np.array(self.table).T
         return np.asarray(np.interp(points.places[:, "xyz".index(self.along)], at, values))
+
+
+Line = Annotated[tuple[Annotated[float, Dimension("displacement")], ...], Field(min_length=2, max_length=100)]
+
+
+class GridField(ParameterField):
+    """Values on a grid along one to three axes of the body, multilinear in between and constant beyond the grid."""
+
+    kind: Literal["grid"]
+    """Values on a grid along one to three axes of the body."""
+    x: Line | None = None
+    """Ascending coordinates of the grid along x; null: the values do not depend on x."""
+    y: Line | None = None
+    """Ascending coordinates of the grid along y; null: the values do not depend on y."""
+    z: Line | None = None
+    """Ascending coordinates of the grid along z; null: the values do not depend on z."""
+    values: Annotated[tuple[float, ...], Field(min_length=2, max_length=MOST_TIMES)]
+    """Values at the nodes of the grid, x running fastest, then y, then z."""
+
+    @model_validator(mode="after")
+    def _fits(self) -> GridField:
+        lines = {axis: line for axis, line in zip("xyz", (self.x, self.y, self.z), strict=True) if line}
+        if not lines:
+            raise ValueError("expected coordinates along one axis at least; give x, y or z")
+        for axis, line in lines.items():
+            if any(one >= other for one, other in pairwise(line)):
+                raise ValueError(f"{axis}: expected ascending coordinates, each once, got {echo(list(line))}")
+        count = math.prod(map(len, lines.values()))
+        if len(self.values) != count:
+            raise ValueError(
+                f"values: expected {' × '.join(str(len(line)) for line in lines.values())} = {count}, one for each "
+                f"node of the grid, got {len(self.values)}"
+            )
+        return self
+
+    def reached(self, points: Points, time: float, key: str) -> Array:
+        """Return the values between those of the nodes."""
+        from scipy.interpolate import RegularGridInterpolator  # heavy, and needed here only
+
+        lines = {i: line for i, line in enumerate((self.x, self.y, self.z)) if line}
+        values = np.reshape(self.values, [len(line) for line in lines.values()], order="F")
+        places = np.stack(
+            [np.clip(points.places[:, axis], line[0], line[-1]) for axis, line in lines.items()], axis=1
+        )
+        return np.asarray(RegularGridInterpolator(tuple(lines.values()), values)(places))
 
 
 def require_formula(text: str) -> Expression:
@@ -448,6 +494,7 @@ _Fields = (
     | Annotated[Formula, Tag("text")]
     | Annotated[FormulaField, Tag("formula")]
     | Annotated[TableField, Tag("table")]
+    | Annotated[GridField, Tag("grid")]
     | Annotated[ImageField, Tag("image")]
     | Annotated[DataField, Tag("data")]
 )

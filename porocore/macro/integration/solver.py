@@ -92,12 +92,13 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
         law: MacroLaw,
         changes: Sequence[MacroChange],
         *,
+        profiles: bool = False,
         on_step: Callable[[StepReport], None] | None = None,
     ) -> tuple[MacroSolution, MacroSensitivities]:
         """Run through the time plan with derivatives; see :meth:`porocore.MacroSolver.solve_with_sensitivities`."""
         body, law = _composed(prepared, law)
         with prepared.communicator.united():
-            tracker = SensitivityTracker(prepared, body, law, changes)
+            tracker = SensitivityTracker(prepared, body, law, changes, profiles=profiles)
         with freed_memory_kept(prepared.mesh.size):
             solution = self._integrated(prepared, body, law, None, on_step, tracker)
         return solution, tracker.result()
@@ -170,6 +171,8 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
             record.add_step(step, time, dt, loads, work)
             if stepper.is_profile(time):
                 record.add_profile(step.x, step.response, time, loads)
+                if tracker is not None:
+                    tracker.add_profile()
             stepper.accept(error)
             if stepper.at_corner:
                 control.reset()

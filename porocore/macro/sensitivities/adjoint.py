@@ -372,6 +372,8 @@ class HistoryRows:
     ----------
     record
         Recorder of the run.
+    profiles
+        Numbers of the steps of which there are profiles, 0 for the state at rest.
     weights
         Of the histories.
 
@@ -381,8 +383,9 @@ class HistoryRows:
         Weights are of a series that the run does not have, or have another shape than they should.
     """
 
-    def __init__(self, record: HistoryRecorder, weights: HistoryWeights) -> None:
+    def __init__(self, record: HistoryRecorder, profiles: Sequence[int], weights: HistoryWeights) -> None:
         _require_series(record, weights)
+        self._profiles = {number: place for place, number in enumerate(profiles)}
         self._record, self._weights, self.count = record, weights, weights.count
         #: Later values of the drained volume include the outflow of a step.
         self._drained = None if weights.drained is None else np.cumsum(weights.drained[::-1], axis=0)[::-1]
@@ -423,7 +426,7 @@ class HistoryRows:
         return RowWeights(self._local(solution), local, self._points(stress, flux), outflow, begun)
 
     def _of_solution(self, number: int, x: Array) -> Array:
-        """Return the weights (unknowns, f) of the extremes and probes, in the mesh's order."""
+        """Return the weights (unknowns, f) of the extremes, probes and profiles, in the mesh's order."""
         record, weights, d = self._record, self._weights, self._record.d
         whole, found = d.to_mesh(x), np.zeros((d.mesh.size, self.count))
         for name, (unknown, sign) in extremes(whole, d.mesh.n_u).items():
@@ -433,6 +436,8 @@ class HistoryRows:
         for place, name in enumerate(d.problem.probes):
             if name in weights.probes:
                 found += record.probe[4 * place : 4 * place + 4].T @ weights.probes[name][number]
+        if weights.profiles is not None and number in self._profiles:
+            found += weights.profiles[self._profiles[number]]
         return found
 
     def _local(self, whole: Array) -> Array:
@@ -473,6 +478,8 @@ def _require_series(record: HistoryRecorder, weights: HistoryWeights) -> None:
         values: Array | None = getattr(weights, name)
         if values is not None:
             _require_shape(name, values, (steps, count))
+    if weights.profiles is not None:
+        _require_shape("profiles", weights.profiles, (len(record.profiles), d.mesh.size, count))
     groups = (
         ("probes", weights.probes, list(d.problem.probes), (4,)),
         ("reactions", weights.reactions, list(d.boundary.supports), (3,)),
@@ -526,6 +533,8 @@ class RunTape:
         Initial state.
     steps
         Accepted steps.
+    profiles
+        Numbers of those of which there are profiles, 0 for the initial state.
     history
         Recorder of the histories.
     """
@@ -535,10 +544,16 @@ class RunTape:
 
     def __init__(self) -> None:
         self.steps: list[TapedStep] = []
+        self.profiles: list[int] = []
 
     def begin(self, x: Array, memory: LawMemory, record: HistoryRecorder) -> None:
         """Take the initial state."""
         self.start, self.history = x, record
+        self.add_profile()
+
+    def add_profile(self) -> None:
+        """Take note that there is a profile of the last accepted state."""
+        self.profiles.append(len(self.steps))
 
     def renew(self, memory: LawMemory) -> None:
         """Refuse a law that learns during the run: earlier steps cannot be gone over with what it was then.
@@ -602,7 +617,7 @@ class GradientPass:
             A linear system has no solution.
         """
         d, f = self._d, weights.count
-        rows = HistoryRows(tape.history, weights)
+        rows = HistoryRows(tape.history, tape.profiles, weights)
         #: Shares of this process, and of all together.
         self._own = np.zeros((f, len(self._directions)))
         self._shared = np.zeros_like(self._own)

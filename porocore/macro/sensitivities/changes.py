@@ -217,10 +217,10 @@ def _having(d: Discretisation, body: BodyFields, change: CellParameterChange) ->
         return having.astype(float)
     shares = np.where(having, change.weight.values(body.points.places), 0.0)
     if not d.communicator.sum(float(shares.sum())):
-        place = change.weight.places[change.weight.index]
+        node = ", ".join(f"{'xyz'[axis]} = {place:g}" for axis, place in change.weight.node.items())
         raise ConfigurationError(
             f"sensitivities: the parameter {echo(change.name)} changes nothing: no point of the body lies about "
-            f"{'xyz'[change.weight.axis]} = {place:g}; take fewer places, or others"
+            f"{node}; take fewer places, or others"
         )
     return shares
 

@@ -171,6 +171,8 @@ class SensitivityTracker:
         Of the run.
     changes
         The unknowns.
+    profiles
+        Whether the derivatives of the nodal fields in the profiles are kept.
 
     Raises
     ------
@@ -181,7 +183,13 @@ class SensitivityTracker:
     _record: HistoryRecorder
 
     def __init__(
-        self, d: Discretisation, body: BodyFields, law: MacroLaw, changes: Sequence[MacroChange]
+        self,
+        d: Discretisation,
+        body: BodyFields,
+        law: MacroLaw,
+        changes: Sequence[MacroChange],
+        *,
+        profiles: bool = False,
     ) -> None:
         self._d, self._law, self._changes = d, law, tuple(changes)
         self._directions = Directions(d, body, law, changes)
@@ -189,6 +197,7 @@ class SensitivityTracker:
         self._memory = MemoryChanges.zeros(d.n_points, len(self._x))
         #: Values by unknown of each step: series of the history; probes; reactions and inflows.
         self._rows: list[Array] = []
+        self._profiles: list[Array] | None = [] if profiles else None
 
     def begin(self, x: Array, memory: LawMemory, record: HistoryRecorder) -> None:
         """Take the initial state, t = 0, and the memory of it."""
@@ -198,6 +207,12 @@ class SensitivityTracker:
             np.stack([np.concatenate([*nodal, nothing]) for nodal in self._nodal(x, [0.0] * len(self._x))])
         )
         self.renew(memory)
+        self.add_profile()
+
+    def add_profile(self) -> None:
+        """Keep the derivatives of the nodal fields of the last accepted state, of which there is a profile."""
+        if self._profiles is not None:
+            self._profiles.append(np.stack([self._d.to_mesh(each) for each in self._x], axis=1))
 
     def renew(self, memory: LawMemory) -> None:
         """Take another memory of the same state, as of a law that has learned more."""
@@ -277,4 +292,5 @@ class SensitivityTracker:
             reactions=found[1],
             inflow={name: values[:, 0] for name, values in found[2].items()},
             compression={},
+            profiles=None if self._profiles is None else np.array(self._profiles),
         )

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from porocore.cell.materials.hyperelastic import NeoHookean
+from porocore.core.fields import provided
 from porocore.interfaces.sensitivities import (
     HISTORY_SERIES,
     BoundaryChange,
@@ -20,9 +21,11 @@ from porocore.interfaces.sensitivities import (
     ViscosityChange,
 )
 from porocore.interfaces.solution import MacroSolution
+from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.boundary.reactions import interpolation
 from porocore.macro.laws.closure import make_closure
 from porocore.macro.laws.macro_law import ClosedLaw
-from porocore.macro.problem import MacroProblem
+from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.testing.expect import holds, near
 from porocore.testing.macro_checks.runs import SIDES, Solving
 from porocore.testing.synthetic.porous_family import PorousFamilyLaw
@@ -75,7 +78,7 @@ class RunDerivatives(Solving):
         solver = cls.offered(problem)
         cls.needs(type(solver).sensitivities, "sensitivities = False: it gives none")
         changes = [change for change, *_ in UNKNOWNS.values()]
-        return solver.solve_with_sensitivities(solver.prepare(problem), cls.law, changes)
+        return solver.solve_with_sensitivities(solver.prepare(problem), cls.law, changes, profiles=True)
 
     def test_sensitivities_are_limits_of_differences(self) -> None:
         """Along all unknowns together; loads and pressures are those of units in which the modulus is 1."""
@@ -102,10 +105,23 @@ class RunDerivatives(Solving):
         weights = _weights(run)
         wanted = sum(getattr(weights, name)[:, 0] @ getattr(found, name) for name in HISTORY_SERIES)
         wanted = wanted + np.einsum("sc,sck->k", weights.probes["inside"][..., 0], found.probes["inside"])
+        wanted = wanted + np.einsum("su,suk->k", provided(weights.profiles)[..., 0], provided(found.profiles))
         shape = np.shape(gradients)
         holds(shape == (1, len(UNKNOWNS)), STATE, f"gradients (1, {len(UNKNOWNS)})", f"shape {shape}")
         within = self.within(1e-7) * float(np.abs(wanted).max())
         near("the gradient of a sum", gradients[0], wanted, STATE, within=within)
+
+    def test_sensitivities_of_profiles_are_those_of_probes(self) -> None:
+        """Between the nodes the derivatives of the nodal fields are those of a probe, at rest and at the end."""
+        solution, found = self.with_derivatives()
+        problem = self.pressed()
+        fields, at = provided(found.profiles), interpolation(body_mesh(problem), problem.probes)
+        shape, wanted = fields.shape, (len(solution.profiles), at.shape[1], len(UNKNOWNS))
+        holds(shape == wanted, STATE, f"derivatives of profiles {wanted}", f"shape {shape}")
+        for place, name in ((-1, "at the end"), (0, "at rest")):
+            probes = found.probes["inside"][place]
+            within = 1e-9 * float(np.abs(found.probes["inside"]).max(axis=(0, 2)).min())
+            near(f"the probe {name}", at @ fields[place], probes, STATE, within=within)
 
     def test_a_run_with_sensitivities_is_the_run_without(self) -> None:
         solution, found = self.with_derivatives()
@@ -119,10 +135,15 @@ class RunDerivatives(Solving):
 
 
 def _weights(solution: MacroSolution) -> HistoryWeights:
-    """Return growing weights of the displacements and a probe, and falling ones of pressures and drained volume."""
+    """Return growing weights of displacements, a probe and the profiles, falling ones of pressures and drainage."""
     growing = np.linspace(0.5, 2.0, len(solution.history.time))[:, None]
     falling, probe = growing[::-1], growing[:, :, None] * np.array([0.0, 1.0, 0.0, 20.0])[:, None]
-    return HistoryWeights(1, growing, growing, falling, falling, falling, probes={"inside": probe})
+    corners = len(BodyMesh(solution.points, solution.cells).p_nodes)
+    size = (len(solution.profiles), 3 * len(solution.points) + corners, 1)
+    fields = 1e-2 * np.random.default_rng(5).uniform(-1, 1, size)
+    return HistoryWeights(
+        1, growing, growing, falling, falling, falling, probes={"inside": probe}, profiles=fields
+    )
 
 
 def _series(of: Any, histories: Any, modulus: float) -> dict[str, Any]:

@@ -256,11 +256,11 @@ def plain():
 
 
 def test_a_fitted_field_is_drawn_over_its_coordinate(seen, unseen):
-    field = FittedField("modulus", "y", (0.0, 2.0), "mm", (0, 1))
+    field = FittedField("modulus", {"y": (0.0, 2.0)}, "mm", (0, 1))
     (axes,) = field_figure(seen, field).axes
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("y [mm]", "modulus [kPa]")
     line, *_ = axes.containers[0].lines
-    np.testing.assert_allclose(line.get_xdata(), field.places)
+    np.testing.assert_allclose(line.get_xdata(), field.lines["y"])
     np.testing.assert_allclose(line.get_ydata(), seen.inference.values)
     (bars,) = axes.containers[0].lines[2]
     for bar, interval in zip(bars.get_segments(), seen.inference.intervals, strict=True):

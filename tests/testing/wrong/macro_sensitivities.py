@@ -87,3 +87,17 @@ class TestHeaveOfNothing(Law):
         def solve_with_sensitivities(self, *given, **how):
             solution, found = super().solve_with_sensitivities(*given, **how)
             return solution, replace(found, heave=0.0 * found.heave)
+
+
+class TestProfilesOneStepLate(Law):
+    """The derivatives of the profiles are those of the state before each."""
+
+    caught_by = "test_sensitivities_of_profiles_are_those_of_probes"
+    slow = True
+
+    class solver(Altered):
+        def solve_with_sensitivities(self, *given, **how):
+            solution, found = super().solve_with_sensitivities(*given, **how)
+            if found.profiles is None:
+                return solution, found
+            return solution, replace(found, profiles=np.roll(found.profiles, 1, axis=0))

@@ -1,0 +1,772 @@
+"""Reading of measured fields (read_film): CSV, VTU and NPZ files, their units, the points that count."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import math
+import re
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import permutations
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from porocore.commands.calibration.clouds import EDGE, PRESSURE, FilmComponent, PointCloud, rotation
+from porocore.commands.calibration.observations import DataFile, ObservedCurve, StudyUnit
+from porocore.commands.calibration.reading import planned_times
+from porocore.commands.calibration.settings import Column, PointsSettings
+from porocore.commands.calibration.tables import CurveTable, decoded_text
+from porocore.core.echo import echo, joined, suggestion
+from porocore.core.files.foreign_mesh import read_point_data
+from porocore.core.files.reading import require_ordinary
+from porocore.core.units import Scales, units_now
+from porocore.errors import ConfigurationError
+from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.body.points import BodyPoints
+from porocore.macro.boundary.symmetry import Symmetry
+from porocore.macro.problem import MacroSetup, body_mesh
+from porocore.states import Array, IntArray
+
+#: Bytes of one file, rows of all files of one film, and values that count, at least.
+LARGEST_FILM, MOST_ROWS, FEWEST = 1 << 28, 2_000_000, 3
+#: Lines of a CSV file among which its headings are.
+HEAD = 1000
+#: Texts that mark a missing number in every file.
+MISSING = ("", "nan", "na", "n/a", "null", "none", "---")
+#: Coordinates, and columns that every point needs.
+COORDINATES: tuple[Column, Column, Column] = ("x", "y", "z")
+POINT: tuple[Column, ...] = (*COORDINATES, "t")
+#: Components of a field, in the order of :data:`porocore.commands.calibration.clouds.COMPONENTS`.
+COMPONENTS: tuple[Column, ...] = ("u1", "u2", "u3", "p")
+#: Names under which VTU and NPZ files may have vectors of the displacement.
+VECTORS = ("u", "displacement", "Displacement")
+#: Share of the body's size within which two places are one, and planes are met.
+SAME_PLACE = 1e-9
+#: Share of the points that lie in the body in other axes or units, which are then proposed.
+FITS = 0.95
+#: Share of an edge of the body that places have at least where it is the unit that makes them fit.
+LARGE = 0.2
+#: Share of the largest edge of the body below which a film is so small that its unit is doubted.
+SMALL = 0.02
+_PART = re.compile(r"(?P<name>.+)\[(?P<part>[0-9])\]")
+
+
+@dataclass(frozen=True, eq=False)
+class Film:
+    """Columns of one or more files.
+
+    Attributes
+    ----------
+    path
+        File or pattern, for messages.
+    columns
+        Numbers (n,) by name; NaN where one is missing.
+    units
+        Units in headings, by name.
+    rows
+        Where each row stands, for messages: lines of a CSV file; None: numbers from 1.
+    """
+
+    path: Path
+    columns: Mapping[Column, Array]
+    units: Mapping[Column, str] = field(default_factory=dict)
+    rows: Array | None = None
+
+    def __len__(self) -> int:
+        return len(next(iter(self.columns.values())))
+
+    def at(self, row: int, column: str) -> str:
+        """Return where a number stands, for messages."""
+        if self.rows is None:
+            return f"{self.path}: {column}, value {row + 1}"
+        return f"{self.path}:{int(self.rows[row])}: {column}"
+
+
+def read_film(
+    name: str,
+    settings: PointsSettings,
+    folder: Path,
+    macro: MacroSetup,
+    scales: Scales | None,
+    *,
+    experiment: str = "",
+    synthetic: bool = False,
+) -> tuple[list[ObservedCurve], StudyUnit]:
+    """Return the curves of a measured field, one for each component, and the unit of its places.
+
+    Parameters
+    ----------
+    name
+        Of the observation.
+    settings
+        Files, units, deviations, place of the camera.
+    folder
+        Where a relative path starts.
+    macro, scales
+        Of the study.
+    experiment
+        Name of the experiment, where there are several.
+    synthetic
+        Values will be made up: a file is not needed, and its values do not count.
+
+    Raises
+    ------
+    ConfigurationError
+        A file or a column is missing, an entry is no number, a unit is wrong, times lie outside the study, or too many
+        points lie outside the body. The message begins with a key below that of the observation, and a colon, where it
+        is about one.
+    """
+    mesh = body_mesh(macro)
+    files: DataFile | None = None
+    if settings.file is None:
+        if settings.grid is None or not synthetic:
+            raise ConfigurationError(
+                "file: missing; add the file of the measured field, or plan the experiment with --synthetic, 'grid:' "
+                "and 'times:'"
+            )
+        film = _planned(settings, mesh, scales)
+    else:
+        film, files = _measured(settings, folder, scales)
+    units = _Units.chosen(settings, film, scales)
+    film = _with_fixed(film, settings, mesh, units.place)
+    notes: list[str] = list(units.notes(film, scales))
+    components = _components(settings, film)
+    rows, said = _counting(settings, film, units, macro.time.end)
+    notes += said
+    places = np.stack([film.columns[c][rows] for c in COORDINATES], axis=1) / units.place.factor
+    times = film.columns["t"][rows] / units.time.factor
+    camera = _Camera.given(settings, units.place)
+    if settings.file is not None:
+        places = places @ camera.turn.T + camera.offset
+    notes += _small_notes(places, mesh)
+    signs = np.ones((len(rows), 3))
+    if camera.is_plain and not settings.camera.unknown:
+        places, signs, said = _mirrored(places, macro)
+        notes += said
+    if settings.place == "reference":
+        kept, said = _inside(settings, mesh, places, film, units.place)
+        notes += said
+        rows, places, times, signs = rows[kept], places[kept], times[kept], signs[kept]
+    order = np.argsort(times, kind="stable")
+    rows, places, times, signs = rows[order], places[order], times[order], signs[order]
+    axes = None if camera.is_plain else camera.turn
+    title = f"{experiment}: {name}" if experiment else name
+    whole = PointCloud(title, places, times, settings.place, axes, settings.outside)
+    cloud, sets, said = _without_twins(whole, mesh)
+    notes += said
+    curves = []
+    for component in components:
+        curve = _curve(settings, film, units, cloud, sets, rows, signs, component, synthetic, files)
+        curves.append(replace(curve, notes=tuple(dict.fromkeys((*notes, *curve.notes)))))
+        notes = []
+    return curves, units.place
+
+
+@dataclass(frozen=True)
+class _Units:
+    """Units of the places, times, displacements and pressures of a film."""
+
+    place: StudyUnit
+    time: StudyUnit
+    displacement: StudyUnit
+    pressure: StudyUnit
+
+    @classmethod
+    def chosen(cls, settings: PointsSettings, film: Film, scales: Scales | None) -> _Units:
+        """Return the units of keys, else those of the headings."""
+
+        def of(key: str, given: str | None, quantity: str, columns: Sequence[Column]) -> StudyUnit:
+            found = {film.units[c] for c in columns if film.units.get(c)}
+            if given is None and len(found) > 1:
+                raise ConfigurationError(
+                    f"{key}: expected one unit in the headings of {joined(columns)}, got {joined(sorted(found))}; "
+                    "write the columns in one unit"
+                )
+            inside = next(iter(found), "")
+            if given is not None and inside and given.strip() != inside:
+                raise ConfigurationError(
+                    f"{key}: expected {echo(inside)}, the unit in the headings of {film.path}, got {echo(given)}; "
+                    "remove one of the two"
+                )
+            return StudyUnit.at_key(key, (inside if given is None else given).strip(), quantity, scales)
+
+        place = of("unit", settings.unit, "displacement", [c for c in COORDINATES if c in film.columns])
+        own = of("displacement_unit", settings.displacement_unit, "displacement", ("u1", "u2", "u3"))
+        bare = settings.displacement_unit is None and not own.name
+        return cls(
+            place,
+            of("time_unit", settings.time_unit, "time", ("t",)),
+            place if bare else own,
+            of("pressure_unit", settings.pressure_unit, "pressure", ("p",)),
+        )
+
+    def of(self, component: int) -> StudyUnit:
+        """Return the unit of a component."""
+        return self.pressure if component == PRESSURE else self.displacement
+
+    def notes(self, film: Film, scales: Scales | None) -> Iterator[str]:
+        """Yield that numbers are taken for dimensionless in a study with scales."""
+        if scales is None:
+            return
+        shown = {"places": self.place, "times": self.time}
+        shown |= {"pressures": self.pressure} if "p" in film.columns else {}
+        bare = [word for word, unit in shown.items() if not unit.name]
+        if bare:
+            yield (
+                f"the {joined(bare)} of {film.path.name} have no unit, so they are taken as multiples of the study's "
+                "scales; give 'unit:', 'time_unit:' or 'pressure_unit:' where they have one"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class _Camera:
+    """Known place of a camera: its offset (3,), dimensionless, and its axes (3, 3) as columns."""
+
+    offset: Array
+    turn: Array
+
+    @classmethod
+    def given(cls, settings: PointsSettings, unit: StudyUnit) -> _Camera:
+        """Return the place that the settings give."""
+        camera = settings.camera
+        offset = [unit.converted("camera.offset", value) for value in camera.offset]
+        return cls(np.array(offset) / unit.factor, rotation(np.deg2rad(np.array(camera.rotation))))
+
+    @property
+    def is_plain(self) -> bool:
+        """True where its axes are those of the body."""
+        return bool((self.turn == np.eye(3)).all())
+
+
+def _components(settings: PointsSettings, film: Film) -> list[int]:
+    """Return the components that are fitted."""
+    known = [c for c in get_args(Column) if c in film.columns and c in COMPONENTS]
+    for each in settings.quantities:
+        if each not in known:
+            raise ConfigurationError(
+                f"quantities: {film.path} has no {echo(each)}; it has {joined(known) or 'none'}; name its column in "
+                "'columns:'"
+            )
+    found = settings.quantities or tuple(known)
+    if not found:
+        raise ConfigurationError(
+            f"columns: {film.path} has no u1, u2, u3 or p; name the column of one, such as 'columns: {{u1: NAME}}'"
+        )
+    return [COMPONENTS.index(each) for each in found]
+
+
+def _counting(settings: PointsSettings, film: Film, units: _Units, end: float) -> tuple[IntArray, list[str]]:
+    """Return the rows that have a place and a time that count, and what was left out."""
+    missing = [c for c in POINT if c not in film.columns]
+    if missing:
+        raise ConfigurationError(_lacking(missing, film))
+    bare = np.stack([film.columns[c] for c in POINT])
+    sound = np.isfinite(bare).all(axis=0)
+    times = np.where(sound, film.columns["t"], 0.0)
+    since = -math.inf if settings.since is None else units.time.converted("since", settings.since)
+    until = math.inf if settings.until is None else units.time.converted("until", settings.until)
+    if since > until:
+        raise ConfigurationError(
+            f"since: expected a time before until, got {settings.since} and {settings.until}; exchange them"
+        )
+    wanted = sound & (times >= since) & (times <= until)
+    if not wanted.any():
+        raise ConfigurationError(
+            f"file: no row of {film.path} has a finite place and a time that counts; check its columns, 'since:' and "
+            "'until:'"
+        )
+    unit = f" {units.time.name}" if units.time.name else ""
+    early = np.flatnonzero(wanted & (times < 0))
+    if len(early):
+        raise ConfigurationError(
+            f"{film.at(int(early[0]), 't')}: expected a time from 0, the beginning of the test, got "
+            f"{times[early[0]]:g}{unit}; leave out earlier rows by 'since:'"
+        )
+    last = end * units.time.factor
+    late = np.flatnonzero(wanted & (times > last * (1 + 1e-9)))
+    if len(late):
+        raise ConfigurationError(
+            f"{film.at(int(late[0]), 't')}: the time {times[late[0]]:g}{unit} lies behind the end of the study at "
+            f"{last:g}{unit}; raise its macro.time.end, or give 'until:'"
+        )
+    rows = np.flatnonzero(wanted)
+    if len(rows) > MOST_ROWS:
+        raise ConfigurationError(
+            f"file: expected at most {MOST_ROWS} rows that count, got {len(rows)}; leave some out"
+        )
+    lost = int((~sound).sum())
+    said = f"{lost} of {len(film)} rows have no place or no time, and were left out"
+    return rows, [said] if lost else []
+
+
+def _lacking(missing: Sequence[str], film: Film) -> str:
+    """Return the complaint about columns that are not there."""
+    first = missing[0]
+    if first == "t":
+        return (
+            f"columns: {film.path} has no column of times, 't'; name it in 'columns:', or give a pattern of files and "
+            "their times in 'frames:'"
+        )
+    return (
+        f"columns: {film.path} has no column {echo(first)} of places; name it in 'columns:', or give the coordinate "
+        f"that all points have, such as 'fixed: {{{first}: 0}}'"
+    )
+
+
+def _mirrored(places: Array, macro: MacroSetup) -> tuple[Array, Array, list[str]]:
+    """Return places in the part of a symmetric body that is solved, signs (n, 3) of displacements there, and notes.
+
+    Planes across an axis alone count.
+    """
+    signs, places, turned = np.ones_like(places), places.copy(), np.zeros(len(places), dtype=bool)
+    for normal in Symmetry.of(macro).normals.values():
+        axis = int(np.abs(normal).argmax())
+        if abs(normal[axis]) < 1 - SAME_PLACE:
+            continue
+        mesh, side = body_mesh(macro), np.sign(normal[axis])
+        at = float((side * mesh.points[:, axis]).max())
+        size = float(np.ptp(mesh.points, axis=0).max())
+        beyond = side * places[:, axis] > at + SAME_PLACE * size
+        places[beyond, axis] = side * 2 * at - places[beyond, axis]
+        signs[beyond, axis] *= -1
+        turned |= beyond
+    count = int(turned.sum())
+    said = [f"{count} of {len(places)} points lie beyond a symmetry plane and count as their mirror images"]
+    return places, signs, said if count else []
+
+
+def _inside(
+    settings: PointsSettings, mesh: BodyMesh, places: Array, film: Film, unit: StudyUnit
+) -> tuple[IntArray, list[str]]:
+    """Return the rows whose places lie in the body, and a note on the others.
+
+    Raises
+    ------
+    ConfigurationError
+        The share of the others is too large.
+    """
+    distinct, of = np.unique(places, axis=0, return_inverse=True)
+    inside = (BodyPoints.at(mesh, distinct).beyond <= EDGE)[of.reshape(-1)]
+    count = int((~inside).sum())
+    if not count:
+        return np.flatnonzero(inside), []
+    require_few_outside(settings.outside, ~inside, places, mesh, film.path.name, unit.name)
+    return np.flatnonzero(inside), [outside_note(count, len(places))]
+
+
+def outside_note(count: int, of: int) -> str:
+    """Return the note on points outside the body."""
+    return f"{count} of {of} values lie outside the body and were left out"
+
+
+def require_few_outside(
+    share: float, outside: npt.NDArray[np.bool_], places: Array, mesh: BodyMesh, name: str, unit: str
+) -> None:
+    """Refuse a film many of whose places (n, 3) lie outside the body, with the likely reason.
+
+    Raises
+    ------
+    ConfigurationError
+        More than ``share`` of them do, those that are ``outside`` (n,).
+    """
+    count = int(outside.sum())
+    if count <= share * len(places):
+        return
+    low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+
+    def texts(point: Array) -> str:
+        return units_now().texts(point, "displacement", 4)
+
+    raise ConfigurationError(
+        f"outside: {count} of {len(places)} values of {name} lie outside the body, more than the share {share:g}: the "
+        f"points reach from {texts(places.min(axis=0))} to {texts(places.max(axis=0))}, the body from {texts(low)} to "
+        f"{texts(high)}; {_likely(places, low, high, unit)}"
+    )
+
+
+def _likely(places: Array, low: Array, high: Array, unit: str) -> str:
+    """Return the advice on places outside the box of a body."""
+    margin = 0.02 * float((high - low).max())
+
+    def fits(points: Array) -> bool:
+        inside = ((points >= low - margin) & (points <= high + margin)).all(axis=1)
+        return bool(inside.mean() >= FITS) and bool((np.ptp(points, axis=0) > LARGE * (high - low)).any())
+
+    for power in (-3, 3, -6, 6):
+        if fits(places * 10.0**power):
+            told = f"got {echo(unit)}" if unit else "which is not given"
+            return (
+                f"they would fit if they were {10.0**power:g} times as large: check the unit of the places, 'unit:', "
+                f"{told}"
+            )
+    for order in permutations(range(3)):
+        if order != (0, 1, 2) and fits(places[:, order]):
+            axes = ", ".join(f"{a}: {'xyz'[b]}" for a, b in zip("xyz", order, strict=True))
+            return (
+                f"they would fit with other axes: check the columns, such as 'columns: {{{axes}}}', or "
+                "'camera.rotation:'"
+            )
+    moved = places - places.mean(axis=0) + (low + high) / 2
+    if fits(moved):
+        return "they would fit at another place: give 'camera.offset:', the origin of their axes in the body"
+    return "check 'unit:', the columns of the places, and 'camera:'"
+
+
+def _small_notes(places: Array, mesh: BodyMesh) -> Iterator[str]:
+    """Yield that the places of a film are next to one point of the body, as in a wrong unit."""
+    size, edge = float(np.ptp(places, axis=0).max()), float(np.ptp(mesh.points, axis=0).max())
+    if len(places) > 1 and size < SMALL * edge:
+        units = units_now()
+        yield (
+            f"the points extend over {units.text(size, 'displacement', 3)}, and the body over "
+            f"{units.text(edge, 'displacement', 3)}; check the unit of the places, 'unit:'"
+        )
+
+
+def _without_twins(cloud: PointCloud, mesh: BodyMesh) -> tuple[PointCloud, IntArray, list[str]]:
+    """Return the cloud with each place at a time once, the point of each row (n,), and a note."""
+    size = float(np.ptp(mesh.points, axis=0).max())
+    key = np.column_stack([cloud.times, np.rint(cloud.places / (SAME_PLACE * size))])
+    _, first, of = np.unique(key, axis=0, return_index=True, return_inverse=True)
+    of = of.reshape(-1)
+    # In the order of the rows, in which the times ascend.
+    rank = np.empty(len(first), dtype=np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))
+    twins = len(cloud) - len(first)
+    said = f"{twins} values have the place and the time of another one; the means of such values count"
+    return cloud.kept(np.sort(first)), rank[of], [said] * (twins > 0)
+
+
+def _curve(
+    settings: PointsSettings,
+    film: Film,
+    units: _Units,
+    cloud: PointCloud,
+    sets: IntArray,
+    rows: IntArray,
+    signs: Array,
+    component: int,
+    synthetic: bool,
+    files: DataFile | None,
+) -> ObservedCurve:
+    """Return the curve of one component; ``sets`` has the point of each row."""
+    name, unit, count = COMPONENTS[component], units.of(component), len(cloud)
+    deviations = _deviations(settings, film, unit, component)[rows]
+    values = film.columns[name][rows]
+    values = values * signs[:, component] if component < PRESSURE else values
+    known = np.isfinite(deviations) & (np.isfinite(values) | synthetic)
+    precision = np.bincount(sets[known], 1 / deviations[known] ** 2, count)
+    times_there = np.bincount(sets[known], minlength=count)
+    picked = np.flatnonzero(times_there)
+    if len(picked) < FEWEST:
+        raise ConfigurationError(
+            f"file: expected at least {FEWEST} values of {name} that count, got {len(picked)} in {film.path}; check "
+            "its columns"
+        )
+    measured = None
+    if not (synthetic and settings.file is None):
+        sums = np.bincount(sets[known], np.where(known, values, 0.0)[known] / deviations[known] ** 2, count)
+        measured = sums[picked] / precision[picked]
+    lost = int((~known).sum())
+    every = None if len(picked) == count else picked
+    series = FilmComponent(cloud, component, every)
+    title = f"{cloud.name}: {name}"
+    return ObservedCurve(
+        title,
+        series,
+        series.of_points(cloud.times),
+        unit.name,
+        units.time.name,
+        unit.factor,
+        units.time.factor,
+        np.full(len(picked), settings.weight),
+        measured,
+        # The mean of values at one place is as certain as all of them.
+        1 / np.sqrt(precision[picked]),
+        None,
+        (f"{lost} of {len(rows)} values of {name} are missing, and were left out",) * (lost > 0),
+        files,
+    )
+
+
+def _deviations(settings: PointsSettings, film: Film, unit: StudyUnit, component: int) -> Array:
+    """Return the standard deviations (rows,) of a component, in its unit."""
+    name = COMPONENTS[component]
+    column: Any = f"{name}_deviation"
+    key = "pressure_deviation" if component == PRESSURE else "deviation"
+    given = settings.pressure_deviation if component == PRESSURE else settings.deviation
+    if column in film.columns:
+        if given is not None:
+            raise ConfigurationError(
+                f"{key}: {film.path} has a column of the standard deviations of {name}; remove the key or the column"
+            )
+        found = film.columns[column]
+        bad = np.flatnonzero(np.isfinite(found) & (found <= 0))
+        if len(bad):
+            raise ConfigurationError(
+                f"{film.at(int(bad[0]), column)}: expected a number above 0, got {found[bad[0]]:g}; remove a row that "
+                "does not count"
+            )
+        return found
+    if given is None:
+        raise ConfigurationError(
+            f"{key}: missing; give the standard deviation of {name}, or a column '{column}' of the file"
+        )
+    one = unit.converted(key, given)
+    if one <= 0:
+        raise ConfigurationError(f"{key}: expected a number above 0, got {echo(given)}")
+    return np.full(len(film), one)
+
+
+def _planned(settings: PointsSettings, mesh: BodyMesh, scales: Scales | None) -> Film:
+    """Return places and times of a film that has no file, with values that are not known."""
+    assert settings.grid is not None
+    assert settings.times is not None
+    time = StudyUnit.at_key("time_unit", settings.time_unit or "", "time", scales)
+    unit = StudyUnit.at_key("unit", settings.unit or "", "displacement", scales)
+    times = planned_times(settings.times, time)
+    low, high = mesh.points.min(axis=0) * unit.factor, mesh.points.max(axis=0) * unit.factor
+    lines = [
+        a + (b - a) * (np.arange(n if b > a else 1) + 0.5) / n
+        for a, b, n in zip(low, high, settings.grid, strict=True)
+    ]
+    for axis, value in settings.fixed.items():
+        lines["xyz".index(axis)] = np.array([unit.converted(f"fixed.{axis}", value)])
+    grid = np.stack([part.ravel() for part in np.meshgrid(*lines, indexing="ij")], axis=1)
+    grid = grid[BodyPoints.at(mesh, grid / unit.factor).inside]
+    if not len(grid) or len(grid) * len(times) > MOST_ROWS:
+        raise ConfigurationError(
+            f"grid: expected 1 to {MOST_ROWS} values at points within the body, got {len(grid) * len(times)}; change "
+            "the numbers"
+        )
+    every = np.tile(grid, (len(times), 1))
+    columns: dict[Column, Array] = dict(zip(COORDINATES, every.T, strict=True))
+    columns["t"] = np.repeat(times, len(grid))
+    for name in settings.quantities or ("u1", "u2", "u3"):
+        columns[name] = np.zeros(len(every))
+    return Film(Path("the synthetic film"), columns)
+
+
+def _measured(settings: PointsSettings, folder: Path, scales: Scales | None) -> tuple[Film, DataFile]:
+    """Return the columns of the file, or of all files of a pattern, and a record of these."""
+    assert settings.file is not None
+    path = folder / settings.file
+    if not re.search(r"[*?\[]", settings.file):
+        if settings.frames:
+            raise ConfigurationError(
+                "frames: expected a pattern of files such as 'frames/*.csv', each of one time, got one file; "
+                "remove the key"
+            )
+        film = _read(path, settings)
+        return film, DataFile.of(path, settings.file, len(film))
+    paths = sorted(folder.glob(settings.file), key=_natural)
+    if not paths:
+        raise ConfigurationError(
+            f"file: no file is called {echo(settings.file)} in {folder}; check the pattern"
+        )
+    films = [_read(each, settings) for each in paths]
+    if settings.frames:
+        if len(settings.frames) != len(paths):
+            raise ConfigurationError(
+                f"frames: expected {len(paths)} times, one for each file from {paths[0].name} to {paths[-1].name}, got "
+                f"{len(settings.frames)}"
+            )
+        unit = StudyUnit.at_key("time_unit", settings.time_unit or "", "time", scales)
+        times = [unit.converted("frames", value) for value in settings.frames]
+        films = [
+            replace(film, columns={**film.columns, "t": np.full(len(film), time)})
+            for film, time in zip(films, times, strict=True)
+        ]
+    names = set(films[0].columns)
+    for film, each in zip(films, paths, strict=True):
+        if set(film.columns) != names or dict(film.units) != dict(films[0].units):
+            raise ConfigurationError(
+                f"{each}: expected the columns and units of {paths[0].name}, {joined(sorted(names))}, got "
+                f"{joined(sorted(film.columns))}; write all files alike"
+            )
+    columns = {name: np.concatenate([film.columns[name] for film in films]) for name in films[0].columns}
+    total = hashlib.sha256(b"".join(hashlib.sha256(each.read_bytes()).digest() for each in paths))
+    film = Film(path, columns, films[0].units)
+    size = sum(each.stat().st_size for each in paths)
+    return film, DataFile(settings.file, len(film), size, total.hexdigest())
+
+
+def _natural(path: Path) -> list[tuple[int, int | str]]:
+    """Return a key that puts frame 2 before frame 10."""
+    parts = re.split(r"([0-9]+)", path.name)
+    return [(0, int(part)) if part.isdecimal() else (1, part) for part in parts]
+
+
+def _with_fixed(film: Film, settings: PointsSettings, mesh: BodyMesh, unit: StudyUnit) -> Film:
+    """Return the film with the coordinates that all points have."""
+    columns = dict(film.columns)
+    for axis, value in settings.fixed.items():
+        if axis in columns and settings.file is not None:
+            raise ConfigurationError(
+                f"fixed.{axis}: {film.path} has a column of this coordinate; remove the key or rename the column"
+            )
+        columns[axis] = np.full(len(film), unit.converted(f"fixed.{axis}", value))
+    if "z" not in columns and not np.ptp(mesh.points[:, 2]):
+        columns["z"] = np.zeros(len(film))
+    return replace(film, columns=columns)
+
+
+def _read(path: Path, settings: PointsSettings) -> Film:
+    """Return the columns of one file."""
+    try:
+        require_ordinary(path, LARGEST_FILM)
+    except OSError as error:
+        raise ConfigurationError(
+            f"file: {path} cannot be read: {error.strerror or error}; give the file of the field"
+        ) from None
+    suffix = path.suffix.lower()
+    if suffix == ".npz":
+        return _read_npz(path, settings)
+    if suffix in (".vtu", ".vtk", ".xdmf"):
+        return _read_mesh(path, settings)
+    return _read_csv(path, settings)
+
+
+def _read_csv(path: Path, settings: PointsSettings) -> Film:
+    text, guess = decoded_text(path, settings.encoding, LARGEST_FILM)
+    lines = text.splitlines()
+    wanted = {c: settings.columns.get(c, c) for c in get_args(Column)}
+    head = CurveTable.of_text(path, "\n".join(lines[:HEAD]), guess, list(wanted.values()))
+    at: dict[Column, int] = {}
+    for column, name in wanted.items():
+        if column in settings.columns or any(each.is_called(name) for each in head.headings):
+            at[column] = head.find(name)
+    missing = {*MISSING, *(each.strip().casefold() for each in settings.missing)}
+    first = head.lines[0]
+    rows, numbers = [], []
+    for k, row in enumerate(csv.reader(lines[first - 1 :], delimiter=head.separator), start=first):
+        if not any(map(str.strip, row)) or row[0].lstrip().startswith("#"):
+            continue
+        if len(row) <= max(at.values()):
+            raise ConfigurationError(
+                f"{path}:{k}: expected {len(head.headings)} entries, one for each heading in line {head.line}, got "
+                f"{len(row)}; remove the line"
+            )
+        rows.append(row)
+        numbers.append(k)
+    if len(rows) > MOST_ROWS:
+        raise ConfigurationError(f"{path}: expected at most {MOST_ROWS} rows, got {len(rows)}; keep fewer")
+    comma = head.separator != "," and any("," in row[k] for row in rows[:HEAD] for k in at.values())
+    columns = {
+        column: _numbers(path, head.names[k], [row[k] for row in rows], numbers, missing, comma)
+        for column, k in at.items()
+    }
+    units = {column: head.headings[k].unit for column, k in at.items()}
+    return Film(path, columns, units, np.array(numbers))
+
+
+def _numbers(
+    path: Path, name: str, texts: Sequence[str], lines: Sequence[int], missing: set[str], comma: bool
+) -> Array:
+    """Return the numbers of a column, NaN where one is missing."""
+    found = np.empty(len(texts))
+    for k, text in enumerate(texts):
+        plain = text.strip()
+        try:
+            found[k] = float(plain.replace(",", ".") if comma else plain)
+        except ValueError:
+            if plain.casefold() not in missing:
+                raise ConfigurationError(
+                    f"{path}:{lines[k]}: {name}: expected a number, got {echo(text)}; leave out such values by "
+                    f"'missing: [{plain!r}]', or remove the row"
+                ) from None
+            found[k] = np.nan
+    return np.where(np.isfinite(found), found, np.nan)
+
+
+def _read_npz(path: Path, settings: PointsSettings) -> Film:
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: np.asarray(file[name]) for name in file.files}
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError) as error:
+        raise ConfigurationError(
+            f"file: {path} is no readable NPZ file of plain arrays: {error}; write it with numpy.savez"
+        ) from None
+    found = _picked(path, arrays, settings)
+    if "t" in found and found["t"].ndim == 1:
+        times = found["t"]
+        for column, values in found.items():
+            # Times come first, before the axes of an image correlation's grid.
+            if column != "t" and values.ndim > 1 and values.shape[0] == len(times):
+                found["t"] = times.reshape(-1, *[1] * (values.ndim - 1))
+                break
+    try:
+        shape = np.broadcast_shapes(*(values.shape for values in found.values()))
+    except ValueError:
+        shapes = joined(f"{column} {values.shape}" for column, values in found.items())
+        raise ConfigurationError(
+            f"file: expected arrays of {path} that have one shape, or times first, got {shapes}"
+        ) from None
+    if math.prod(shape) > MOST_ROWS:
+        raise ConfigurationError(
+            f"file: expected at most {MOST_ROWS} values in {path}, got {math.prod(shape)}"
+        )
+    whole: dict[Column, Array] = {}
+    for column, values in found.items():
+        whole[column] = np.broadcast_to(values, shape).ravel()
+    return Film(path, whole)
+
+
+def _read_mesh(path: Path, settings: PointsSettings) -> Film:
+    points, arrays = read_point_data(path)
+    for column, values in zip(COORDINATES, points.T, strict=False):
+        arrays.setdefault(column, values)
+    found = _picked(path, arrays, settings)
+    for column, values in found.items():
+        if values.shape != (len(points),):
+            raise ConfigurationError(
+                f"columns: expected one number at each of the {len(points)} points of {path} for {echo(column)}, got "
+                f"the shape {values.shape}; name a component, such as 'NAME[0]'"
+            )
+    return Film(path, found)
+
+
+def _picked(path: Path, arrays: Mapping[str, Any], settings: PointsSettings) -> dict[Column, Array]:
+    """Return the arrays that columns name, components of vectors among them."""
+    named: dict[Column, str] = {}
+    for column in get_args(Column):
+        if column in settings.columns:
+            named[column] = settings.columns[column]
+        elif column in arrays:
+            named[column] = column
+    vector = next((each for each in VECTORS if each in arrays), None)
+    if vector is not None and not any(c in named for c in ("u1", "u2", "u3")):
+        width = min(np.shape(arrays[vector])[-1] if np.ndim(arrays[vector]) > 1 else 0, 3)
+        named |= {column: f"{vector}[{i}]" for i, column in enumerate(COMPONENTS[:width])}
+    found: dict[Column, Array] = {}
+    for column, name in named.items():
+        part = None if name in arrays else _PART.fullmatch(name)
+        of = name if part is None else part["name"]
+        if of not in arrays:
+            raise ConfigurationError(
+                f"columns.{column}: {path} has no data {echo(of)}; {suggestion(of, arrays, 'there are')}"
+            )
+        values = arrays[of]
+        if part is not None:
+            if values.ndim < 2 or int(part["part"]) >= values.shape[-1]:
+                raise ConfigurationError(
+                    f"columns.{column}: {echo(of)} in {path} has the shape {values.shape}, and no component "
+                    f"{part['part']}"
+                )
+            values = values[..., int(part["part"])]
+        if values.dtype.kind not in "fiu":
+            raise ConfigurationError(
+                f"columns.{column}: expected numbers in {echo(of)} of {path}, got {values.dtype}"
+            )
+        found[column] = np.where(np.isfinite(values), values, np.nan).astype(float)
+    if not found:
+        raise ConfigurationError(
+            f"columns: {path} has none of the columns {joined(POINT)}, u1, u2, u3 and p; it has "
+            f"{joined(sorted(arrays)) or 'none'}"
+        )
+    return found

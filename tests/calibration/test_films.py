@@ -1,0 +1,221 @@
+"""Reading of measured fields: formats, units, what is left out and said, what is refused with one message."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import pytest
+
+from porocore.commands.calibration.clouds import COMPONENTS, FilmComponent
+from porocore.commands.calibration.films import read_film
+from porocore.commands.calibration.observations import ObservedCurve
+from porocore.commands.calibration.settings import PointsSettings
+from porocore.core.units import ResultUnits, Scales, using_units
+from porocore.errors import ConfigurationError
+from porocore.macro.problem import MacroSetup
+
+SCALES = Scales(length=2e-3, pore=20e-9, viscosity=1e-3, modulus=0.5e6)
+#: A body of 1 mm × 3 mm × 1 mm.
+BODY: dict[str, Any] = {"kind": "box", "elements": [1, 3, 1], "size": [0.5, 1.5, 0.5]}
+HELD: dict[str, Any] = {"y-": {"displacement": [0, 0, 0]}}
+#: A time of 1 is μ_f L²/(E d²) = 20 s.
+MACRO = MacroSetup(body=BODY, boundary=HELD, time={"end": 0.3, "ramp_increments": 1, "ramp_step": 0.01})
+KEYS: dict[str, Any] = {"deviation": 1.0, "displacement_unit": "um", "unit": "mm", "time_unit": "s"}
+PLACES = np.array([(x, y, 1.0) for y in (0.2, 1.0, 2.9) for x in (0.1, 0.9)])
+T = np.array([1.0, 4.0])
+
+
+def rows() -> dict[str, np.ndarray]:
+    """Two frames of six points; displacements in µm are functions of place and time."""
+    x, y, z = np.tile(PLACES, (2, 1)).T
+    t = np.repeat(T, len(PLACES))
+    return {"x": x, "y": y, "z": z, "t": t, "u1": 10 * x * t, "u2": -20 * y * t}
+
+
+def csv_of(columns: dict[str, Any], separator: str = ",") -> str:
+    lines = [separator.join(columns)]
+    lines += [separator.join(str(v) for v in row) for row in zip(*columns.values(), strict=True)]
+    return "\n".join(lines)
+
+
+def read(folder: Path, content: str | None = None, **keys: Any) -> list[ObservedCurve]:
+    given = {"file": "film.csv", **KEYS, **keys}
+    if content is not None:
+        (folder / "film.csv").write_text(content, encoding="utf-8")
+    with using_units(ResultUnits(SCALES)):
+        found, _ = read_film("film", PointsSettings(**given), folder, MACRO, SCALES)
+    return found
+
+
+def check(curves: list[ObservedCurve]) -> None:
+    """The curves are those of all rows, in the order of time."""
+    assert [curve.name for curve in curves] == ["film: u1", "film: u2"]
+    wanted = rows()
+    for curve, name in zip(curves, ("u1", "u2"), strict=True):
+        assert isinstance(curve.series, FilmComponent)
+        assert curve.series.component == COMPONENTS.index(name)
+        np.testing.assert_allclose(curve.measured, wanted[name])
+        np.testing.assert_allclose(curve.displayed_times, wanted["t"])
+        np.testing.assert_allclose(curve.deviations, 1.0)
+        places = np.stack([wanted[c] for c in "xyz"], axis=1)
+        np.testing.assert_allclose(curve.series.places, places / 2)
+        # A dimensionless displacement of 1 is 2 mm.
+        assert curve.factor == pytest.approx(2000)
+
+
+def test_csv_files_are_read(tmp_path: Path) -> None:
+    check(read(tmp_path, csv_of(rows())))
+
+
+def test_units_in_headings_and_other_names_count(tmp_path: Path) -> None:
+    names = {"x": "X [um]", "y": "Y [um]", "z": "Z [um]", "t": "time (min)", "u1": "dx [mm]", "u2": "dy [mm]"}
+    sizes = {"x": 1e3, "y": 1e3, "z": 1e3, "t": 1 / 60, "u1": 1e-3, "u2": 1e-3}
+    content = csv_of({names[k]: v * sizes[k] for k, v in rows().items()}, ";").replace(".", ",")
+    columns = {"x": "X", "y": "Y", "z": "Z", "t": "time", "u1": "dx", "u2": "dy"}
+    bare = dict.fromkeys(("displacement_unit", "unit", "time_unit"))
+    found = read(tmp_path, content, columns=columns, **{**bare, "deviation": "1 um"})
+    for curve, name in zip(found, ("u1", "u2"), strict=True):
+        np.testing.assert_allclose(curve.measured, rows()[name] * 1e-3)
+        np.testing.assert_allclose(curve.displayed_times * 60, rows()["t"])
+        np.testing.assert_allclose(curve.series.places[:, 1], rows()["y"] / 2)
+        np.testing.assert_allclose(curve.deviations, 1e-3)
+
+
+def test_a_file_of_each_time_is_read_in_the_order_of_numbers(tmp_path: Path) -> None:
+    every = rows()
+    for number, t in zip((9, 10), T, strict=True):
+        part = {name: values[every["t"] == t] for name, values in every.items() if name != "t"}
+        (tmp_path / f"frame_{number}.csv").write_text(csv_of(part), encoding="utf-8")
+    check(read(tmp_path, file="frame_*.csv", frames=[1.0, "4 s"]))
+
+
+def test_arrays_of_an_image_correlation_are_read(tmp_path: Path) -> None:
+    """A grid of places, and times before it."""
+    x, y, _ = PLACES.reshape(3, 2, 3).transpose(2, 0, 1)
+    t = T[:, None, None]
+    u = np.stack([10 * x * t, -20 * y * t], axis=-1)
+    np.savez(tmp_path / "dic.npz", X=x, Y=y, t=T, disp=u)
+    columns = {"x": "X", "y": "Y", "u1": "disp[0]", "u2": "disp[1]"}
+    check(read(tmp_path, file="dic.npz", columns=columns, fixed={"z": 1.0}))
+
+
+def test_vtu_files_are_read(tmp_path: Path) -> None:
+    for k, t in enumerate(T):
+        u = np.stack([10 * PLACES[:, 0] * t, -20 * PLACES[:, 1] * t, 0 * PLACES[:, 0]], axis=1)
+        cells = [("vertex", np.arange(6)[:, None])]
+        meshio.Mesh(PLACES, cells, point_data={"u": u}).write(tmp_path / f"f{k}.vtu")
+    check(read(tmp_path, file="f*.vtu", frames=[1.0, 4.0], quantities=["u1", "u2"]))
+
+
+def test_the_place_of_the_camera_is_taken_off(tmp_path: Path) -> None:
+    """Its x axis is the body's y axis, and its origin lies elsewhere; displacements stay in its axes."""
+    every = rows()
+    turned = {**every, "x": every["y"] - 0.3, "y": 0.4 - every["x"]}
+    found = read(tmp_path, csv_of(turned), camera={"offset": ["0.4 mm", 0.3, 0.0], "rotation": [0, 0, 90]})
+    np.testing.assert_allclose(
+        found[0].series.places, np.stack([every[c] for c in "xyz"], axis=1) / 2, atol=1e-12
+    )
+    assert found[0].series.cloud.axes is not None
+
+
+def test_lost_points_duplicates_and_points_outside_are_counted(tmp_path: Path) -> None:
+    every = {name: values.tolist() for name, values in rows().items()}
+    every["u1"][3] = "NaN"
+    every["u2"][4] = ""
+    every["x"][5] = "---"
+    for name in every:  # one row twice, with other values
+        every[name].append(every[name][0])
+    every["u1"][-1] += 2.0
+    every["y"][7] = 3.9
+    found = read(tmp_path, csv_of(every), outside=0.1)
+    assert [len(curve) for curve in found] == [9, 9]
+    notes = " ".join(note for curve in found for note in curve.notes)
+    assert "1 of 13 rows have no place or no time, and were left out" in notes
+    assert "1 of 12 values lie outside the body and were left out" in notes
+    assert "1 values have the place and the time of another one; the means of such values count" in notes
+    assert "1 of 11 values of u1 are missing, and were left out" in notes
+    first = found[0]
+    assert first.measured[0] == pytest.approx(rows()["u1"][0] + 1.0)
+    assert first.deviations[0] == pytest.approx(1 / np.sqrt(2))
+
+
+FAULTS: dict[str, tuple[dict[str, Any], str]] = {
+    "a metre for a millimetre": (
+        {"unit": "m"},
+        "would fit if they were 0.001 times as large: check the unit",
+    ),
+    "axes exchanged": (
+        {"columns": {"x": "y", "y": "x"}},
+        "would fit with other axes: check the columns",
+    ),
+    "elsewhere": (
+        {"camera": {"offset": [7.0, 0.0, 0.0]}},
+        "would fit at another place: give 'camera.offset:'",
+    ),
+    "no time": ({"columns": {"t": "missing"}}, "no column is called 'missing'"),
+    "no value": ({"quantities": ["p"]}, "quantities: .* has no 'p'; it has u1"),
+    "no deviation": ({"deviation": None}, "deviation: missing; give the standard deviation of u1"),
+    "a deviation of 0": ({"deviation": 0.0}, "deviation: expected a number above 0"),
+    "behind the end": ({"time_unit": "h"}, r"film.csv:2: t: the time 1 h lies behind the end"),
+    "a pattern of nothing": ({"file": "none*.csv"}, "file: no file is called 'none\\*.csv'"),
+    "no such file": ({"file": "none.csv"}, "none.csv cannot be read"),
+    "too many frames": ({"frames": [1.0]}, "frames: expected a pattern of files"),
+    "a wrong unit": ({"displacement_unit": "kPa"}, "displacement_unit: "),
+    "nothing in time": ({"since": 5.0}, "file: no row of .* has a finite place and a time that counts"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_faults_get_one_message(tmp_path: Path, fault: str) -> None:
+    keys, naming = FAULTS[fault]
+    with pytest.raises(ConfigurationError, match=naming) as told:
+        read(tmp_path, csv_of(rows()), **keys)
+    assert "\n" not in str(told.value)
+
+
+def test_a_film_of_next_to_one_point_is_doubted(tmp_path: Path) -> None:
+    found = read(tmp_path, csv_of(rows()), unit="um")
+    assert found[0].notes == (
+        "the points extend over 2.7e-06 m, and the body over 0.003 m; check the unit of the places, 'unit:'",
+    )
+
+
+def test_an_entry_that_is_no_number_is_told_with_its_line(tmp_path: Path) -> None:
+    every = {name: values.tolist() for name, values in rows().items()}
+    every["u2"][4] = "lost"
+    with pytest.raises(ConfigurationError, match=r"film.csv:6: u2: expected a number, got 'lost'"):
+        read(tmp_path, csv_of(every))
+    assert len(read(tmp_path, csv_of(every), missing=["lost"])[1]) == 11
+
+
+def test_files_that_are_no_arrays_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.npz").write_bytes(b"PK\x03\x04 nothing")
+    (tmp_path / "a.vtu").write_text("<VTKFile>", encoding="utf-8")
+    for name, naming in (
+        ("a.npz", "is no readable NPZ file"),
+        ("a.vtu", "expected points with data that meshio reads"),
+    ):
+        with pytest.raises(ConfigurationError, match=naming):
+            read(tmp_path, file=name)
+    np.savez(tmp_path / "b.npz", x=np.zeros(3), y=np.zeros(4))
+    with pytest.raises(ConfigurationError, match=r"arrays of .* that have one shape"):
+        read(tmp_path, file="b.npz")
+
+
+def test_points_beyond_a_symmetry_plane_are_their_mirror_images(tmp_path: Path) -> None:
+    """A film of the whole width of a specimen of which a half is solved."""
+    half = MacroSetup(
+        body={**BODY, "symmetry": ["x-"]},
+        boundary={"x-": {"normal": 0}, **HELD},
+        time={"end": 0.3, "ramp_increments": 1, "ramp_step": 0.01},
+    )
+    every, other = rows(), np.arange(12) % 2 == 1
+    mirrored = {**every, **{name: np.where(other, -every[name], every[name]) for name in ("x", "u1")}}
+    (tmp_path / "film.csv").write_text(csv_of(mirrored), encoding="utf-8")
+    with using_units(ResultUnits(SCALES)):
+        found, _ = read_film("film", PointsSettings(file="film.csv", **KEYS), tmp_path, half, SCALES)
+    check(found)
+    assert "6 of 12 points lie beyond a symmetry plane and count as their mirror images" in found[0].notes
