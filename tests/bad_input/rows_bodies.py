@@ -33,7 +33,41 @@ CONTRADICTIONS = {
         "macro.boundary.y+: the plate moves as one, but macro.boundary.x+ prescribes u_2 on their common edge",
     ),
 }
+#: What a body in two dimensions does not have.
+PLUG = {"kind": "axisymmetric", "radius": 1, "height": 1, "elements": [1, 1]}
+HELD_PLUG = {"y-": {"normal": 0}, "side": {"pressure": 0}}
+FLAT = {
+    "zero radius": ({"macro.body": PLUG | {"radius": 0}}, "macro.body.radius"),
+    "no wall": (
+        {"macro.body": PLUG | {"inner_radius": 1}},
+        "inner_radius = 1 leaves nothing within radius = 1; make it smaller",
+    ),
+    "a normal on z": (
+        {"macro.body": PLUG, "macro.boundary": HELD_PLUG | {"z-": {"normal": 0}}},
+        "macro.boundary.z-",
+    ),
+    "a traction around": (
+        {"macro.body": PLUG, "macro.boundary": HELD_PLUG | {"y+": {"traction": [0, 0, 1]}}},
+        "macro.boundary.y+.traction: got a third component; an axisymmetric body has none around the axis",
+    ),
+    "a body force across": (
+        {
+            "macro.body": {"kind": "plane-strain", "size": [1, 1], "elements": [1, 1]},
+            "macro.boundary": {"y-": {"displacement": [0, 0, 0]}},
+            "macro.body_force": [0, 0, 1],
+        },
+        "macro.body_force: got a third component; a body in plane strain has none along z",
+    ),
+    "a side as symmetry plane": (
+        {
+            "macro.body": PLUG | {"symmetry": ["side"]},
+            "macro.boundary": {"y-": {"normal": 0}, "side": {"normal": 0}},
+        },
+        "'side' is no symmetry plane, because it goes around the axis of revolution",
+    ),
+}
 ROWS = [
+    *(faulty(f"two dimensions: {name}", changes, part) for name, (changes, part) in FLAT.items()),
     *(faulty(f"free: {name}", {"macro.boundary": held}, part) for name, (held, part) in FREE.items()),
     faulty(
         "free: a wedge along its oblique plane",

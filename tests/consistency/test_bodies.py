@@ -10,6 +10,7 @@ import pytest
 
 from porocore.commands.crosscheck.bodies import history_difference, node_orders
 from porocore.interfaces.solution import Profile
+from porocore.macro.problem import MacroProblem
 from porocore.testing.synthetic.response import confined_column, linear_law, mean_gradient_law
 
 TOLERANCE = 1e-8
@@ -41,6 +42,31 @@ PROBLEMS = {
         },
         **BOX,
     ),
+}
+FLAT = {
+    "tube": {"kind": "axisymmetric", "radius": 1.2, "inner_radius": 0.4, "height": 1.0, "elements": (3, 2)},
+    "plate": {
+        "kind": "plane-strain",
+        "size": (0.8, 1.0),
+        "depth": 0.3,
+        "elements": (3, 2),
+        "grading": (2, 1),
+    },
+}
+PROBLEMS |= {
+    name: MacroProblem.model_validate(
+        {
+            "body": body,
+            "boundary": {
+                "y-": {"displacement": (0, 0, None)},
+                "y+": {"traction": (0.3, 1.0, 0), "pressure": 0.0},
+                "side" if name == "tube" else "x+": {"follower": -0.5, "pressure": 0.0},
+            },
+            "load": -0.03,
+            **EXACT,
+        }
+    )
+    for name, body in FLAT.items()
 }
 LAWS = {"linear": linear_law, "mean-gradient": mean_gradient_law}
 #: Scale of each nodal field and element mean, where it is small everywhere.

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from porocore.commands.verify.linear_cases import isotropic_law
+from porocore.commands.verify.linear_cases import isotropic_law, unconfined_errors
 from porocore.errors import ConfigurationError
 from porocore.interfaces.sensitivities import (
     BoundaryChange,
@@ -15,6 +15,7 @@ from porocore.interfaces.sensitivities import (
     InitialPressureChange,
     LoadChange,
 )
+from porocore.macro.analytic import UnconfinedCompression
 from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.plugins.registry import registry
 from porocore.testing.synthetic.response import mean_gradient_law
@@ -156,6 +157,14 @@ def test_lame(make_solver):
     nu = lame / (2 * (lame + shear))
     force = 2 * nu * constant * np.pi * (b**2 - a**2)
     assert found.reactions["y+"][-1, 1] == pytest.approx(force, rel=1e-4)
+
+
+@pytest.mark.slow
+def test_unconfined_compression_is_that_of_armstrong_lai_and_mow(make_solver):
+    """The force, the radius and the pressure on the axis over time, of a disc that is squeezed along a ramp."""
+    exact = UnconfinedCompression(1.0, -0.01, lame=0.3, shear=0.4, conductivity=1.0, ramp=0.05)
+    body = {"kind": "axisymmetric", "elements": (36, 1)}
+    assert max(unconfined_errors(make_solver(), exact, body, (), 4e-6)) < 1e-3
 
 
 def test_a_plug_is_the_wedge_as_its_elements_become_finer(make_solver):

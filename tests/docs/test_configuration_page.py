@@ -219,7 +219,7 @@ def test_sections_and_lists_of_sections_are_walked_through():
 
 def test_keys_that_kinds_share_are_listed_once():
     shared = [kinds for kinds, key in keys_by_kind("macro.body") if key.name == "radius"]
-    assert shared == [["cylinder", "quarter-cylinder", "wedge"]]
+    assert shared == [["cylinder", "quarter-cylinder", "wedge", "axisymmetric"]]
 
 
 # ---- options -------------------------------------------------------------------------------------

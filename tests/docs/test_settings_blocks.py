@@ -13,7 +13,7 @@ import yaml
 
 from porocore.plugins.registry import registry
 from porocore.study.config.config import RunConfig
-from porocore.study.config.loading import MODELINE, load_config
+from porocore.study.config.loading import MODELINE, SURFACES, load_config
 from porocore.study.notes.checks import place as place_body
 from porocore.study.notes.outline import outline
 from tests.docs.fragments import example, role, with_fragment
@@ -47,6 +47,11 @@ def study_with(part: dict[str, Any]) -> dict[str, Any]:
     if set(part) <= {"cell", "scales", "output_units"}:  # a cell alone needs no length of a body
         study.get("scales", {}).setdefault("length", 1.0)
     named = set(study["macro"].get("surfaces", {})) | {"x-", "x+", "y-", "y+", "z-", "z+"}
+    kind = part.get("macro", {}).get("body", {}).get("kind", "box")
+    if kind != "box" and (own := SURFACES.get(kind)):  # the example's body is a box
+        faces = study["macro"]["boundary"]
+        study["macro"]["boundary"] = {name: faces[name] for name in own if name in faces}
+        named = set(own)
     if not set(study["macro"]["boundary"]) <= named:
         pytest.fail("a fragment prescribes something on a surface that neither it nor the example has")
     return study

@@ -193,13 +193,13 @@ HEIGHT = 0.5
 
 
 def unconfined(
-    body: dict[str, Any], planes: tuple[str, str], solver: MacroSolver, long: bool
+    body: dict[str, Any], planes: tuple[str, ...], solver: MacroSolver, long: bool
 ) -> Sequence[Check]:
     """Check a part of a cylinder between its symmetry planes against Armstrong's solution."""
     exact = UnconfinedCompression(1.0, -0.01, lame=0.3, shear=0.4, conductivity=1.0, ramp=0.05)
     # The error of a step goes with its square and that of the history with the step.
     tolerances = (5e-4, 1.25e-4) if long else (5e-4,)
-    found = [_unconfined_errors(solver, exact, body, planes, tolerance) for tolerance in tolerances]
+    found = [unconfined_errors(solver, exact, body, planes, tolerance) for tolerance in tolerances]
     checks = []
     for i, quantity in enumerate(("force on the plates", "radius", "pressure on the axis")):
         steps, errors = np.sqrt(tolerances).tolist(), [errors[i] for errors in found]
@@ -208,11 +208,11 @@ def unconfined(
     return checks
 
 
-def _unconfined_errors(
+def unconfined_errors(
     solver: MacroSolver,
     exact: UnconfinedCompression,
     body: dict[str, Any],
-    planes: tuple[str, str],
+    planes: tuple[str, ...],
     tolerance: float,
 ) -> list[float]:
     """Return the largest error of each quantity over the history."""
@@ -255,6 +255,7 @@ UNCONFINED = VerificationCase(
         "quarter": partial(unconfined, {"kind": "quarter-cylinder"}, ("x-", "z-")),
         # A twelfth, one plane of which is oblique.
         "wedge": partial(unconfined, {"kind": "wedge", "angle": 30}, ("oblique", "z-")),
+        "meridian": partial(unconfined, {"kind": "axisymmetric", "elements": (12, 1)}, ()),
     },
 )
 

@@ -167,7 +167,7 @@ class Axisymmetric(Body):
     kind: Literal["axisymmetric"]
     """A body of revolution about the y axis, solved in its meridian: x is the radius, y the axis."""
     radius: Length
-    """Radius of the surface ``side``."""
+    """Radius of the mantle about the y axis."""
     inner_radius: Annotated[float, Field(ge=0), Dimension("displacement")] = 0.0
     """Radius of the surface ``inner`` of a hollow body; 0: the axis belongs to it."""
     height: Length

@@ -79,7 +79,7 @@ class FlatBodies(Solving):
         holds(P[0, 0] > 1e-3, state, "P_E,11 above 1e-3", P[0, 0])
 
     def test_the_tangent_is_the_derivative_of_the_residual_in_two_dimensions(self, flat: str) -> None:
-        """With a pressure that follows, at a state without any symmetry."""
+        """A pressure follows, and the state has no symmetry."""
         outer = OUTER[flat]
         boundary = {"y-": {"displacement": (0, 0, None)}, outer: {"follower": 0.3, "pressure": 0}}
         data = {"body": SHAPES[flat], "boundary": boundary, "time": SHORT, "load": 1.0}
