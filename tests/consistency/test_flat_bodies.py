@@ -268,7 +268,7 @@ def test_the_tangent_is_the_slope_of_the_residual(make_solver, kind):
     slope = (residual(x + h * moved)[0] - residual(x - h * moved)[0]) / (2 * h)
     right = np.zeros(len(x))
     right[d.free] = slope
-    system = d.system(residual(x)[1].tangent, 0.3, d.follower_tangent(x, loads))
+    system = d.coupled(residual(x)[1].tangent, 0.3, x, loads).system
     found = d.solve(system, right, np.zeros(len(d.prescribed)))
     np.testing.assert_allclose(found[d.free], moved[d.free], atol=1e-5 * np.abs(moved).max())
 

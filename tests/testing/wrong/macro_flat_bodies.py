@@ -28,12 +28,12 @@ class TestTangentWithoutTheHoop(Law):
     caught_by = "test_the_tangent_is_the_derivative_of_the_residual_in_two_dimensions"
 
     class elements(Elements):
-        def system(self, tangent, dt, follower=None):
+        def system(self, tangent, dt, surface=None):
             if self.mesh.revolved:
                 stiffness = tangent.stress_grad_u.copy()
                 stiffness[:, 2, 2] = 0
                 tangent = replace(tangent, stress_grad_u=stiffness)
-            return super().system(tangent, dt, follower)
+            return super().system(tangent, dt, surface)
 
 
 class TestFollowerOnTheFirstCircle(Law):
@@ -42,10 +42,10 @@ class TestFollowerOnTheFirstCircle(Law):
     caught_by = "test_a_pressure_all_around_follows_a_surface_of_revolution"
 
     class elements(Elements):
-        def _following(self, x, pressures):
-            return super()._following(0 * x, pressures)
+        def surface_forces(self, x, loads, dt):
+            return super().surface_forces(0 * x, loads, dt)
 
-        def follower_tangent(self, x, loads):
+        def surface_tangent(self, x, loads, dt):
             return None
 
 
