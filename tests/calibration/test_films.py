@@ -205,6 +205,22 @@ def test_files_that_are_no_arrays_are_refused(tmp_path: Path) -> None:
         read(tmp_path, file="b.npz")
 
 
+def test_a_film_of_a_meridian_may_show_both_sides_of_the_axis(tmp_path: Path) -> None:
+    body = {"kind": "axisymmetric", "radius": 0.5, "height": 1.5, "elements": [2, 3]}
+    round_ = MACRO.model_validate({**MACRO.model_dump(), "body": body})
+    every, other = {name: values for name, values in rows().items() if name != "z"}, np.arange(12) % 2 == 1
+    mirrored = {**every, **{name: np.where(other, -every[name], every[name]) for name in ("x", "u1")}}
+    (tmp_path / "film.csv").write_text(csv_of(mirrored), encoding="utf-8")
+    with using_units(ResultUnits(SCALES)):
+        found, _ = read_film("film", PointsSettings(file="film.csv", **KEYS), tmp_path, round_, SCALES)
+    np.testing.assert_allclose(found[0].measured, every["u1"])
+    np.testing.assert_allclose(found[0].series.places[:, 0], every["x"] / 2)
+    np.testing.assert_array_equal(found[0].series.places[:, 2], 0.0)
+    assert (
+        "6 of 12 points lie beyond the axis of revolution and count as their mirror images" in found[0].notes
+    )
+
+
 def test_points_beyond_a_symmetry_plane_are_their_mirror_images(tmp_path: Path) -> None:
     """A film of the whole width of a specimen of which a half is solved."""
     half = MacroSetup(

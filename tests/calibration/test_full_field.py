@@ -97,6 +97,28 @@ def test_slopes_of_fields_are_limits_of_differences(place: str) -> None:
             assert np.abs(slopes @ move - part).max() <= ACCURACY * np.abs(part).max()
 
 
+FLAT: dict[str, dict[str, Any]] = {
+    "axisymmetric": {"kind": "axisymmetric", "radius": 0.5, "height": 1.5, "elements": [2, 3]},
+    "plane strain": {"kind": "plane-strain", "size": [0.5, 1.5], "elements": [2, 3]},
+}
+
+
+@pytest.mark.parametrize("kind", FLAT)
+def test_films_of_bodies_in_two_dimensions_have_slopes(kind: str) -> None:
+    """A film of the meridian or of the section, at deformed places."""
+    sides = {"y-": MACRO["boundary"]["y-"], "y+": MACRO["boundary"]["y+"]}
+    if kind == "plane strain":
+        sides["x-"] = {"normal": 0}
+    macro = {**MACRO, "body": FLAT[kind], "boundary": sides, "probes": {}}
+    plan = filmed({**FILM, "grid": [3, 4, 1], "place": "deformed"}, GRID, macro=macro)
+    assert len(plan.curves[0]) == 3 * 12
+    model, at = model_of(plan), starts(plan)
+    move = 2e-5 * np.array([1.0, -0.6, 0.7, 0.2, -0.9, 0.5, 0.3])
+    found, wanted = model.curves(at), (model.curves(at + move).values - model.curves(at - move).values) / 2
+    for part, slopes in zip(by_curve(wanted, plan.curves), by_curve(found.slopes, plan.curves), strict=True):
+        assert np.abs(slopes @ move - part).max() <= ACCURACY * np.abs(part).max()
+
+
 def test_a_field_at_a_probe_is_the_probe() -> None:
     """The place of the probe is a point of the film."""
     film = {**FILM, "grid": [1, 1, 1], "fixed": {"x": 0.2, "y": 0.6, "z": 0.3}, "quantities": ["u2", "p"]}

@@ -184,7 +184,7 @@ class CloudView:
         near: list[BodyPoints] | None = None,
     ) -> None:
         self.cloud, self._camera = cloud, camera
-        mesh = BodyMesh(solution.points, solution.cells)
+        mesh = BodyMesh.of(solution)
         profiles = solution.profiles
         self._frames, steps = cloud.frames, np.array([each.time for each in profiles]) * to_study
         self._at = HistoryInterpolation.at(steps, np.array([time for time, _ in cloud.frames]) + shift)

@@ -321,22 +321,26 @@ def _lacking(missing: Sequence[str], film: Film) -> str:
 def _mirrored(places: Array, macro: MacroSetup) -> tuple[Array, Array, list[str]]:
     """Return places in the part of a symmetric body that is solved, signs (n, 3) of displacements there, and notes.
 
-    Planes across an axis alone count.
+    Planes across an axis alone count, and in a meridian the axis of revolution.
     """
     signs, places, turned = np.ones_like(places), places.copy(), np.zeros(len(places), dtype=bool)
-    for normal in Symmetry.of(macro).normals.values():
-        axis = int(np.abs(normal).argmax())
-        if abs(normal[axis]) < 1 - SAME_PLACE:
-            continue
-        mesh, side = body_mesh(macro), np.sign(normal[axis])
-        at = float((side * mesh.points[:, axis]).max())
-        size = float(np.ptp(mesh.points, axis=0).max())
+    mesh, size = body_mesh(macro), float(np.ptp(body_mesh(macro).points, axis=0).max())
+    planes = [
+        (axis, float(np.sign(normal[axis])))
+        for normal in Symmetry.of(macro).normals.values()
+        if abs(normal[axis := int(np.abs(normal).argmax())]) >= 1 - SAME_PLACE
+    ]
+    if mesh.revolved:
+        planes.append((0, -1.0))
+    for axis, side in planes:
+        at = 0.0 if mesh.revolved and axis == 0 else float((side * mesh.points[:, axis]).max())
         beyond = side * places[:, axis] > at + SAME_PLACE * size
         places[beyond, axis] = side * 2 * at - places[beyond, axis]
         signs[beyond, axis] *= -1
         turned |= beyond
     count = int(turned.sum())
-    said = [f"{count} of {len(places)} points lie beyond a symmetry plane and count as their mirror images"]
+    beyond_what = "the axis of revolution" if mesh.revolved else "a symmetry plane"
+    said = [f"{count} of {len(places)} points lie beyond {beyond_what} and count as their mirror images"]
     return places, signs, said if count else []
 
 

@@ -138,7 +138,7 @@ def _weights(solution: MacroSolution) -> HistoryWeights:
     """Return growing weights of displacements, a probe and the profiles, falling ones of pressures and drainage."""
     growing = np.linspace(0.5, 2.0, len(solution.history.time))[:, None]
     falling, probe = growing[::-1], growing[:, :, None] * np.array([0.0, 1.0, 0.0, 20.0])[:, None]
-    corners = len(BodyMesh(solution.points, solution.cells).p_nodes)
+    corners = len(BodyMesh.of(solution).p_nodes)
     size = (len(solution.profiles), 3 * len(solution.points) + corners, 1)
     fields = 1e-2 * np.random.default_rng(5).uniform(-1, 1, size)
     return HistoryWeights(
