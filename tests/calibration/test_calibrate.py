@@ -20,6 +20,7 @@ from porocore.commands.calibration.calibrate import _identity, _with_made_up_dat
 from porocore.commands.calibration.cells import families
 from porocore.commands.calibration.command import print_unknowns
 from porocore.commands.calibration.experiment import ExperimentModel
+from porocore.commands.calibration.observations import by_curve
 from porocore.commands.calibration.problem import Unknown
 from porocore.core.console import Console
 from porocore.core.files.store import ResultStore
@@ -475,3 +476,50 @@ def test_each_deviation_of_a_long_curve_counts_for_what_a_folder_is_of() -> None
     assert identity() == before
     spread[1500] *= 2
     assert {name for name, hash_ in identity().items() if hash_ != before[name]} == {"data of 'settlement'"}
+
+
+def film_rows(found: porocore.Calibration, moved: bool = False) -> str:
+    """The measured film as a CSV file; at the places to which the fitted particles have come if ``moved``."""
+    curves = found.plan.curves
+    fitted = by_curve(found.inference.best.prediction.values, curves)
+    places = curves[0].series.places + (np.stack([*fitted, 0 * fitted[0]], axis=1) if moved else 0.0)
+    columns = [*places.T, curves[0].times, *(curve.measured for curve in curves)]
+    return "\n".join(
+        ["x,y,z,t,u1,u2", *(",".join(map(repr, row)) for row in np.stack(columns, axis=1).tolist())]
+    )
+
+
+@pytest.mark.slow
+def test_a_film_in_a_file_is_fitted_as_the_same_made_up_one(base: Path) -> None:
+    """Made-up values of a film, written and read, give the same answer; so do the places where its points come to."""
+    film = {
+        "grid": [4, 30, 1],
+        "fixed": {"z": 0.05},
+        "times": TIMES,
+        "quantities": ["u1", "u2"],
+        "deviation": 1e-4,
+    }
+    unknowns = {"radius": {"lower": 0.2, "upper": 0.28}}
+    section = {"unknowns": unknowns, "points": {"film": film}, "fit": {"starts": 1, "rays": 0}}
+    store = base / "store"
+
+    def run(section: dict[str, Any], name: str, **how: Any) -> porocore.Calibration:
+        study = {**STUDY, "calibration": section}
+        return porocore.calibrate(study, base / name, progress=False, store=store, **how)
+
+    made = run(section, "film", synthetic=True)
+    low, high = made.intervals["radius"]
+    assert low is not None
+    assert high is not None
+    assert low < 0.24 < high
+    assert (made.path / "points.csv").read_text(encoding="utf-8").count("\n") == 1 + 2 * 120 * 8
+    for name, moved in (("read", False), ("moved", True)):
+        path = base / f"{name}.csv"
+        path.write_text(film_rows(made, moved), encoding="utf-8")
+        place = "deformed" if moved else "reference"
+        of_file = {"file": str(path), "deviation": 1e-4, "place": place}
+        again = run({**section, "points": {"film": of_file}}, name)
+        assert again.values["radius"] == pytest.approx(made.values["radius"], rel=1e-5)
+    found = results(again.path)
+    resumed = run({**section, "points": {"film": of_file}}, name, resume=True)
+    assert results(resumed.path) == found
