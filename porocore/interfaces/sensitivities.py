@@ -132,6 +132,29 @@ class BoundaryChange:
     component: int = 0
 
 
+#: What changes of an indenter: what is prescribed of it, the radius of its shape, or its place along its direction.
+IndenterQuantity = Literal["displacement", "force", "radius", "offset"]
+
+
+@dataclass(frozen=True)
+class IndenterChange:
+    """Change of an indenter of ``macro.contact``.
+
+    The derivative by its displacement or force is as that by a prescribed value (:class:`BoundaryChange`), and that by
+    its radius keeps the tip where it is. The offset is a way of its place along its direction.
+
+    Attributes
+    ----------
+    indenter
+        Name of the indenter.
+    quantity
+        What changes.
+    """
+
+    indenter: str
+    quantity: IndenterQuantity
+
+
 @dataclass(frozen=True)
 class InitialPressureChange:
     """Change of the pressure with which the body begins, everywhere."""
@@ -146,6 +169,7 @@ MacroChange: TypeAlias = (
     | ViscosityChange
     | LoadChange
     | BoundaryChange
+    | IndenterChange
     | InitialPressureChange
 )
 
@@ -169,6 +193,8 @@ class HistoryWeights:
         Of the force on each surface that is held or moved.
     inflow : name → (steps, f)
         Of the inflow through each surface with a prescribed pressure.
+    contact : name → (steps, 7, f)
+        Of the columns of each indenter.
     compression : name → (steps, f)
         Of the compressive force on each plane surface; of a study, a solver takes none.
     profiles : (profiles, unknowns, f)
@@ -185,6 +211,7 @@ class HistoryWeights:
     probes: Mapping[str, Array] = field(default_factory=dict)
     reactions: Mapping[str, Array] = field(default_factory=dict)
     inflow: Mapping[str, Array] = field(default_factory=dict)
+    contact: Mapping[str, Array] = field(default_factory=dict)
     compression: Mapping[str, Array] = field(default_factory=dict)
     profiles: Array | None = None
 
@@ -214,6 +241,9 @@ class MacroSensitivities:
     profiles : (profiles, unknowns, k)
         Of the nodal fields in the profiles of the solution, displacements first: 3 · node + component, then the
         pressures at the corners; None: they were not asked for.
+    contact : name → (steps, 7, k)
+        Of the columns of each indenter, as :class:`~porocore.interfaces.solution.MacroSolution` has them; those of the
+        initial state are 0, and that of the largest pressure is of the point where it is.
     """
 
     changes: tuple[MacroChange, ...]
@@ -227,3 +257,4 @@ class MacroSensitivities:
     inflow: Mapping[str, Array]
     compression: Mapping[str, Array]
     profiles: Array | None = None
+    contact: Mapping[str, Array] = field(default_factory=dict)

@@ -16,7 +16,7 @@ from porocore.core.formulas import TimeFunction, Value
 from porocore.core.units import units_now
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import BodyMesh, Facets
-from porocore.macro.boundary.contact import Contact, inside, united
+from porocore.macro.boundary.contact import Contact, IndenterChanges, inside, united
 from porocore.macro.boundary.reactions import Share, Support, shares
 from porocore.macro.boundary.rigid import RigidIndenter
 from porocore.macro.problem import Boundary, MacroProblem
@@ -290,6 +290,11 @@ class Loads:
         Displacement of each indenter, or the force on it.
     motions
         Displacement of each indenter, as Newton's method has it; empty: those under a force are where they rest.
+    offsets, radii
+        Of changes of the loads: those of the place of each indenter along its direction, and of its radius; empty:
+        none.
+    stiffening
+        Of changes of the loads: the relative one of the penalty of all indenters.
     """
 
     values: Array
@@ -297,6 +302,18 @@ class Loads:
     pressures: tuple[float, ...] = ()
     indenters: tuple[float, ...] = ()
     motions: tuple[float, ...] = ()
+    offsets: tuple[float, ...] = ()
+    radii: tuple[float, ...] = ()
+    stiffening: float = 0.0
+
+    @property
+    def indenter_changes(self) -> list[IndenterChanges]:
+        """What changes of each indenter, of loads that are a change."""
+        nothing = (0.0,) * len(self.indenters)
+        return [
+            IndenterChanges(*each, self.stiffening)
+            for each in zip(self.indenters, self.offsets or nothing, self.radii or nothing, strict=True)
+        ]
 
 
 def boundary_data(mesh: BodyMesh, problem: MacroProblem) -> BoundaryData:

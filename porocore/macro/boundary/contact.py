@@ -23,6 +23,8 @@ from porocore.macro.body.mesh import BodyMesh, Facets
 from porocore.macro.boundary.rigid import RigidIndenter, SignedDistance
 from porocore.states import Array, BoolArray, IntArray
 
+#: Places of force, displacement, area, pressure and outflow among the columns of a contact.
+FORCE, MOVED, AREA, PRESSURE, FLOW = 0, 1, 2, 4, 6
 #: Gap at which all of a surface drains that is drained outside the contact, as a share of the facet's width.
 OPEN = 0.01
 #: A drained point lets fluid pass so many times better than a layer of the body one element thick.
@@ -370,16 +372,97 @@ class IndenterContact:
             return np.zeros(len(self.whole))
         return self._sum(self._slope @ self.contact.along, None) / self.stiffness
 
-    @property
-    def motion_by_prescribed(self) -> float:
-        """Derivative of the displacement of the indenter by what is prescribed of it, that or a force."""
+    @cached_property
+    def _by_radius(self) -> tuple[Array, Array]:
+        """Derivatives by the radius of w t n (f, q, 3) at the points, and of the gap (f, q)."""
+        contact, shape = self.contact, self.gap.shape
+        slope = self.distance.by_radius.reshape(shape)
+        turned = self.distance.normal_by_radius.reshape(*shape, 3)
+        rise = np.where(self.touched, -self._penalty * slope, 0.0)
+        push = rise[:, :, None] * self.normal + self.pressure[:, :, None] * turned
+        return contact.areas[:, :, None] * push, slope
+
+    def change(self, own: IndenterChanges, dt: float) -> tuple[Array, float]:
+        """Return the change of the residual (unknowns,) and of the displacement of the shape at fixed unknowns."""
+        motion = self._moved(own)
+        found = motion * self.by_motion(dt)
+        if own.radius:
+            push, slope = self._by_radius
+            volumes = dt * self._seepage[1] * slope if self.contact.indenter.drains else None
+            found = found + own.radius * self._sum(-push, volumes)
+        if own.stiffness:
+            push = (self.contact.areas * self.pressure)[:, :, None] * self.normal
+            found = found - own.stiffness * self._sum(push, None)
+        return found, motion
+
+    def _moved(self, own: IndenterChanges) -> float:
+        """Return how far the shape moves, its offset included, under changes of what is given."""
         if not self.contact.by_force:
-            return 1.0
-        return 1 / self.stiffness if self.stiffness > 0 else 0.0
+            return own.prescribed + own.offset
+        if not self.stiffness > 0:
+            return 0.0
+        pushed = float((self._by_radius[0] @ self.contact.along).sum())
+        return (own.prescribed - own.radius * pushed - own.stiffness * self.force) / self.stiffness
+
+    @cached_property
+    def slopes(self) -> MeasuredSlopes:
+        """Derivatives of what is measured."""
+        contact, along = self.contact, self.contact.along
+        facet = contact.facets.mesh.element.facet
+        n, shape, size = self.normal, self.gap.shape, len(self.whole)
+        push, by_radius = self._by_radius
+        unknowns, motion, radius = np.zeros((7, size)), np.zeros(7), np.zeros(7)
+        unknowns[FORCE] = self._sum(-self._slope @ along, None)
+        motion[FORCE], radius[FORCE] = self.stiffness, (push @ along).sum()
+        motion[MOVED] = 1.0
+        if self.touched.any():
+            area = touched_area(contact, self.whole, self.motion)
+            for row, factor in (
+                (AREA, 1.0),
+                (AREA + 1, 0.5 / np.sqrt(np.pi * area.value) if area.value else 0.0),
+            ):
+                unknowns[row] = factor * area.unknowns
+                motion[row], radius[row] = factor * area.motion, factor * area.radius
+            for row, scale in ((PRESSURE, self._penalty * np.ones(shape)), (PRESSURE + 1, np.ones(shape))):
+                at = np.unravel_index((scale * self.gap).argmin(), shape)
+                rate = np.zeros(shape)
+                rate[at] = -scale[at]
+                unknowns[row] = self._sum(rate[:, :, None] * n, None)
+                motion[row], radius[row] = -(rate * (n @ along)).sum(), (rate * by_radius).sum()
+        if contact.indenter.drains:
+            by_gap = self._seepage[1]
+            share = contact.areas * contact.drainage(self.scales) * self._drained[0]
+            own = by_gap[:, :, None] * n
+            local = np.concatenate(
+                [
+                    np.einsum("fqi,qa->fai", own, facet.values).reshape(len(own), -1),
+                    np.einsum("fq,qc->fc", share, facet.corner_values),
+                ],
+                axis=1,
+            )
+            unknowns[FLOW] = np.bincount(contact.dofs.ravel(), local.ravel(), size)
+            motion[FLOW], radius[FLOW] = -(by_gap * (n @ along)).sum(), (by_gap * by_radius).sum()
+        return MeasuredSlopes(unknowns, motion, radius)
+
+    @property
+    def total_slopes(self) -> Array:
+        """Derivatives (7, unknowns) of what is measured by the unknowns, where an indenter under a force follows."""
+        found = self.slopes.unknowns
+        if self.contact.by_force:
+            found = found + np.outer(self.slopes.motion, self.motion_by_unknowns)
+        return found
+
+    def measured_change(self, own: IndenterChanges) -> Array:
+        """Return the change (7,) of what is measured at fixed unknowns."""
+        found = self._moved(own) * self.slopes.motion + own.radius * self.slopes.radius
+        found[MOVED] -= own.offset  # the displacement is that from the place
+        found[FORCE] += own.stiffness * self.force
+        found[PRESSURE] += own.stiffness * self.pressure.max(initial=0.0)
+        return found
 
     def measured(self) -> Array:
         """Return the values of :data:`porocore.interfaces.solution.CONTACT`, of this part of the body."""
-        area = touched_area(self.contact, self.whole, self.motion) if self.touched.any() else 0.0
+        area = touched_area(self.contact, self.whole, self.motion).value if self.touched.any() else 0.0
         return np.array(
             [
                 self.force,
@@ -393,14 +476,17 @@ class IndenterContact:
         )
 
     def nodal_pressure(self) -> Array:
-        """Return the contact pressure (nodes,) at the nodes of the facets, zero elsewhere."""
+        """Return the contact pressure (nodes,) at the nodes of the facets, zero elsewhere.
+
+        It is a mean of that at the quadrature points around, where alone it is the pressure that acts.
+        """
         contact, mesh = self.contact, self.contact.facets.mesh
-        nodes = contact.facets.nodes
-        arms = contact.arms(self.whole, np.eye(nodes.shape[1])).reshape(-1, 3)
-        depth = np.maximum(-contact.distance(arms, self.motion).gap, 0.0).reshape(nodes.shape)
-        found = np.zeros(len(mesh.points))
-        np.maximum.at(found, nodes.ravel(), (self._penalty * depth).ravel())
-        return found
+        nodes, share = contact.facets.nodes.ravel(), np.abs(mesh.element.facet.values)
+        pushed, area = (
+            np.bincount(nodes, (each @ share).ravel(), len(mesh.points))
+            for each in (contact.areas * self.pressure, contact.areas)
+        )
+        return np.divide(pushed, area, out=np.zeros(len(area)), where=area > 0)
 
     @cached_property
     def size(self) -> float:
@@ -410,42 +496,120 @@ class IndenterContact:
         return float(self._sum((weight * arms)[:, :, None] * np.ones(3), None).max(initial=0.0))
 
 
-def touched_area(contact: Contact, whole: Array, motion: float) -> float:
+@dataclass(frozen=True)
+class IndenterChanges:
+    """Changes of what is given of an indenter.
+
+    Attributes
+    ----------
+    prescribed
+        Of its displacement or force.
+    offset
+        Of its place along the direction.
+    radius
+        Of its shape.
+    stiffness
+        Of the penalty, relative: it follows the modulus of the solid.
+    """
+
+    prescribed: float = 0.0
+    offset: float = 0.0
+    radius: float = 0.0
+    stiffness: float = 0.0
+
+    @property
+    def any(self) -> bool:
+        """True if anything changes."""
+        return bool(self.prescribed or self.offset or self.radius or self.stiffness)
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredSlopes:
+    """Derivatives of the seven columns by the unknowns (7, unknowns), the motion of the shape and its radius (7,)."""
+
+    unknowns: Array
+    motion: Array
+    radius: Array
+
+
+@dataclass(frozen=True, eq=False)
+class TouchedArea:
+    """Reference area of a contact, with its derivatives by unknowns (unknowns,), motion and radius."""
+
+    value: float
+    unknowns: Array
+    motion: float
+    radius: float
+
+
+def touched_area(contact: Contact, whole: Array, motion: float) -> TouchedArea:
     """Return the reference area of the contact.
 
     Where a smooth indenter lets go of the surface, the gap opens with the power 3/2 of the distance. So the area with a
     gap below δ grows with δ^(2/3), and those of two values of δ give that of δ = 0. The gap itself is of no use: in
     the contact it is the penetration, as small as what the shape functions miss of the shape.
     """
-    parts = FacetParts.of(contact.facets.mesh)
+    parts, nodes = FacetParts.of(contact.facets.mesh), contact.facets.nodes
     at = contact.arms(whole, parts.values)
-    gap = contact.distance(at.reshape(-1, 3), motion).gap.reshape(at.shape[:2])
-    weights, found = parts.areas(contact.facets), []
-    for level in LEVELS:
+    distance = contact.distance(at.reshape(-1, 3), motion)
+    gap, weights = distance.gap.reshape(at.shape[:2]), parts.areas(contact.facets)
+    ratio = (LEVELS[1] / LEVELS[0]) ** (2 / 3)
+    total, by_gap = 0.0, np.zeros(gap.shape)
+    for level, factor in zip(LEVELS, (ratio / (ratio - 1), -1 / (ratio - 1)), strict=True):
         below = gap - level * contact.widths
         near = np.flatnonzero((below < 0).any(axis=1))
-        shares = covered(below[near][:, parts.simplices].reshape(-1, parts.simplices.shape[1]))
-        found.append(float(weights[near].ravel() @ shares))
-    ratio = (LEVELS[1] / LEVELS[0]) ** (2 / 3)
-    return max(float(found[0] - (found[1] - found[0]) / (ratio - 1)), 0.0)
+        k = parts.simplices.shape[1]
+        shares, slopes = covered(below[near][:, parts.simplices].reshape(-1, k))
+        own = factor * weights[near].ravel()
+        total += float(own @ shares)
+        rows = np.repeat(near, parts.simplices.size)
+        columns = np.tile(parts.simplices.ravel(), len(near))
+        np.add.at(by_gap, (rows, columns), (own[:, None] * slopes).ravel())
+    n = distance.normal.reshape(at.shape)
+    local = np.einsum("fv,fvi,va->fai", by_gap, n, parts.values, optimize=True)
+    dofs = (3 * nodes[:, :, None] + np.arange(3)).ravel()
+    return TouchedArea(
+        max(total, 0.0),
+        np.bincount(dofs, local.ravel(), len(whole)).astype(float),
+        -float((by_gap * (n @ contact.along)).sum()),
+        float((by_gap.ravel() * distance.by_radius).sum()),
+    )
 
 
-def covered(gaps: Array) -> Array:
-    """Return the shares (n,) of segments or triangles with the values (n, 2 or 3) of a linear function below zero."""
+def covered(gaps: Array) -> tuple[Array, Array]:
+    """Return the shares of segments or triangles where a linear function is below zero, with their slopes.
+
+    Parameters
+    ----------
+    gaps : (n, 2 or 3)
+        Its values at the corners.
+
+    Returns
+    -------
+    shares, slopes : (n,), (n, 2 or 3)
+        The latter are the derivatives by the values.
+    """
     inside = gaps < 0
     count, k = inside.sum(axis=1), gaps.shape[1]
-    found = (count == k).astype(float)
+    found, slopes = (count == k).astype(float), np.zeros(gaps.shape)
     for one, sign in ((1, 1.0), (k - 1, -1.0)):
         if k == 2 and sign < 0:
             continue
         # The one corner that stands alone, and the share of its edges that are cut off.
         rows = np.flatnonzero(count == one)
         alone = (inside if sign > 0 else ~inside)[rows].argmax(axis=1)
+        is_alone = np.arange(k) == alone[:, None]
         own = gaps[rows, alone][:, None]
-        others = gaps[rows][np.arange(k) != alone[:, None]].reshape(len(rows), k - 1)
-        share = (own / (own - others)).prod(axis=1)
+        apart = own - gaps[rows][~is_alone].reshape(len(rows), k - 1)
+        share = np.divide(own, apart, out=np.zeros_like(apart), where=apart != 0).prod(axis=1)
         found[rows] = share if sign > 0 else 1.0 - share
-    return np.asarray(found)
+        rates = np.divide(share[:, None], apart, out=np.zeros_like(apart), where=apart != 0)
+        at_own = np.divide((k - 1) * share, own[:, 0], out=np.zeros_like(share), where=own[:, 0] != 0)
+        local = np.zeros((len(rows), k))
+        local[~is_alone] = rates.ravel()
+        local[is_alone] = at_own - rates.sum(axis=1)
+        slopes[rows] = sign * local
+    return found, slopes
 
 
 @dataclass(frozen=True, eq=False)

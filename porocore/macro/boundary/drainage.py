@@ -78,8 +78,10 @@ def undrained(macro: MacroSetup, conductivity: Array) -> list[str]:
 
 
 def drained_surfaces(macro: MacroSetup) -> list[str]:
-    """Return the names of the surfaces with a prescribed pressure, through which fluid leaves."""
-    return [name for name, boundary in macro.boundary.items() if boundary.pressure is not None]
+    """Return the names of the surfaces through which fluid leaves: with a prescribed pressure, or beside indenters."""
+    names = [name for name, boundary in macro.boundary.items() if boundary.pressure is not None]
+    beside = [name for each in macro.contact.values() if each.drains for name in each.surfaces]
+    return list(dict.fromkeys([*names, *beside]))
 
 
 def drained_axes(macro: MacroSetup) -> tuple[int, ...]:
@@ -94,7 +96,9 @@ def moved(macro: MacroSetup) -> bool:
     """Return whether displacements move the body and nothing else does, so that its force relaxes."""
     faces = macro.boundary.values()
     pushed = any(f.plate is not None or f.follower != 0 or any(t != 0 for t in f.traction) for f in faces)
-    return any(face.is_moved for face in faces) and not pushed and not any(macro.body_force)
+    pushed |= any(indenter.force is not None for indenter in macro.contact.values())
+    goes = any(face.is_moved for face in faces) or bool(macro.contact)
+    return goes and not pushed and not any(macro.body_force)
 
 
 def held_sideways(macro: MacroSetup) -> int | None:

@@ -192,6 +192,10 @@ def whole_sensitivities(found: MacroSensitivities, problem: MacroSetup) -> Macro
         reactions=reactions,
         compression=compression,
         inflow={name: symmetry.copies * rate for name, rate in found.inflow.items()},
+        contact={
+            name: each * symmetry.contact_factors(problem.contact[name])[:, None]
+            for name, each in found.contact.items()
+        },
     )
 
 
@@ -212,6 +216,10 @@ def part_weights(weights: HistoryWeights, problem: MacroSetup) -> HistoryWeights
         reactions=forces,
         compression={},
         inflow={name: symmetry.copies * each for name, each in weights.inflow.items()},
+        contact={
+            name: each * symmetry.contact_factors(problem.contact[name])[:, None]
+            for name, each in weights.contact.items()
+        },
     )
 
 

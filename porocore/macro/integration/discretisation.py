@@ -432,9 +432,10 @@ class Discretisation(ABC, Generic[System]):
     def surface_change(self, x: Array, loads: Loads, own: Loads, dt: float) -> Array:
         """Return the derivative (local unknowns,) of :meth:`surface_forces`, where owned, as loads change by ``own``.
 
-        Pressures, displacements of indenters and forces on them change; the unknowns do not.
+        Pressures change, and what is given of indenters; the unknowns do not.
         """
-        if not any(own.pressures) and not any(own.indenters):
+        changes = own.indenter_changes
+        if not any(own.pressures) and not any(each.any for each in changes):
             return np.zeros(len(self.unknowns))
         whole = self.to_mesh(x)
         force = np.zeros(self.mesh.size)
@@ -442,10 +443,35 @@ class Discretisation(ABC, Generic[System]):
         for (_, _, facets), pressure in zip(self.boundary.followers, own.pressures, strict=True):
             if pressure:
                 force[: self.mesh.n_u] += follower_forces(facets, u, pressure).ravel()
-        for state, value in zip(self.contact_states(whole, loads), own.indenters, strict=True):
-            if value:
-                force += state.motion_by_prescribed * value * state.by_motion(dt)
+        for state, change in zip(self.contact_states(whole, loads), changes, strict=True):
+            if change.any:
+                force += state.change(change, dt)[0]
         return self._owned(force)
+
+    def contact_changes(self, x: Array, loads: Loads, changes: list[Array], own: list[Loads]) -> list[Array]:
+        """Return the changes (7 · indenters,) of what is measured of all indenters, one for each change of the loads.
+
+        Parameters
+        ----------
+        x : (local unknowns,)
+            Solution under ``loads``.
+        changes : (local unknowns,)
+            Of the unknowns.
+        own
+            Of the loads.
+        """
+        if not self.boundary.contacts:
+            return [np.zeros(0)] * len(changes)
+        found = self.contact_states(self.to_mesh(x), loads)
+        slopes = [state.total_slopes for state in found]
+        rows = []
+        for change, each in zip(changes, own, strict=True):
+            whole = self.to_mesh(change)
+            parts = zip(found, slopes, each.indenter_changes, strict=True)
+            rows.append(
+                np.concatenate([slope @ whole + state.measured_change(c) for state, slope, c in parts])
+            )
+        return rows
 
     def surface_product(self, surface: SurfaceTangent, x: Array) -> Array:
         """Return the derivative of the forces on the surface times a change ``x`` (local unknowns,), where owned."""

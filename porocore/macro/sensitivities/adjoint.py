@@ -33,12 +33,15 @@ from porocore.interfaces.sensitivities import (
     HISTORY_SERIES,
     BoundaryChange,
     HistoryWeights,
+    IndenterChange,
     LoadChange,
     MacroChange,
+    ModulusChange,
 )
+from porocore.interfaces.solution import CONTACT
 from porocore.macro.boundary.conditions import Loads
 from porocore.macro.composition.regions import BodyFields
-from porocore.macro.integration.checkpoint import HistoryRecorder, extremes
+from porocore.macro.integration.checkpoint import OUTFLOW, HistoryRecorder, extremes
 from porocore.macro.integration.discretisation import (
     CoupledSystem,
     Discretisation,
@@ -354,6 +357,8 @@ class RowWeights:
         Of the response at the points, one for each sum; None: nothing.
     outflow : (f,)
         Of the volume that leaves through prescribed fluxes.
+    contact : (7 · indenters, f)
+        Of what is measured of the indenters.
     begun : (f,)
         True for the sums that weigh anything of the step, on any process.
     """
@@ -362,6 +367,7 @@ class RowWeights:
     residual: Array
     points: list[PointWeights] | None
     outflow: Array
+    contact: Array
     begun: npt.NDArray[np.bool_]
 
 
@@ -394,7 +400,7 @@ class HistoryRows:
         """Return the weights (local unknowns, f) of the initial state."""
         return self._local(self._of_solution(0, x))
 
-    def step(self, number: int, x: Array, dt: float) -> RowWeights:
+    def step(self, number: int, x: Array, dt: float, loads: Loads) -> RowWeights:
         """Return the weights of a step, the first of which has the number 1."""
         d, weights = self._record.d, self._weights
         residual = np.zeros((d.mesh.size, self.count))
@@ -423,7 +429,22 @@ class HistoryRows:
             held = d.prescribed[~d.is_force[d.prescribed]]
             local[held] -= outflow
             begun |= outflow != 0
-        return RowWeights(self._local(solution), local, self._points(stress, flux), outflow, begun)
+        touched = self._of_contacts(number, outflow * dt)
+        begun |= touched.any(axis=0)
+        if touched.any():
+            states = d.contact_states(d.to_mesh(x), loads)
+            solution += np.concatenate([state.total_slopes for state in states]).T @ touched
+        return RowWeights(self._local(solution), local, self._points(stress, flux), outflow, touched, begun)
+
+    def _of_contacts(self, number: int, outflow: Array) -> Array:
+        """Return the weights (7 · indenters, f) of what is measured of the indenters, the drained volume included."""
+        contacts, width = self._record.d.boundary.contacts, len(CONTACT)
+        found = np.zeros((width * len(contacts), self.count))
+        for place, contact in enumerate(contacts):
+            if contact.name in self._weights.contact:
+                found[width * place : width * (place + 1)] += self._weights.contact[contact.name][number]
+        found[OUTFLOW::width] += outflow
+        return found
 
     def _of_solution(self, number: int, x: Array) -> Array:
         """Return the weights (unknowns, f) of the extremes, probes and profiles, in the mesh's order."""
@@ -484,6 +505,7 @@ def _require_series(record: HistoryRecorder, weights: HistoryWeights) -> None:
         ("probes", weights.probes, list(d.problem.probes), (4,)),
         ("reactions", weights.reactions, list(d.boundary.supports), (3,)),
         ("inflow", weights.inflow, list(d.boundary.drains), ()),
+        ("contact", weights.contact, [each.name for each in d.boundary.contacts], (len(CONTACT),)),
     )
     for group, given, known, width in groups:
         for name, each in given.items():
@@ -603,7 +625,11 @@ class GradientPass:
         self._d, self._law = d, law
         self._directions = Directions(d, body, law, changes)
         self._unit = UnitChanges(self._directions.at_first)
-        self._loaded = [j for j, each in enumerate(changes) if isinstance(each, LoadChange | BoundaryChange)]
+        self._loaded = [
+            j
+            for j, each in enumerate(changes)
+            if isinstance(each, LoadChange | BoundaryChange | IndenterChange | ModulusChange)
+        ]
         self._still = d.loads(0.0 * d.boundary.amplitudes(d.problem, 0.0))
         self._linearisations = Linearisations(d, law, varies=body.varies)
         self._transposed: tuple[Linearisation, CoupledSystem] | None = None
@@ -626,7 +652,7 @@ class GradientPass:
         for number in range(len(tape.steps), 0, -1):
             step = tape.steps[number - 1]
             try:
-                self._step(step, rows.step(number, step.x, step.dt))
+                self._step(step, rows.step(number, step.x, step.dt, step.loads))
             except StepFailed as failure:
                 when = units_now().text(step.time, "time", 6)
                 raise SolveError(f"the gradients at t = {when} have no solution: {failure}") from failure
@@ -659,7 +685,12 @@ class GradientPass:
             solution, by_solution, total = equations.solved(weights, again=i > 0)
             at_points = known.plus(by_solution)
             self._add_loads(
-                sum_, loads, solution + rows.residual[:, sum_], total, rows.outflow[sum_] * step.dt
+                sum_,
+                loads,
+                solution + rows.residual[:, sum_],
+                total,
+                rows.outflow[sum_] * step.dt,
+                rows.contact[:, sum_],
             )
             shares = found.of_changes(at_points, memory)
             self._own[sum_] += self._unit.of_unknowns(d.weights[:, None] * shares, changes)
@@ -674,32 +705,35 @@ class GradientPass:
             d, self._transposed[1], provided(found.response.tangent), step.x, step.dt, step.loads, self._still
         )
 
-    def _loads(self, step: TapedStep) -> list[tuple[int, Array, Array, float]]:
-        """Return for each unknown of the loads its prescribed values, its part of the residual, and its outflow."""
+    def _loads(self, step: TapedStep) -> list[tuple[int, Array, Array, float, Array]]:
+        """Return for each unknown of the loads its values, part of the residual, outflow, and changes of contacts."""
         d, nothing = self._d, PointWeights.zeros(self._d.n_points)
         found = []
         for j in self._loaded:
             own = self._directions.loads_of(j, step.time)
             external = d.residual(nothing, step.dt, own).values
             external = external + d.surface_change(step.x, step.loads, own, step.dt)
-            found.append((j, own.values, external, d.outflow(own)))
+            still = [np.zeros(len(d.unknowns))]
+            (touched,) = d.contact_changes(step.x, step.loads, still, [own])
+            found.append((j, own.values, external, d.outflow(own), touched))
         return found
 
     def _add_loads(
         self,
         sum_: int,
-        loads: list[tuple[int, Array, Array, float]],
+        loads: list[tuple[int, Array, Array, float, Array]],
         rows: Array,
         total: Array,
         outflow: float,
+        contact: Array,
     ) -> None:
         """Add the shares of the unknowns of the loads; ``total`` are derivatives by prescribed values."""
         d = self._d
         owned = d.prescribed < d.owned
-        for j, values, external, flow in loads:
+        for j, values, external, flow, touched in loads:
             self._own[sum_, j] += total[d.prescribed[owned]] @ values[owned]
             self._own[sum_, j] += external[: d.owned] @ rows[: d.owned]
-            self._shared[sum_, j] += outflow * flow
+            self._shared[sum_, j] += outflow * flow + float(contact @ touched)
 
     def _at_rest(self, first: TapedStep) -> Array:
         """Return the weights (local unknowns, f) of the initial state by way of its memory, the law's answer to it."""

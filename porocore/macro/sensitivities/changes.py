@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from porocore.interfaces.law import MacroLaw, PointChanges
 from porocore.interfaces.sensitivities import (
     BoundaryChange,
     CellParameterChange,
+    IndenterChange,
     InitialPressureChange,
     LoadChange,
     MacroChange,
@@ -35,8 +37,55 @@ def _loads(d: Discretisation, change: MacroChange) -> LoadsAt:
     """Return the change of the loads under a unit change of one unknown."""
     if isinstance(change, BoundaryChange):
         return _boundary_change(d, change)
+    if isinstance(change, IndenterChange):
+        return _indenter_change(d, change)
+    if isinstance(change, ModulusChange) and change.region is None:
+        # The penalty of contacts is a multiple of the modulus.
+        still = replace(d.loads(0.0 * d.boundary.amplitudes(d.problem, 0.0)), stiffening=1.0)
+        return lambda time: still
     unit = d.problem.model_copy(update={"load": 1.0 if isinstance(change, LoadChange) else 0.0})
     return lambda time: d.loads(d.boundary.amplitudes(unit, time))
+
+
+def _indenter_change(d: Discretisation, change: IndenterChange) -> LoadsAt:
+    """Return the change of the loads under a unit change of an indenter.
+
+    Raises
+    ------
+    ConfigurationError
+        There is no such indenter, or nothing of the kind to change.
+    """
+    contacts, name = d.boundary.contacts, change.indenter
+    names = [contact.name for contact in contacts]
+    if name not in names:
+        raise ConfigurationError(
+            f"sensitivities: there is no indenter {echo(name)}; "
+            f"{suggestion(name, names, 'those of macro.contact are', 'macro.contact is empty')}"
+        )
+    number = names.index(name)
+    contact = contacts[number]
+    given = "force" if contact.by_force else "displacement"
+    if change.quantity in ("displacement", "force") and change.quantity != given:
+        raise ConfigurationError(
+            f"macro.contact.{name}.{change.quantity}: the indenter is given a {given}, so that it cannot change"
+        )
+    if change.quantity == "radius" and not contact.indenter.shape.has_radius:
+        raise ConfigurationError(
+            f"macro.contact.{name}.shape: a {contact.indenter.shape.kind} has no radius that could change"
+        )
+    still = d.loads(0.0 * d.boundary.amplitudes(d.problem, 0.0))
+    nothing = (0.0,) * len(contacts)
+
+    def at(time: float) -> Loads:
+        one = 1.0
+        if change.quantity == given:
+            one = float(d.boundary.amplitudes(d.problem, time)[contact.function])
+        unit = (*nothing[:number], one, *nothing[number + 1 :])
+        if change.quantity == "radius":
+            return replace(still, radii=unit)
+        return replace(still, offsets=unit) if change.quantity == "offset" else replace(still, indenters=unit)
+
+    return at
 
 
 def _boundary_change(d: Discretisation, change: BoundaryChange) -> LoadsAt:
@@ -59,7 +108,7 @@ def _boundary_change(d: Discretisation, change: BoundaryChange) -> LoadsAt:
         own = found.pressures[0] if found.pressures else 0.0
         # Pressures stand in the order of those of the whole problem.
         pressures = tuple(own if name == change.surface else 0.0 for name in followed)
-        return Loads(found.values, found.external, pressures)
+        return Loads(found.values, found.external, pressures, (0.0,) * len(d.boundary.contacts))
 
     return at
 
@@ -109,7 +158,8 @@ def alone_at(problem: MacroProblem, change: BoundaryChange) -> MacroProblem:
         whole[change.component] = one
         one = tuple(whole)
     faces[change.surface] = zero.model_copy(update={change.quantity: one})
-    return problem.model_copy(update={"boundary": faces, "body_force": (0.0, 0.0, 0.0)})
+    none = {"boundary": faces, "body_force": (0.0, 0.0, 0.0), "contact": {}}
+    return problem.model_copy(update=none)
 
 
 def _zero(face: Boundary) -> Boundary:

@@ -7,7 +7,7 @@ of the memory.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -18,9 +18,10 @@ from porocore.core.units import units_now
 from porocore.errors import SolveError
 from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse, MemoryChanges, ResponseChanges
 from porocore.interfaces.sensitivities import HISTORY_SERIES, MacroChange, MacroSensitivities
+from porocore.interfaces.solution import CONTACT
 from porocore.macro.boundary.conditions import Loads
 from porocore.macro.composition.regions import BodyFields
-from porocore.macro.integration.checkpoint import HistoryRecorder, extremes
+from porocore.macro.integration.checkpoint import OUTFLOW, HistoryRecorder, extremes
 from porocore.macro.integration.discretisation import Discretisation, Residual, StepFailed, SurfaceTangent
 from porocore.macro.integration.newton import (
     ROUND_OFF,
@@ -202,7 +203,9 @@ class SensitivityTracker:
     def begin(self, x: Array, memory: LawMemory, record: HistoryRecorder) -> None:
         """Take the initial state, t = 0, and the memory of it."""
         self._record, boundary = record, self._d.boundary
-        nothing = np.zeros(3 * len(boundary.supports) + len(boundary.drains))
+        nothing = np.zeros(
+            3 * len(boundary.supports) + len(boundary.drains) + len(CONTACT) * len(boundary.contacts)
+        )
         self._rows.append(
             np.stack([np.concatenate([*nodal, nothing]) for nodal in self._nodal(x, [0.0] * len(self._x))])
         )
@@ -252,16 +255,19 @@ class SensitivityTracker:
             raise SolveError(
                 f"the derivatives at t = {units_now().text(time, 'time', 6)} have no solution: {failure}"
             ) from failure
+        touched = d.contact_changes(step.x, loads, self._x, own)
         left = [
-            before + record.outflow(residual, each, dt)
-            for before, residual, each in zip(self._rows[-1][:, DRAINED], residuals, own, strict=True)
+            before + record.outflow(residual, each, dt) + dt * float(measured[OUTFLOW :: len(CONTACT)].sum())
+            for before, residual, each, measured in zip(
+                self._rows[-1][:, DRAINED], residuals, own, touched, strict=True
+            )
         ]
-        rows = zip(self._nodal(step.x, left), residuals, total, strict=True)
+        rows = zip(self._nodal(step.x, left), residuals, total, touched, strict=True)
         self._rows.append(
             np.stack(
                 [
-                    np.concatenate([*nodal, *record.sums(residual, at_points, dt)])
-                    for nodal, residual, at_points in rows
+                    np.concatenate([*nodal, *record.sums(residual, at_points, dt), measured])
+                    for nodal, residual, at_points, measured in rows
                 ]
             )
         )
@@ -280,7 +286,14 @@ class SensitivityTracker:
         """Return the derivatives of the histories."""
         rows, boundary = np.swapaxes(np.array(self._rows), 1, 2), self._d.boundary
         first, found = len(HISTORY_SERIES), []
-        for names, width in ((self._d.problem.probes, 4), (boundary.supports, 3), (boundary.drains, 1)):
+        contacts, seven = [each.name for each in boundary.contacts], len(CONTACT)
+        groups: tuple[tuple[Collection[str], int], ...] = (
+            (self._d.problem.probes, 4),
+            (boundary.supports, 3),
+            (boundary.drains, 1),
+            (contacts, seven),
+        )
+        for names, width in groups:
             found.append(
                 {name: rows[:, first + i * width : first + (i + 1) * width] for i, name in enumerate(names)}
             )
@@ -293,4 +306,5 @@ class SensitivityTracker:
             inflow={name: values[:, 0] for name, values in found[2].items()},
             compression={},
             profiles=None if self._profiles is None else np.array(self._profiles),
+            contact=found[3],
         )

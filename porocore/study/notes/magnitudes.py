@@ -276,6 +276,7 @@ def unloaded(macro: MacroSetup, cells: Iterable[Cell]) -> Iterator[str]:
     """Yield a note where all that is prescribed is 0 and no solid of the cells swells, so that the body rests."""
     times = prescribed_times(macro)
     values = [*macro.body_force, *(value for face in macro.boundary.values() for value in _values(face))]
+    values += [indenter.motion for indenter in macro.contact.values()]
     acts = any(_course(macro, value, times).any() for value in values)
     begun = macro.initial.pressure != 0 or np.any(macro.initial.gradient)
     swells = any(cell.solid.swells or any(p.path[-1] == SWELLING for p in cell.parameters) for cell in cells)
@@ -283,8 +284,8 @@ def unloaded(macro: MacroSetup, cells: Iterable[Cell]) -> Iterator[str]:
         return
     yield (
         "nothing loads the body, since all prescribed values are 0, and all results are 0: under macro.boundary give a "
-        "displacement, normal, traction, follower, plate, pressure or flux other than 0, or give macro.body_force, "
-        "macro.initial or cell.material.swelling"
+        "displacement, normal, traction, follower, plate, pressure or flux other than 0, or give macro.contact, "
+        "macro.body_force, macro.initial or cell.material.swelling"
     )
 
 
@@ -394,6 +395,9 @@ def sideways(macro: MacroSetup) -> Iterator[str]:
         }
 
     axes |= acting(macro.body_force)
+    for indenter in macro.contact.values():
+        if acting((indenter.motion,)):
+            axes |= set(np.flatnonzero(np.abs(indenter.along) > FLAT).tolist())
     for name, face in macro.boundary.items():
         axes |= acting(face.displacement) | acting(face.traction)
         facets = Facets(mesh, mesh.surface(name, name))

@@ -212,6 +212,15 @@ def _body(config: RunConfig) -> Iterator[str]:
         yield f"  surface {name}, {count}, {area}: {said or 'free of traction and impermeable'}"
     if mesh.unnamed:
         yield f"  {mesh.unnamed} facets without a name: free of traction and impermeable"
+    for name, indenter in macro.contact.items():
+        quantity = "displacement" if indenter.force is None else "force"
+        drained = [
+            f"{'under it' if where == 'under' else 'outside it'} {state}"
+            for where, state in (("under", indenter.under), ("outside", indenter.outside))
+            if state is not None
+        ]
+        said = ", ".join([f"{quantity} = {_value(indenter.motion, quantity, units)}", *drained])
+        yield f"  indenter {name}, a {indenter.shape.kind}, on {' and '.join(indenter.surfaces)}: {said}"
     for name, at in macro.probes.items():
         yield f"  probe {name} at {', '.join(f'{x * length:.4g}' for x in at)}{name_of_length}"
     loads = ", ".join(f"{load:g}" for load in macro.loads)
