@@ -45,10 +45,10 @@ from porocore.interfaces.sampler import Sampler as Sampler
 from porocore.interfaces.sampler import StudyFacts as StudyFacts
 from porocore.interfaces.sampler import StudySampler as StudySampler
 from porocore.interfaces.sensitivities import BoundaryChange as BoundaryChange
-from porocore.interfaces.sensitivities import IndenterChange as IndenterChange
 from porocore.interfaces.sensitivities import CellParameterChange as CellParameterChange
 from porocore.interfaces.sensitivities import HatFunction as HatFunction
 from porocore.interfaces.sensitivities import HistoryWeights as HistoryWeights
+from porocore.interfaces.sensitivities import IndenterChange as IndenterChange
 from porocore.interfaces.sensitivities import InitialPressureChange as InitialPressureChange
 from porocore.interfaces.sensitivities import LoadChange as LoadChange
 from porocore.interfaces.sensitivities import MacroSensitivities as MacroSensitivities

@@ -308,7 +308,7 @@ class Loads:
 
     @property
     def indenter_changes(self) -> list[IndenterChanges]:
-        """What changes of each indenter, of loads that are a change."""
+        """Changes of what is given of each indenter, of loads that are a change."""
         nothing = (0.0,) * len(self.indenters)
         return [
             IndenterChanges(*each, self.stiffening)
