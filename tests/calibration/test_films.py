@@ -163,6 +163,11 @@ FAULTS: dict[str, tuple[dict[str, Any], str]] = {
     "a pattern of nothing": ({"file": "none*.csv"}, "file: no file is called 'none\\*.csv'"),
     "no such file": ({"file": "none.csv"}, "none.csv cannot be read"),
     "too many frames": ({"frames": [1.0]}, "frames: expected a pattern of files"),
+    "times twice": ({"file": "fil*.csv", "frames": [1.0]}, "frames: the files have a column of times"),
+    "too few frames": (
+        {"file": "fil*.csv", "frames": [1.0, 2.0]},
+        "frames: expected 1 times, one for each file from film.csv to film.csv, got 2",
+    ),
     "a wrong unit": ({"displacement_unit": "kPa"}, "displacement_unit: "),
     "nothing in time": ({"since": 5.0}, "file: no row of .* has a finite place and a time that counts"),
 }

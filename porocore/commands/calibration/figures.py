@@ -214,8 +214,10 @@ def film_figure(done: Calibration, curve: int) -> Figure:
             )  # fmt: skip
             axes.set_aspect("equal")
             axes.grid(visible=False)
-            axes.set_title(f"{words}, $t$ = {time:.4g} {pretty(observed.time_unit)}".rstrip())
-        row[0].set_ylabel(_labelled("xyz"[second], unit))
+            if time == shown[0]:
+                axes.set_title(words)
+        at = f"$t$ = {time:.4g} {pretty(observed.time_unit)}".rstrip()
+        row[0].set_ylabel(f"{at}\n{_labelled('xyz'[second], unit)}")
     for axes in panels[-1]:
         axes.set_xlabel(_labelled("xyz"[first], unit))
     words = _labelled(done.data.names[curve], observed.unit)

@@ -580,6 +580,10 @@ def _measured(settings: PointsSettings, folder: Path, scales: Scales | None) -> 
                 f"frames: expected {len(paths)} times, one for each file from {paths[0].name} to {paths[-1].name}, got "
                 f"{len(settings.frames)}"
             )
+        if "t" in films[0].columns:
+            raise ConfigurationError(
+                f"frames: the files have a column of times, as {paths[0].name} has; remove the key or the column"
+            )
         unit = StudyUnit.at_key("time_unit", settings.time_unit or "", "time", scales)
         times = [unit.converted("frames", value) for value in settings.frames]
         films = [
@@ -690,6 +694,10 @@ def _numbers(
 
 def _read_npz(path: Path, settings: PointsSettings) -> Film:
     try:
+        with zipfile.ZipFile(path) as archive:
+            size = sum(each.file_size for each in archive.infolist())
+        if size > LARGEST_FILM:
+            raise ValueError(f"it holds {size} bytes, and at most {LARGEST_FILM} are read")
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: np.asarray(file[name]) for name in file.files}
     except (OSError, ValueError, KeyError, zipfile.BadZipFile, EOFError) as error:
