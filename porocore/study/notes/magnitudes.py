@@ -509,6 +509,26 @@ def too_thin(config: RunConfig, mesh: BodyMesh) -> Iterator[str]:
         )
 
 
+#: Operations under which a cell and its mirror image in the plane z = 0 are one: tensors do not change with a point
+#: reflection.
+MIRROR = np.diag([1, 1, -1])
+
+
+def out_of_plane(config: RunConfig, mesh: BodyMesh) -> Iterator[str]:
+    """Yield a note where a cell is no mirror image of itself in the plane of a body in two dimensions."""
+    cells = {name: config.cell_named(name) for name in config.cell_names}
+    for name, cell in cells.items():
+        if not mesh.flat or MIRROR in cell.point_group:
+            continue
+        which = "the cell" if name is None else f"the cell {name}"
+        away = "turns the body about its axis" if mesh.revolved else "shears the body out of its plane"
+        yield (
+            f"{which} is no mirror image of itself in the plane z = 0, so that strain in the plane {away}, by as much "
+            "as its pores, fibres or voxels differ; two dimensions leave that out: compare with a body of three "
+            f"dimensions{', such as a wedge' if mesh.revolved else ''}"
+        )
+
+
 def _across(config: RunConfig, mesh: BodyMesh) -> tuple[float, str, str]:
     """Return how many cells lie across the body, where in words, and what to check; without scales endlessly many."""
     if config.scales is None:

@@ -43,6 +43,7 @@ from porocore.study.notes.magnitudes import (
     left_out,
     level_tables,
     long_step,
+    out_of_plane,
     part_as_it_is,
     separation,
     sideways,
@@ -88,6 +89,7 @@ def outline(config: RunConfig) -> Iterator[str]:
     mesh = place(config)
     yield from dict.fromkeys(f"{WARNING}{text}" for one in cells.values() for text in too_thin(one, mesh))
     yield from dict.fromkeys(f"note: {text}" for one in cells.values() for text in separation(one, mesh))
+    yield from (f"note: {text}" for text in out_of_plane(config, mesh))
     for name, one in cells.items():
         yield from lines_of_cell(
             name, (f"note: {note}" for note in _notes(one, _nodes(one.cell, measured[name])[0]))

@@ -46,7 +46,8 @@ from porocore.sampling.samplers.active import LearningSampler
 from porocore.states import Array, IntArray, MacroState, Status
 from porocore.study.config.config import RunConfig
 from porocore.study.notes.at_rest import edges
-from porocore.study.notes.magnitudes import unloaded
+from porocore.study.notes.checks import place
+from porocore.study.notes.magnitudes import out_of_plane, unloaded
 from porocore.study.notes.parameters import family_summary, output_checks
 from porocore.study.notes.reach import MORE, flagged_place, left_out_shear, shears
 from porocore.study.run.composition import macro_laws, make_backend
@@ -92,6 +93,7 @@ def report_context(results: RunResults) -> ReportContext:
                 )
             ),
             *_overshoots(results, rest),
+            *out_of_plane(config, place(config)),
         ),
         direct=direct_costs(results),
         scenarios=config.scenarios,
