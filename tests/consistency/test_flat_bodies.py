@@ -128,6 +128,33 @@ def test_plane_strain_is_a_layer_of_three_dimensional_elements(make_solver):
     assert np.abs(whole.probes["inside"]).max() > 1e-3
 
 
+def test_fields_regions_and_material_axes_are_those_of_a_layer(make_solver):
+    """Axes that turn about z, beside a stiffer region."""
+    more = {
+        "fields": {"porosity": "0.3 + 0.05*x", "axes": {"about": (0, 0, 1), "angle": "30 + 20*x"}},
+        "regions": {"low": {"kind": "layer", "below": 0.4, "fields": {"porosity": "0.25 + 0.02*y"}}},
+        "time": TRANSIENT,
+    }
+    boundary = {
+        "x-": {"normal": 0},
+        "y-": {"displacement": (0, 0, None)},
+        "x+": {"pressure": 0},
+        "y+": {"traction": (0.005, -0.02, 0)},
+    }
+    given = anisotropic_law("porosity")
+    flat = {"kind": "plane-strain", "size": (1, 0.8), "elements": (2, 2), "depth": 0.5}
+    box = {"kind": "box", "size": (1, 0.8, 0.5), "elements": (2, 2, 1)}
+    layer = boundary | {"z-": {"normal": 0}, "z+": {"normal": 0}}
+    found, whole = (
+        solve(make_solver, problem(body, held, **more), given)
+        for body, held in ((flat, boundary), (box, layer))
+    )
+    np.testing.assert_allclose(found.profiles[-1].stress, whole.profiles[-1].stress, atol=1e-12)
+    np.testing.assert_allclose(found.history.drained, whole.history.drained, atol=1e-12)
+    np.testing.assert_array_equal(found.element_cells.region, whole.element_cells.region)
+    assert np.ptp(whole.profiles[-1].stress, axis=0).max() > 1e-3
+
+
 # ---- closed forms --------------------------------------------------------------------------------
 
 

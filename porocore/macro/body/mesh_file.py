@@ -323,7 +323,10 @@ def _surfaces(
             for face in new[foreign.elements[2][kind][rows][:, : CORNERS[kind]]].tolist()
         }
         if lost := keys - number.keys():
-            unusable[name] = _of_lost(mesh, facets[count == 2], lost, len(keys), path)
+            said = _of_lost(mesh, facets[count == 2], lost, len(keys), path)
+            unusable[name] = (
+                said.replace("faces", "edges").replace(" with a volume", "") if mesh.flat else said
+            )
         elif keys:
             surfaces[name] = outer[np.sort([number[key] for key in keys])]
     corners = outer[:, : mesh.element.facet_corners]
