@@ -20,15 +20,15 @@ from porocore.plugins.registry import registry
 from porocore.testing.macro_checks.sensitivities import RunDerivatives
 
 LAW = RunDerivatives.law
-#: Unknowns: change, value, and the half width of the differences.
+#: Unknowns: change, value, and the half width of the differences, which is short against the gap at which drainage begins.
 UNKNOWNS = {
-    "radius": (CellParameterChange("radius"), 0.22, 4e-6),
-    "modulus": (ModulusChange(), 1.0, 1e-5),
-    "viscosity": (ViscosityChange(), 0.01, 1e-7),
-    "load": (LoadChange(), 1.0, 1e-6),
-    "given": (None, 1.0, 1e-6),
-    "ball": (IndenterChange("tip", "radius"), 0.8, 1e-5),
-    "offset": (IndenterChange("tip", "offset"), 0.0, 1e-7),
+    "radius": (CellParameterChange("radius"), 0.22, 1e-6),
+    "modulus": (ModulusChange(), 1.0, 2.5e-6),
+    "viscosity": (ViscosityChange(), 0.01, 2.5e-8),
+    "load": (LoadChange(), 1.0, 2.5e-7),
+    "given": (None, 1.0, 2.5e-7),
+    "ball": (IndenterChange("tip", "radius"), 0.8, 2.5e-6),
+    "offset": (IndenterChange("tip", "offset"), 0.0, 2.5e-8),
 }
 RELATIVE = ("modulus", "viscosity")
 

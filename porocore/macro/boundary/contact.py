@@ -26,11 +26,11 @@ from porocore.states import Array, BoolArray, IntArray
 #: Places of force, displacement, area, pressure and outflow among the columns of a contact.
 FORCE, MOVED, AREA, PRESSURE, FLOW = 0, 1, 2, 4, 6
 #: Gap at which all of a surface drains that is drained outside the contact, as a share of the facet's width.
-OPEN = 0.01
+OPEN = 0.001
 #: A drained point lets fluid pass so many times better than a layer of the body one element thick.
 DRAINED = 1000.0
-#: Gaps below which the surface is nearly touched, as shares of the facet's width.
-LEVELS = (0.002, 0.016)
+#: Gaps below which the surface is nearly touched, as shares of the largest gap beside the contact.
+LEVELS = (0.005, 0.04)
 #: Parts along each edge of a facet on which the edge of the contact is a straight line.
 PARTS = 8
 #: Steps at most of the search for the place of an indenter under a force.
@@ -547,16 +547,25 @@ def touched_area(contact: Contact, whole: Array, motion: float) -> TouchedArea:
 
     Where a smooth indenter lets go of the surface, the gap opens with the power 3/2 of the distance. So the area with a
     gap below δ grows with δ^(2/3), and those of two values of δ give that of δ = 0. The gap itself is of no use: in
-    the contact it is the penetration, as small as what the shape functions miss of the shape.
+    the contact it is the penetration, as small as what the shape functions miss of the shape. The values of δ are
+    shares of the largest gap of the facets that are touched and of their neighbours, whatever the depth and the size of
+    the elements.
     """
     parts, nodes = FacetParts.of(contact.facets.mesh), contact.facets.nodes
     at = contact.arms(whole, parts.values)
     distance = contact.distance(at.reshape(-1, 3), motion)
     gap, weights = distance.gap.reshape(at.shape[:2]), parts.areas(contact.facets)
+    acting = contact.distance(contact.arms(whole).reshape(-1, 3), motion).gap.reshape(contact.areas.shape)
+    touched = (acting < 0).any(axis=1)
+    beside = np.isin(nodes, nodes[touched]).any(axis=1)
+    widest = np.unravel_index(np.where(beside[:, None], gap, -np.inf).argmax(), gap.shape)
+    largest = gap[widest]
+    if not touched.any() or largest <= 0:
+        return TouchedArea(float(weights[touched].sum()), np.zeros(len(whole)), 0.0, 0.0)
     ratio = (LEVELS[1] / LEVELS[0]) ** (2 / 3)
     total, by_gap = 0.0, np.zeros(gap.shape)
     for level, factor in zip(LEVELS, (ratio / (ratio - 1), -1 / (ratio - 1)), strict=True):
-        below = gap - level * contact.widths
+        below = gap - level * largest
         near = np.flatnonzero((below < 0).any(axis=1))
         k = parts.simplices.shape[1]
         shares, slopes = covered(below[near][:, parts.simplices].reshape(-1, k))
@@ -564,7 +573,9 @@ def touched_area(contact: Contact, whole: Array, motion: float) -> TouchedArea:
         total += float(own @ shares)
         rows = np.repeat(near, parts.simplices.size)
         columns = np.tile(parts.simplices.ravel(), len(near))
-        np.add.at(by_gap, (rows, columns), (own[:, None] * slopes).ravel())
+        local = own[:, None] * slopes
+        np.add.at(by_gap, (rows, columns), local.ravel())
+        by_gap[widest] -= level * local.sum()
     n = distance.normal.reshape(at.shape)
     local = np.einsum("fv,fvi,va->fai", by_gap, n, parts.values, optimize=True)
     dofs = (3 * nodes[:, :, None] + np.arange(3)).ravel()
