@@ -72,6 +72,37 @@ def test_the_largest_error_is_that_of_the_mesh(tmp_path, elements):
     assert said in unresolved(problem, diffusion_time(problem, C), solution)
 
 
+@pytest.mark.parametrize("share", [0.5, 2.5])
+@pytest.mark.parametrize("kind", ["axisymmetric", "plane-strain"])
+def test_quadrilaterals_overshoot_as_hexahedra(kind, share):
+    """A column of them, after ramps of the same length."""
+    shape, sides = {"size": (1, 4)}, ("x-", "x+", "y-")
+    if kind == "axisymmetric":
+        shape, sides = {"radius": 1, "height": 4}, ("side", "y-")
+    found = []
+    for body, held in (
+        ({"kind": kind, **shape, "elements": (1, 6)}, sides),
+        ({"kind": "box", "size": (1, 4, 1), "elements": (1, 6, 1)}, ("x-", "x+", "y-", "z-", "z+")),
+    ):
+        faces = {face: {"normal": 0} for face in held} | {"y+": {"traction": (0, -1e-3, 0), "pressure": 0}}
+        limit = diffusion_time(MacroProblem.model_validate({"body": body, "boundary": faces}), C)
+        ramp = share * limit
+        time = {
+            "end": 2 * ramp,
+            "step": ramp / 4,
+            "ramp_increments": 12,
+            "ramp_step": ramp / 12,
+            "profiles": (),
+        }
+        problem = MacroProblem.model_validate({"body": body, "boundary": faces, "time": time})
+        solver = Solver()
+        solution = solver.solve(solver.prepare(problem), LAW)
+        found.append((limit, overshoot(problem), solution.history.pressure_max.max()))
+        told = unresolved(problem, limit, solution)
+        assert told
+    np.testing.assert_allclose(*found, rtol=1e-6)
+
+
 @pytest.mark.parametrize("elements", [None, (1, 4, 1), (2, 4, 2)])
 @pytest.mark.parametrize("share", [0.5, 1.2, 2.5, 4.0, 7.0])
 def test_the_error_that_is_told_bounds_that_of_a_ramp(tmp_path, elements, share):

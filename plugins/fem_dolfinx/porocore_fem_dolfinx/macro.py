@@ -23,6 +23,7 @@ from porocore_fem_dolfinx.petsc_options import OptionValue
 class DolfinxMacroSolver(TimeSteppingMacroSolver):
     """Triquadratic hexahedra or quadratic tetrahedra with linear pressure, as UFL forms.
 
+    Bodies in two dimensions have biquadratic quadrilaterals or quadratic triangles.
     The processes of MPI's world share the elements among them.
 
     Parameters

@@ -12,6 +12,8 @@ from porocore_fem_skfem.macro_assembly import SkfemDiscretisation
 class SkfemMacroSolver(TimeSteppingMacroSolver):
     """Triquadratic hexahedra or quadratic tetrahedra with linear pressure, solved by a factor or an iteration.
 
+    Bodies in two dimensions have biquadratic quadrilaterals or quadratic triangles.
+
     Parameters
     ----------
     solver : {"auto", "direct", "iterative"}

@@ -145,7 +145,7 @@ class Discretisation(ABC, Generic[System]):
         How many of them, from the first, belong to this process.
     elements : (local elements,)
         Number of each in the mesh's order; an element belongs to one process.
-    dofs : (local elements, 81 + 8 or 30 + 4)
+    dofs : (local elements, 81 + 8, 30 + 4, 27 + 4 or 18 + 3)
         Local unknowns of each element in the order of :meth:`contributions`.
     communicator
         The processes.
