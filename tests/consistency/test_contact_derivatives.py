@@ -20,7 +20,7 @@ from porocore.plugins.registry import registry
 from porocore.testing.macro_checks.sensitivities import RunDerivatives
 
 LAW = RunDerivatives.law
-#: Unknowns: change, value, and the half width of the differences, which is short against the gap at which drainage begins.
+#: Unknowns: change, value, and the half width of the differences, short against the gap at which drainage begins.
 UNKNOWNS = {
     "radius": (CellParameterChange("radius"), 0.22, 1e-6),
     "modulus": (ModulusChange(), 1.0, 2.5e-6),
