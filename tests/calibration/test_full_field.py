@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from porocore.commands.calibration.calibrate import _with_points_inside
+from porocore.commands.calibration.cells import _noise
 from porocore.commands.calibration.clouds import (
     CAMERA_PARTS,
     FilmComponent,
@@ -18,6 +19,7 @@ from porocore.commands.calibration.clouds import (
     rotation,
     rotation_slopes,
 )
+from porocore.commands.calibration.expectations import scale_note
 from porocore.commands.calibration.experiment import ExperimentModel, StudiesModel
 from porocore.commands.calibration.fit import fit
 from porocore.commands.calibration.minimum import LinearPrecision
@@ -192,6 +194,20 @@ def test_neighbours_on_a_grid_are_smoothed() -> None:
     lines = x[:6].reshape(3, 2) / 0.02
     wanted = np.concatenate([np.diff(lines, axis=1).ravel(), np.diff(lines, axis=0).ravel()])
     np.testing.assert_allclose(np.sort(rows @ x - offsets), np.sort(wanted))
+
+
+def test_a_component_that_shows_nothing_is_no_reason_to_doubt_its_unit() -> None:
+    """Noise beside a prediction of zero: no note on its size, and no share by which further data are noisy."""
+    plan = filmed(FILM, RADIUS)
+    u1, u2, _ = plan.curves
+    draws = np.random.default_rng(3).normal(scale=0.001, size=48)
+    noise, shown = replace(u1, measured=draws), replace(u2, measured=draws - 0.05)
+    assert noise.is_noise
+    assert not shown.is_noise
+    assert scale_note(noise, np.full(48, 1e-9), 1, 1, "at the start values") is None
+    assert "check the unit" in (scale_note(shown, np.full(48, 1e-9), 1, 1, "at the start values") or "")
+    experiment = replace(plan.experiments[0], curves=(noise, shown))
+    assert _noise(experiment) == pytest.approx(0.001 / np.abs(shown.measured).max())
 
 
 def test_the_place_of_a_camera_is_found_again() -> None:

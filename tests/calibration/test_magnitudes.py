@@ -88,6 +88,16 @@ def test_bounds_and_loads_that_are_unknown_excuse_any_size(
         assert not [*linear_notes(plan(tmp_path, "N", CARRIED, **unknowns))]
 
 
+def test_an_unknown_of_the_cell_is_no_parameter_of_the_linear_cell(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The cell in the middle of the bounds is compared, as one without parameters."""
+    monkeypatch.chdir(tmp_path)
+    radius = {"radius": {"lower": 0.22, "upper": 0.26}}
+    assert not [*linear_notes(plan(tmp_path, "mN", CARRIED, **radius))]
+    assert len([*linear_notes(plan(tmp_path, "kN", CARRIED, **radius))]) == 1
+
+
 class Constant(CurveModel):
     """A curve that is the same at all values; None: it cannot be computed."""
 

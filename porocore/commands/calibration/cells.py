@@ -301,9 +301,13 @@ def _further_of(
 def _noise(experiment: Experiment) -> float | None:
     """Return the standard deviation of the measured curves as a share of their largest values, that of the worst.
 
-    Curves of zeros do not count; None: there are no others.
+    Curves of zeros and components of films that show nothing do not count; None: there are no others.
     """
-    sizes = [(c, float(np.abs(c.measured).max())) for c in experiment.curves if c.measured is not None]
+    sizes = [
+        (c, float(np.abs(c.measured).max()))
+        for c in experiment.curves
+        if c.measured is not None and not c.is_noise
+    ]
     return max((float(np.mean(c.deviations)) / size for c, size in sizes if size > 0), default=None)
 
 

@@ -19,6 +19,7 @@ from porocore.interfaces.macro import Part
 from porocore.macro.body.mesh import Facets
 from porocore.macro.boundary.reactions import interpolation
 from porocore.macro.boundary.symmetry import whole_specimen
+from porocore.macro.composition.fields import AXES as AXES_FIELD
 from porocore.macro.laws.composed import RegionLaw
 from porocore.macro.laws.linear import LinearPoroelasticity
 from porocore.macro.problem import Boundary, MacroSetup, body_mesh
@@ -272,7 +273,7 @@ def scale_note(curve: ObservedCurve, predicted: Array, least: float, most: float
     words
         Where they are from, such as ``by linear poroelasticity``.
     """
-    if curve.measured is None or curve.series.quantity not in SIZED:
+    if curve.measured is None or curve.series.quantity not in SIZED or curve.is_noise:
         return None
     measured, own = float(np.abs(curve.measured).max()), float(np.abs(predicted).max())
     low, high = min(least / BEYOND, 1 / FAR), max(most * BEYOND, FAR)
@@ -297,7 +298,7 @@ def linear_notes(plan: CalibrationPlan) -> Iterator[str]:
             continue
         law = None if too_large(experiment.config.macro) else _linear_law(experiment.config)
         try:
-            parts = [] if law is None else linear_solutions(experiment.config, law)
+            parts = [] if law is None else linear_solutions(_of_one_cell(experiment.config), law)
         except SolveError:
             continue
         solutions = [whole_specimen(part, experiment.config.macro) for part in parts]
@@ -357,6 +358,19 @@ def _linear_law(config: RunConfig) -> MacroLaw | None:
     if len(laws) < len(found):
         return None
     return RegionLaw.by_cell(config.macro.regions, laws[None], {name: laws[name] for name in config.cells})
+
+
+def _of_one_cell(config: RunConfig) -> RunConfig:
+    """Return a study without the fields of parameters, of which the law of one cell has none."""
+    macro = config.macro
+    regions = {
+        name: each.model_copy(update={"fields": {k: v for k, v in each.fields.items() if k == AXES_FIELD}})
+        for name, each in macro.regions.items()
+    }
+    fields = {k: v for k, v in macro.fields.items() if k == AXES_FIELD}
+    return config.model_copy(
+        update={"macro": macro.model_copy(update={"fields": fields, "regions": regions})}
+    )
 
 
 def _linear_law_of_cell(config: RunConfig) -> MacroLaw | None:

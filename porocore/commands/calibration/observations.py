@@ -57,6 +57,10 @@ _LISTED = {
 }
 
 
+#: Standard deviations that no value of a film reaches by chance.
+BY_CHANCE = 6.0
+
+
 @dataclass(frozen=True)
 class SeriesPlace:
     """Place of a series, the same in a solution, its derivatives and weights.
@@ -313,6 +317,13 @@ class ObservedCurve:
                     "give 'deviation:'"
                 )
         return np.asarray(plain / np.sqrt(self.weights))
+
+    @property
+    def is_noise(self) -> bool:
+        """True for a component of a film that shows nothing but what is there by chance."""
+        if self.measured is None or not isinstance(self.series, FilmComponent):
+            return False
+        return bool((np.abs(self.measured) <= BY_CHANCE * self.deviations).all())
 
     @property
     def displayed_times(self) -> Array:
