@@ -133,12 +133,12 @@ class BodyPoints:
 
     def displacement(self, u: Array) -> Array:
         """Return a nodal vector field (nodes, 3) at the points, (n, 3)."""
-        return np.asarray(np.einsum("na,nai->ni", self.values, u[self.mesh.cells[self.cells]]))
+        return np.asarray((self.values[:, None] @ u[self.mesh.cells[self.cells]])[:, 0])
 
     def displacement_gradient(self, u: Array) -> Array:
         """Return ∂u_i/∂x_j (n, 3, 3) of a nodal vector field (nodes, 3)."""
         at_nodes = u[self.mesh.cells[self.cells]]
-        return np.asarray(np.einsum("nai,naj->nij", at_nodes, self.gradients, optimize=True))
+        return np.asarray(at_nodes.swapaxes(1, 2) @ self.gradients)
 
     def pressure(self, p: Array) -> Array:
         """Return a field of the corners (p_nodes,) at the points, (n,)."""
@@ -216,7 +216,7 @@ def _inverted(
     size = _sizes(nodes)
     going, beyond = np.arange(n), np.full(n, np.inf)
     for _ in range(STEPS):
-        error = np.einsum("na,nai->ni", element.values(local[going]), nodes[going]) - places[going]
+        error = (element.values(local[going])[:, None] @ nodes[going])[:, 0] - places[going]
         if element.dimension == 2:
             error[:, 2] += size[going] * local[going, 2]
         done = np.abs(error).max(axis=1) < CLOSE * size[going]
@@ -234,7 +234,7 @@ def _inverted(
 
 def _jacobians(element: ReferenceElement, nodes: Array, gradients: Array) -> Array:
     """Return ∂x_i/∂ξ_j (n, 3, 3); across an element of two dimensions ξ_3 is the place over the element's size."""
-    found = np.asarray(np.einsum("nai,naj->nij", nodes, gradients, optimize=True))
+    found: Array = nodes.swapaxes(1, 2) @ gradients
     if element.dimension == 2:
         found[:, 2, 2] = _sizes(nodes)
     return found
