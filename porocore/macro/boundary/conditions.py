@@ -16,7 +16,7 @@ from porocore.core.formulas import TimeFunction, Value
 from porocore.core.units import units_now
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import BodyMesh, Facets
-from porocore.macro.boundary.contact import Contact, IndenterChanges, inside, united
+from porocore.macro.boundary.contact import Contact, ContactScales, IndenterChanges, NoContact, inside, united
 from porocore.macro.boundary.reactions import Share, Support, shares
 from porocore.macro.boundary.rigid import RigidIndenter
 from porocore.macro.problem import Boundary, MacroProblem
@@ -523,6 +523,13 @@ class Collector:
         if self.mesh.flat:
             self._require_in_plane(key, indenter)
         contact = Contact(name, indenter, facets, *self.split(indenter.motion))
+        if contact.by_force:
+            try:
+                contact.state(np.zeros(self.mesh.size), 0.0, ContactScales())
+            except NoContact as failure:
+                raise ConfigurationError(
+                    f"{failure}; move its place, or give the surfaces on its way"
+                ) from None
         motion = 0.0 if contact.by_force else problem.load * problem.factor(indenter.motion, 0.0)
         depth, place = inside(contact, problem.initial.gradient, motion)
         if not contact.by_force and depth > SAME * np.ptp(self.mesh.points, axis=0).max():

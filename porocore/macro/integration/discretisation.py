@@ -8,7 +8,7 @@ surfaces these are components in a frame of the node, see :mod:`porocore.macro.b
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Generic
@@ -397,8 +397,10 @@ class Discretisation(ABC, Generic[System]):
             return SurfaceTangent(matrix, nothing, nothing, largest)
         return SurfaceTangent(matrix, np.stack(left, axis=1), np.stack(right, axis=1), largest)
 
-    def resting(self, x: Array, loads: Loads) -> Loads:
+    def resting(self, x: Array, loads: Loads, before: Loads | None = None) -> Loads:
         """Return the loads with the displacements at which all indenters rest on the body with the unknowns ``x``.
+
+        Those whose displacement is prescribed are where they are, or where they were under the loads ``before``.
 
         Raises
         ------
@@ -408,7 +410,19 @@ class Discretisation(ABC, Generic[System]):
         if not loads.indenters:
             return loads
         found = self.contact_states(self.to_mesh(x), replace(loads, motions=()))
-        return replace(loads, motions=tuple(state.motion for state in found))
+        old = loads if before is None else before
+        return replace(
+            loads,
+            motions=tuple(
+                state.motion if state.contact.by_force else given
+                for state, given in zip(found, old.indenters, strict=True)
+            ),
+        )
+
+    def lag(self, loads: Loads) -> tuple[float, ...]:
+        """Return how far each indenter with a prescribed displacement is behind it."""
+        given = zip(self.boundary.contacts, loads.indenters, loads.motions, strict=True)
+        return tuple(0.0 if contact.by_force else to - at for contact, to, at in given)
 
     def pushed(self, x: Array, loads: Loads) -> tuple[Array, Array]:
         """Return what contact forces exceed those on each indenter under a force by (r,), and their stiffness (r,)."""
@@ -419,11 +433,15 @@ class Discretisation(ABC, Generic[System]):
         excess, stiffness = np.array(pairs).T
         return excess, stiffness
 
-    def moved_indenters(self, loads: Loads, by: Array) -> Loads:
-        """Return the loads with the displacements of the indenters under a force changed ``by`` (r,)."""
-        if not len(by):
+    def moved_indenters(self, loads: Loads, by: Array, lag: Sequence[float] = ()) -> Loads:
+        """Return the loads with the displacements of the indenters under a force changed ``by`` (r,).
+
+        The others go on by what they ``lag`` behind.
+        """
+        if not len(by) and not any(lag):
             return loads
-        motions, changes = list(loads.motions), iter(by.tolist())
+        moved = np.array(loads.motions) + (np.array(lag) if len(lag) else 0.0)
+        motions, changes = moved.tolist(), iter(by.tolist())
         for number, contact in enumerate(self.boundary.contacts):
             if contact.by_force:
                 motions[number] += next(changes)

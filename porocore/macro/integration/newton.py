@@ -154,6 +154,7 @@ def newton_step(
     guess: Array | None = None,
     linearisations: Linearisations | None = None,
     fields: CellsAtPoints = EVERYWHERE_ALIKE,
+    before: Loads | None = None,
 ) -> Step:
     """Solve one backward Euler step of length ``dt`` under ``loads`` from the unknowns ``x``.
 
@@ -168,6 +169,8 @@ def newton_step(
         Those of the solve; without, every iteration linearises anew.
     fields
         Parameters and places of the points at the end of the step.
+    before
+        Loads at ``x``, from which indenters are moved as part of the linear system, too.
 
     Raises
     ------
@@ -175,10 +178,12 @@ def newton_step(
         No convergence, no values of the law, or a singular matrix; on all processes alike.
     """
     linearisations = linearisations or Linearisations(d, law, chords=0)
-    if guess is not None:
+    # What is continued smoothly touches too much or too little while an indenter moves on.
+    pushes = before is not None and before.indenters != loads.indenters
+    if guess is not None and not pushes:
         with suppress(StepFailed):
             return _iterated(d, law, memory, guess, dt, loads, settings, linearisations, fields)
-    return _iterated(d, law, memory, x, dt, loads, settings, linearisations, fields)
+    return _iterated(d, law, memory, x, dt, loads, settings, linearisations, fields, before)
 
 
 def _iterated(
@@ -191,14 +196,16 @@ def _iterated(
     settings: NewtonSettings,
     linearisations: Linearisations,
     fields: CellsAtPoints,
+    before: Loads | None = None,
 ) -> Step:
     x = x.copy()
-    loads = d.resting(x, loads)
+    loads = d.resting(x, loads, before)
     linear = linearisations.begin(dt, loads)
     misfits: list[float] = []
     for iteration in range(settings.iterations + 1):
         jump = loads.values - x[d.prescribed]
-        moving = d.communicator.max(float(jump.any())) > 0
+        lag = d.lag(loads)
+        moving = d.communicator.max(float(jump.any() or any(lag))) > 0
         states, grad_p = d.states(x)
         states = fields.given_to(states)
         # Most iterates beyond the first are the last, whose tangent nobody needs.
@@ -220,20 +227,23 @@ def _iterated(
         if iteration < settings.iterations:
             if iteration and not linearisations.serves(misfits, settings.tolerance):
                 linear = linearisations.at(law.respond(states, grad_p, memory), dt, x, loads)
-            before = misfits[-2] if iteration else None
-            accuracy = linearisations.accuracy(misfit, before, settings.tolerance, loads)
+            last = misfits[-2] if iteration else None
+            accuracy = linearisations.accuracy(misfit, last, settings.tolerance, loads)
             if (stiffness <= 0).any():
                 loads = d.resting(x, loads)  # an indenter has lost the body
                 continue
             own = -excess / stiffness
             right = residual.values + linear.system.left @ own
+            if any(lag):
+                still = replace(loads, indenters=lag, pressures=(0.0,) * len(loads.pressures))
+                right = right + d.surface_change(x, loads, still, dt)
             change = -linear.system.solve(right, -jump, again=iteration > 0, accuracy=accuracy)
             motion = linear.system.weighed(change) + own if len(own) else own
             if not moving:
                 taken = contact_share(d, x, change, motion, residual.values, loads, dt)
                 change, motion = taken * change, taken * motion
             x += change
-            loads = d.moved_indenters(loads, motion)
+            loads = d.moved_indenters(loads, motion, lag)
             x[d.prescribed] = loads.values
     raise StepFailed(
         f"the relative residual of Newton's method was still {misfits[-1]:.2g} after {settings.iterations} iterations "

@@ -148,7 +148,8 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
             finer = None
             try:
                 here = {"guess": predictor.guess(time), "fields": _fields_at(d, body, time)}
-                step = newton(memory, x, dt, loads, **here)
+                before = d.loads(d.boundary.amplitudes(problem, stepper.time))
+                step = newton(memory, x, dt, loads, before=before, **here)
                 changed = law.before_accept(step.response, memory)
                 if changed is None and reached is not None and control.rate is None:
                     finer = _halved(newton, d, body, memory, x, stepper.time, time)
@@ -223,10 +224,11 @@ def _halved(
 ) -> Array:
     """Return the unknowns at ``end`` after two steps of half the length from ``x`` at ``begin``."""
     dt = (end - begin) / 2
+    before = d.loads(d.boundary.amplitudes(d.problem, begin))
     for time in (begin + dt, end):
         loads = d.loads(d.boundary.amplitudes(d.problem, time))
-        step = newton(memory, x, dt, loads, fields=_fields_at(d, body, time))
-        x, memory = step.x, step.response.memory
+        step = newton(memory, x, dt, loads, fields=_fields_at(d, body, time), before=before)
+        x, memory, before = step.x, step.response.memory, loads
     return x
 
 

@@ -1,0 +1,202 @@
+"""Contact of rigid indenters: what is refused, small helpers, a wheel and a sphere on bodies of other kinds."""
+
+import numpy as np
+import pytest
+from pydantic import ValidationError
+
+from porocore.commands.verify.linear_cases import isotropic_law
+from porocore.errors import ConfigurationError, SolveError
+from porocore.macro.boundary.conditions import boundary_data
+from porocore.macro.boundary.contact import ContactScales, covered
+from porocore.macro.problem import MacroProblem, body_mesh
+from porocore.plugins.registry import registry
+from porocore.testing.macro_checks.contact import PLANES, RAMP, SPHERE, pressed
+from porocore.testing.macro_checks.runs import LINEAR
+
+MOVED = SPHERE | {"displacement": 0.05}
+
+
+def collected(indenter, **settings):
+    problem = pressed(indenter, **settings)
+    return boundary_data(body_mesh(problem), problem)
+
+
+@pytest.mark.parametrize(
+    ("indenter", "settings", "said"),
+    [
+        (
+            MOVED | {"place": (0, 0.98, 0)},
+            {},
+            r"macro\.contact\.indenter: the indenter begins 0\.02 deep inside",
+        ),
+        (
+            MOVED | {"surfaces": ["top"]},
+            {},
+            r"macro\.contact\.indenter\.surfaces: the body has no surface 'top'",
+        ),
+        (
+            MOVED,
+            {"boundary": PLANES | {"y+": {"displacement": (None, 0, None)}}},
+            r"macro\.contact\.indenter\.surfaces: 9 of the 9 faces belong to macro\.boundary\.y\+, which is held",
+        ),
+        (MOVED, {"boundary": PLANES | {"y+": {"normal": 0}}}, "is held along its normal"),
+        (MOVED, {"boundary": PLANES | {"y+": {"traction": (0, -1, 0)}}}, "is loaded"),
+        (MOVED, {"boundary": PLANES | {"y+": {"follower": 1}}}, "is loaded"),
+        (
+            MOVED | {"outside": "drained"},
+            {"boundary": PLANES | {"y+": {"pressure": 0}}},
+            "has a pressure or a flux",
+        ),
+        (
+            MOVED | {"place": (0.2, 1, 0)},
+            {
+                "body": {"kind": "axisymmetric", "radius": 1, "height": 1, "elements": (2, 2)},
+                "boundary": {"y-": {"normal": 0}},
+            },
+            "pressed along its axis alone",
+        ),
+        (
+            MOVED | {"place": (0.2, 1, 0.1)},
+            {
+                "body": {"kind": "plane-strain", "size": (1, 1), "elements": (2, 2)},
+                "boundary": {"y-": {"normal": 0}, "x-": {"normal": 0}},
+            },
+            "pressed in its plane alone",
+        ),
+    ],
+)
+def test_what_is_refused_has_its_key(indenter, settings, said):
+    with pytest.raises(ConfigurationError, match=said):
+        collected(indenter, **settings)
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"force": 1}, "exactly one of displacement and force"),
+        ({"displacement": None}, "exactly one of displacement and force"),
+        ({"direction": (0, 0, 0)}, "the direction has no length"),
+        ({"surfaces": []}, "at least 1 item"),
+        ({"shape": {"kind": "sphere", "radius": 0}}, "greater than 0"),
+        ({"shape": {"kind": "cylinder", "radius": 1, "axis": (0, 1, 1)}}, "at right angles"),
+    ],
+)
+def test_settings_that_are_none(changes, said):
+    with pytest.raises(ValidationError, match=said):
+        pressed(MOVED | changes)
+
+
+def test_a_free_component_beside_an_indenter_is_no_fault():
+    held = PLANES | {"y+": {"displacement": (0, None, 0), "pressure": 0}}
+    assert len(collected(MOVED, boundary=held).contacts) == 1
+
+
+def test_an_indenter_changes_the_identity_of_a_problem_and_none_does_not():
+    assert "contact" not in pressed(MOVED, contact={}).specification()
+    assert pressed(MOVED).specification() != pressed(MOVED | {"penalty": 10}).specification()
+    assert pressed(MOVED).parts >= {"contact"}
+
+
+def test_shares_below_zero_and_their_slopes():
+    rng = np.random.default_rng(1)
+    for k in (2, 3):
+        gaps = rng.normal(size=(200, k))
+        found, slopes = covered(gaps)
+        # Points at random tell the share to the root of their number.
+        points = rng.dirichlet(np.ones(k), 4000)
+        assert np.abs((points @ gaps.T < 0).mean(axis=0) - found).max() < 0.04
+        h = 1e-7
+        for i in range(k):
+            up, down = (covered(gaps + sign * h * np.eye(k)[i])[0] for sign in (1, -1))
+            np.testing.assert_allclose((up - down) / (2 * h), slopes[:, i], rtol=1e-4, atol=1e-5)
+
+
+def test_scales_are_powers_of_ten():
+    one, other = ContactScales.rounded(0.44, 1.94), ContactScales.rounded(0.45, 1.93)
+    assert (one.stiffness, one.conductivity) == (other.stiffness, other.conductivity) == (1.0, 1.0)
+    assert ContactScales.rounded(0.44, 0.0).conductivity == 1.0
+
+
+def solver():
+    pytest.importorskip("porocore_fem_skfem")
+    return registry().get("macro solver", "skfem")()
+
+
+def solved(problem, law=LINEAR):
+    one = solver()
+    return one.solve(one.prepare(problem), law)
+
+
+def test_a_force_that_pulls_ends_the_run():
+    with pytest.raises(SolveError, match=r"macro\.contact\.indenter\.force: the indenter cannot pull"):
+        solved(pressed(SPHERE | {"force": -1e-3}, time=RAMP | {"smallest_step": 0.05}))
+
+
+def test_an_indenter_under_a_force_beside_the_body_is_refused():
+    with pytest.raises(
+        ConfigurationError, match=r"macro\.contact\.indenter: the indenter goes past the body"
+    ):
+        collected(SPHERE | {"place": (3, 2, 0), "force": 1e-3})
+
+
+def test_a_cylinder_on_a_layer_is_one_in_plane_strain():
+    """One layer of elements between planes, and the section of it."""
+    indenter = {
+        "shape": {"kind": "cylinder", "radius": 0.8},
+        "place": (0, 1, 0),
+        "displacement": 0.05,
+        "surfaces": ["y+"],
+        "under": "drained",
+        "outside": "drained",
+    }
+    tight = {"tolerance": 1e-12}
+    layer = {"kind": "box", "size": (1, 1, 0.5), "elements": (3, 2, 1), "grading": (2, 0.5, 1)}
+    section = {"kind": "plane-strain", "size": (1, 1), "elements": (3, 2), "grading": (2, 0.5), "depth": 0.5}
+    faces = {"x-": {"normal": 0}, "y-": {"normal": 0}}
+    between = {name: {"normal": 0} for name in ("z-", "z+")}
+    one = solved(pressed(indenter, body=layer, boundary=faces | between, newton=tight))
+    other = solved(pressed(indenter, body=section, boundary=faces, newton=tight))
+    a, b = one.contact["indenter"], other.contact["indenter"]
+    columns = [
+        0,
+        1,
+        4,
+        5,
+        6,
+    ]  # an area is found by the gaps beside it, which edges and faces resolve differently
+    np.testing.assert_allclose(b[:, columns], a[:, columns], rtol=1e-8, atol=1e-13)
+
+
+@pytest.mark.slow
+def test_a_sphere_follows_hertz():
+    """Drained, on a body much larger than the contact: F = 4/3 E/(1 − ν²) √R δ^(3/2) and a = √(R δ)."""
+    lame, shear, radius, depth = 0.1, 0.15, 1.0, 1e-3
+    a = np.sqrt(radius * depth)
+    size = 40 * a
+    ball = {
+        "shape": {"kind": "sphere", "radius": radius},
+        "place": (0, size, 0),
+        "displacement": depth,
+        "surfaces": ["y+"],
+        "under": "drained",
+        "outside": "drained",
+    }
+    problem = MacroProblem.model_validate(
+        {
+            "body": {
+                "kind": "axisymmetric",
+                "radius": size,
+                "height": size,
+                "elements": (40, 24),
+                "grading": (200, 1 / 200),
+            },
+            "boundary": {"y-": {"normal": 0}},
+            "contact": {"ball": ball},
+            "time": {"end": 1e4, "step": 1e4, "ramp_increments": 6, "ramp_step": 100.0, "profiles": ()},
+        }
+    )
+    found = solved(problem, isotropic_law(lame, shear, 0.7, 0.1, 1.0)).contact["ball"][-1]
+    nu = lame / (2 * (lame + shear))
+    hertz = 4 / 3 * 2 * shear / (1 - nu) * np.sqrt(radius) * depth**1.5
+    assert found[0] == pytest.approx(hertz, rel=0.03)
+    assert found[3] == pytest.approx(a, rel=0.03)
