@@ -126,6 +126,19 @@ def no_relaxation(force: dict[str, Any]) -> str:
     return f"drop below {100 * LEAST_DROP:g} %"
 
 
+def contacts(solution: MacroSolution) -> dict[str, dict[str, Any]]:
+    """Return for each indenter its largest values, and the :func:`relaxation` of its force, ready for JSON."""
+    names = {1: "largest_displacement", 2: "largest_area", 3: "largest_radius", 5: "largest_penetration"}
+    return {
+        name: {
+            **relaxation(solution.history.time, series[:, 0]),
+            **{key: float(series[:, i].max()) for i, key in names.items()},
+            "largest_contact_pressure": float(series[:, 4].max()),
+        }
+        for name, series in solution.contact.items()
+    }
+
+
 def relaxation(time: Array, force: Array) -> dict[str, Any]:
     """Return the summary of a force (steps,) that peaks and relaxes, ready for JSON.
 

@@ -125,6 +125,8 @@ def _write_profile(
 
     in_elements = {name: (getattr(profile, field), quantity) for name, (field, quantity) in FIELDS.items()}
     at_nodes = {"u": (profile.u, "displacement"), "p": (profile.p, "pressure")}
+    if profile.contact_pressure.any():
+        at_nodes["contact_pressure"] = (profile.contact_pressure, "pressure")
     points = solution.points * units.factor("displacement")
     write_vtu(path, points, solution.cells, named(at_nodes), named(in_elements | dict(cells)))
 

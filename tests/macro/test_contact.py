@@ -10,6 +10,8 @@ from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.boundary.contact import ContactScales, covered
 from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.plugins.registry import registry
+from porocore.report.context import contacts
+from porocore.study.run.summary import untouched
 from porocore.testing.macro_checks.contact import PLANES, RAMP, SPHERE, pressed
 from porocore.testing.macro_checks.runs import LINEAR
 
@@ -200,3 +202,16 @@ def test_a_sphere_follows_hertz():
     hertz = 4 / 3 * 2 * shear / (1 - nu) * np.sqrt(radius) * depth**1.5
     assert found[0] == pytest.approx(hertz, rel=0.03)
     assert found[3] == pytest.approx(a, rel=0.03)
+
+
+def test_what_a_run_tells_of_indenters():
+    far = solved(pressed(MOVED | {"place": (0, 2, 0)}))
+    (said,) = untouched(far)
+    assert "the indenter 'indenter' never touches the body" in said
+    assert not far.contact["indenter"][:, [0, 2, 3, 4, 5, 6]].any()
+    near = solved(pressed(MOVED))
+    assert not list(untouched(near))
+    figures = contacts(near)["indenter"]
+    assert figures["largest_displacement"] == 0.05
+    assert 0 < figures["largest_penetration"] < 1e-3
+    assert figures["peak"] == near.contact["indenter"][:, 0].max() > 0

@@ -20,7 +20,7 @@ from porocore.core.units import using_units
 from porocore.interfaces.solution import MacroSolution, write_series
 from porocore.macro.boundary.drainage import diffusion_time
 from porocore.macro.linear_systems import work_figures
-from porocore.report.context import ReportContext, SurrogateSummary, law_differences, reactions
+from porocore.report.context import ReportContext, SurrogateSummary, contacts, law_differences, reactions
 from porocore.report.dimensional import dimensional_metrics, figures_with_units
 from porocore.report.metrics import REMNANT, LoadCase, case_metrics, without_settlement
 from porocore.report.text import all_warnings
@@ -140,7 +140,7 @@ def _shown(folder: RunFolder) -> RunConfig:
 
 
 #: Sections of the body whose figures have units.
-WITH_UNITS = ("macro", "reactions")
+WITH_UNITS = ("macro", "reactions", "contact")
 
 
 def figures_of_merit(results: RunResults, context: ReportContext) -> dict[str, Any]:
@@ -163,6 +163,11 @@ def figures_of_merit(results: RunResults, context: ReportContext) -> dict[str, A
     if context.loading_mode.displaced:
         found["reactions"] = [
             {"law": each.law, "load": each.load, "surfaces": reactions(each)}
+            for each in results.all_solutions
+        ]
+    if results.config.macro.contact:
+        found["contact"] = [
+            {"law": each.law, "load": each.load, "indenters": contacts(each)}
             for each in results.all_solutions
         ]
     if context.units.given:

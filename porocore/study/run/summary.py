@@ -184,13 +184,24 @@ def _more_states(results: RunResults) -> str:
     return MORE
 
 
+def untouched(solution: MacroSolution) -> Iterator[str]:
+    """Yield a warning for each indenter that touches nothing at any time."""
+    for name, series in solution.contact.items():
+        if not series[:, 0].any():
+            yield (
+                f"Load {solution.load:g}, law {solution.law}: the indenter '{name}' never touches the body, which "
+                f"bears nothing of it. Move macro.contact.{name}.place to the surface, or give it a longer way."
+            )
+
+
 def _overshoots(results: RunResults, rest: LinearCoefficients | RestCoefficients) -> Iterator[str]:
-    """Yield warnings of largest pressures that the mesh does not resolve."""
+    """Yield warnings of largest pressures that the mesh does not resolve, and of indenters that touch nothing."""
     limit = diffusion_time(results.config.macro, rest)
     for solution in results.all_solutions:
         warning = unresolved(results.config.macro.problem(solution.load), limit, solution)
         if warning is not None:
             yield warning
+        yield from untouched(solution)
 
 
 def _surrogate_summary(results: RunResults, closure: str) -> SurrogateSummary:
