@@ -102,8 +102,8 @@ def test_a_flat_patch_relaxes_as_biot_s_half_space(solver, under, outside):
 
 # ---- indenters that find their contact -----------------------------------------------------------
 
-#: Force, contact radius and largest pressure among the values of a contact.
-FORCE, RADIUS, LARGEST = 0, 3, 4
+#: Force, displacement, contact radius and largest pressure among the values of a contact.
+FORCE, DEPTH_OF, RADIUS, LARGEST = 0, 1, 3, 4
 #: Radius of the sphere, and angle of the cone, that touch a radius of 1 at a hundredth of it.
 SHALLOW, BALL, FLAT_CONE = 0.01, 100.0, float(np.rad2deg(np.arctan(np.pi / 2 / 0.01)))
 
@@ -269,3 +269,27 @@ def test_a_flat_punch_relaxes(solver):
     np.testing.assert_allclose(forces, expected(biot), rtol=8e-3)
     for name in ("punch", "punch-2017"):
         np.testing.assert_allclose(forces, expected(relaxation_fit(name, TAUS)), rtol=3e-2)
+
+
+@pytest.mark.slow
+def test_a_flat_punch_creeps(solver):
+    """Under a sudden force, sealed below and drained outside: depths of the last one, against Biot's half space."""
+    depth, rounded = 1e-3, ElasticIndentation(Punch(1.0, 0.02), SHEAR, NU)
+    radius, force = rounded.contact_radius(depth), rounded.force(depth)
+    exact = PoroelasticIndentation(Punch(radius), depth, SHEAR, NU, CONDUCTIVITY)
+    body = half_space(edge_at(1.0, 0.01, 1.6), 300.0, 0.01, 1.6)
+    shape = {"kind": "punch", "radius": 1.0, "edge": 0.02}
+    indenter = {"shape": shape, "place": (0, 300.0, 0), "force": force, "surfaces": ("y+",)} | SEALED
+
+    def pushed(time):
+        found = solve(solver, body, {}, time, contact={"tip": indenter})
+        # Newton's iteration ends at 1e-9.
+        np.testing.assert_allclose(found.contact["tip"][1:, FORCE], force, rtol=1e-9)
+        return found.history.time[1:], found.contact["tip"][1:, DEPTH_OF]
+
+    (times, depths), last = pushed(relaxing(3.0)), pushed(drained(300))[1][-1]
+    assert last / depths[0] == pytest.approx(2 * (1 - NU), rel=5e-3)
+    at = TAUS * radius**2
+    found = np.interp(np.sqrt(at), np.sqrt(times), depths) / last
+    crept = [exact.creep(exact.relaxed_force, t) / depth for t in at]
+    np.testing.assert_allclose(found, crept, rtol=3e-3)
