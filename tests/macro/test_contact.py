@@ -58,6 +58,22 @@ def collected(indenter, **settings):
             "pressed along its axis alone",
         ),
         (
+            MOVED | {"place": (0, 1, 0), "shape": {"kind": "cylinder", "radius": 1}},
+            {
+                "body": {"kind": "axisymmetric", "radius": 1, "height": 1, "elements": (2, 2)},
+                "boundary": {"y-": {"normal": 0}},
+            },
+            "no body of revolution",
+        ),
+        (
+            MOVED | {"place": (0, 1, 0), "direction": (0, 1, 0)},
+            {
+                "body": {"kind": "axisymmetric", "radius": 1, "height": 1, "elements": (2, 2)},
+                "boundary": {"y-": {"normal": 0}},
+            },
+            "would move out of the body",
+        ),
+        (
             MOVED | {"place": (0.2, 1, 0.1)},
             {
                 "body": {"kind": "plane-strain", "size": (1, 1), "elements": (2, 2)},

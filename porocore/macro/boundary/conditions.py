@@ -530,6 +530,12 @@ class Collector:
                 raise ConfigurationError(
                     f"{failure}; move its place, or give the surfaces on its way"
                 ) from None
+        near = int(contact.distance(contact.arms(np.zeros(self.mesh.size)).reshape(-1, 3), 0.0).gap.argmin())
+        if facets.directions.reshape(-1, 3)[near] @ contact.along > SAME:
+            raise ConfigurationError(
+                f"{key}.direction: the indenter would move out of the body, since the outward normal of the surface "
+                "beside it points the same way; turn its direction round"
+            )
         motion = 0.0 if contact.by_force else problem.load * problem.factor(indenter.motion, 0.0)
         depth, place = inside(contact, problem.initial.gradient, motion)
         if not contact.by_force and depth > SAME * np.ptp(self.mesh.points, axis=0).max():
@@ -547,6 +553,11 @@ class Collector:
             raise ConfigurationError(
                 f"{key}: a body of kind '{kind}' is pressed along its axis alone; give place: [0, y, 0] and direction: "
                 "[0, -1, 0] or [0, 1, 0]"
+            )
+        if self.mesh.revolved and indenter.shape.kind == "cylinder":
+            raise ConfigurationError(
+                f"{key}.shape: a cylinder on its side is no body of revolution, and a body of kind '{kind}' is pressed "
+                "by such ones alone; give a sphere, punch, cone or plane, or mesh the body in three dimensions"
             )
         if place[2] != 0 or abs(along[2]) > SAME:
             raise ConfigurationError(
