@@ -50,7 +50,6 @@ CASES: dict[str, dict[str, tuple[dict[str, Any], str]]] = {
     "Contact between bodies.": {
         "one body": ({"macro.bodies": [{"kind": "box"}, {"kind": "box"}]}, "unknown key"),
         "cannot touch another": ({"macro.boundary.y+.contact": "plate"}, "unknown key"),
-        "indenter": ({"macro.indenter": {"radius": 1}}, "contact that begins or ends is not modelled"),
     },
     "Wedges, pyramids and mixed meshes.": {"hexahedra of one kind": ({}, "pyramid")},
     "States far from all solved ones.": {"not reliable": ({}, "extrapolat")},

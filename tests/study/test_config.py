@@ -248,7 +248,12 @@ def test_a_study_of_an_image_is_read_from_its_run_folder(edit, tmp_path, drop):
             "macro.layers",
             ["parts of a body are 'macro.regions:'", "cell.materials"],
         ),
-        ("  loads:", "  indenter: 3\n  loads:", "macro.indenter", ["'macro.surfaces:'", "brain-indentation"]),
+        (
+            "  loads:",
+            "  indenter: 3\n  loads:",
+            "macro.indenter",
+            ["'macro.contact:'", "surfaces that it may touch"],
+        ),
         ("radius: 0.25", "fibres: 1", "cell.geometry.fibres", ["kind: holzapfel-gasser-ogden"]),
         ("  loads:", "  temperature: 3\n  loads:", "macro.temperature", ["isothermal"]),
         ("  loads:", "  gravity: 9.81\n  loads:", "macro.gravity", ["macro.body_force: [0, "]),

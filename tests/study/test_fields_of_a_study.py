@@ -43,7 +43,7 @@ def written(folder, macro):
         ({"fields": {"radius": "0.2 + w"}}, "macro.fields.radius: 'w' at character 7"),
         (
             {"fields": {"radius": {"kind": "tabel"}}},
-            "macro.fields.radius.kind: expected one of formula, table, image, data, axes, got 'tabel'",
+            "macro.fields.radius.kind: expected one of formula, table, grid, image, data, axes, got 'tabel'",
         ),
         (
             {"fields": {"radius": {"kind": "table", "along": "w", "table": [[0, 1]]}}},

@@ -30,8 +30,8 @@ _OF_THE_CELL = (
     "voxel_size), and the hydraulic conductivity from it and 'cell.viscosity:'; 'porocore check' tells both"
 )
 _INDENTER = (
-    "a rigid indenter is a part of a surface: name it under 'macro.surfaces:' and prescribe its displacement under "
-    "'macro.boundary:', as the example brain-indentation does; contact that begins or ends is not modelled"
+    "a rigid indenter stands under 'macro.contact:', with its shape, its place, its displacement or force and the "
+    "surfaces that it may touch; one that is bonded to a part of a surface is a displacement under 'macro.boundary:'"
 )
 _LAYERS = (
     "parts of a body are 'macro.regions:', each with parameters of its own or with one of several 'cells:'; materials "
