@@ -130,7 +130,8 @@ def test_faults_of_settings_are_told_by_their_keys():
         "settings: cell.viscosity: '1 mm' has a unit, but the configuration has no scales"
     )
     assert lines[1] == (
-        "settings: macro.body.kind: expected one of box, cylinder, quarter-cylinder, wedge, file, got 'bax'; did you "
+        "settings: macro.body.kind: expected one of box, cylinder, quarter-cylinder, wedge, axisymmetric, "
+        "plane-strain, file, got 'bax'; did you "
         "mean 'box'?"
     )
     assert lines[2] == "settings: macro.loads: a load of 0 moves nothing; remove it"

@@ -76,11 +76,13 @@ def write_solution(path: Path) -> None:
 
 def _discretisation() -> Any:
     """As much of one as a checkpoint asks for."""
-    mesh = SimpleNamespace(size=UNKNOWNS, weights=np.ones((1, POINTS)), element=None, n_u=6)
+    mesh = SimpleNamespace(
+        size=UNKNOWNS, weights=np.ones((1, POINTS)), element=None, n_u=6, points=np.zeros((2, 3))
+    )
     return SimpleNamespace(
         communicator=Communicator(), mesh=mesh, problem=SimpleNamespace(probes={}, specification=dict),
-        unknowns=np.arange(UNKNOWNS), boundary=SimpleNamespace(supports={}, drains={}), n_points=POINTS,
-        gathered=np.copy, points_to_mesh=np.copy, points_from_mesh=np.copy,
+        unknowns=np.arange(UNKNOWNS), boundary=SimpleNamespace(supports={}, drains={}, contacts=()), n_points=POINTS,
+        gathered=np.copy, contact_states=lambda x, loads: (), points_to_mesh=np.copy, points_from_mesh=np.copy,
     )  # fmt: skip
 
 

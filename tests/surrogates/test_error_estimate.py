@@ -146,6 +146,7 @@ class Profile:
 class Solution:
     body = Box(size=(1, 4, 1), elements=(1, 2, 1)).make()
     points, cells, element_cells = body.points, body.cells, None
+    revolved, depth = False, 1.0
     cell_states = MacroSolution.cell_states
 
     def __init__(self, *profiles):

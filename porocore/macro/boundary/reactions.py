@@ -219,7 +219,9 @@ def interpolation(mesh: BodyMesh, probes: Mapping[str, tuple[float, float, float
     ConfigurationError
         A probe lies outside the body.
     """
-    points = BodyPoints.at(mesh, np.array(list(probes.values())).reshape(-1, 3))
+    if not probes:
+        return sparse.csr_matrix((0, mesh.size))
+    points = BodyPoints.at(mesh, np.array(list(probes.values())))
     if not points.inside.all():
         name = list(probes)[int(np.argmin(points.inside))]
         raise outside(mesh, f"macro.probes.{name}", np.array(probes[name]))
