@@ -481,7 +481,7 @@ class LayeredConsolidation:
                 base += layer.height
             return values
 
-        return self._at(transform, t)
+        return after_ramp(transform, t, self.ramp)
 
     def settlement(self, t: float) -> float:
         """Settlement of the top at the time ``t`` > 0, positive downwards [L]."""
@@ -495,7 +495,7 @@ class LayeredConsolidation:
                 total += (self.load * h / rate - layer.biot * pressure) / layer.stiffness
             return np.array([total])
 
-        return float(self._at(transform, t)[0])
+        return float(after_ramp(transform, t, self.ramp)[0])
 
     @staticmethod
     def _root(layer: SoilLayer, rate: complex) -> complex:
@@ -527,18 +527,29 @@ class LayeredConsolidation:
         slopes = layer.conductivity * q * values * np.array([1.0, -1.0])
         return values, slopes
 
-    def _at(self, transform: Callable[[complex], Array], t: float) -> Array:
-        """Return the response at ``t`` to the load, whose transform for a sudden one is given."""
-        if self.ramp == 0:
-            return inverse_laplace(transform, t)
 
-        def summed(rate: complex) -> Array:
-            return np.asarray(transform(rate) / rate)
+def after_ramp(transform: Callable[[complex], Array], t: float, ramp: float) -> Array:
+    """Return the response at ``t`` to a load that rises until ``ramp``, by superposition.
 
-        whole = inverse_laplace(summed, t)
-        if t > self.ramp:
-            whole = whole - inverse_laplace(summed, t - self.ramp)
-        return whole / self.ramp
+    Parameters
+    ----------
+    transform
+        Laplace transform of the response to a sudden load; see :func:`inverse_laplace`.
+    t
+        Time.
+    ramp
+        Time until which the load rises linearly; 0: it is sudden.
+    """
+    if ramp == 0:
+        return inverse_laplace(transform, t)
+
+    def summed(rate: complex) -> Array:
+        return np.asarray(transform(rate) / rate)
+
+    whole = inverse_laplace(summed, t)
+    if t > ramp:
+        whole = whole - inverse_laplace(summed, t - ramp)
+    return whole / ramp
 
 
 def inverse_laplace(transform: Callable[[complex], Array], t: float) -> Array:

@@ -23,7 +23,7 @@ import numpy.typing as npt
 from scipy.special import eval_legendre, j0, roots_legendre, spherical_jn
 
 from porocore.core.fields import provided
-from porocore.macro.analytic import NODES, inverse_laplace
+from porocore.macro.analytic import NODES, after_ramp, inverse_laplace
 from porocore.states import Array
 
 Complex = npt.NDArray[np.complex128]
@@ -483,7 +483,7 @@ class PoroelasticIndentation:
             share = (1 - x / gamma) / (self._constants[2] - coupling * x / gamma)
             return np.asarray(wave @ (share * (self._solution(rate, largest) @ even)))
 
-        return self._inverted(transform, t)
+        return after_ramp(transform, t, self.ramp)
 
     def _elastic(self, poisson: float) -> ElasticIndentation:
         return ElasticIndentation(self.indenter, self.shear, poisson)
@@ -561,20 +561,7 @@ class PoroelasticIndentation:
     def _at(self, part: Callable[[Complex], Complex], t: float) -> Array:
         """Return coefficients at the time ``t``."""
         largest = self._largest(t)
-        return self._inverted(lambda rate: np.asarray(part(self._solution(rate, largest))), t)
-
-    def _inverted(self, transform: Callable[[complex], Array], t: float) -> Array:
-        """Return at ``t`` what follows the depth, whose transform for a sudden one is given."""
-        if self.ramp == 0:
-            return inverse_laplace(transform, t)
-
-        def summed(rate: complex) -> Array:
-            return np.asarray(transform(rate) / rate)
-
-        whole = inverse_laplace(summed, t)
-        if t > self.ramp:
-            whole = whole - inverse_laplace(summed, t - self.ramp)
-        return whole / self.ramp
+        return after_ramp(lambda rate: np.asarray(part(self._solution(rate, largest))), t, self.ramp)
 
 
 @lru_cache(maxsize=4)

@@ -146,7 +146,7 @@ def read_film(
     notes += _small_notes(places, mesh)
     signs = np.ones((len(rows), 3))
     if camera.is_plain and not settings.camera.unknown:
-        places, signs, said = _mirrored(places, macro)
+        places, signs, said = _mirrored(places, macro, mesh)
         notes += said
     if settings.place == "reference":
         kept, said = _inside(settings, mesh, places, film, units.place)
@@ -318,13 +318,13 @@ def _lacking(missing: Sequence[str], film: Film) -> str:
     )
 
 
-def _mirrored(places: Array, macro: MacroSetup) -> tuple[Array, Array, list[str]]:
+def _mirrored(places: Array, macro: MacroSetup, mesh: BodyMesh) -> tuple[Array, Array, list[str]]:
     """Return places in the part of a symmetric body that is solved, signs (n, 3) of displacements there, and notes.
 
     Planes across an axis alone count, and in a meridian the axis of revolution.
     """
     signs, places, turned = np.ones_like(places), places.copy(), np.zeros(len(places), dtype=bool)
-    mesh, size = body_mesh(macro), float(np.ptp(body_mesh(macro).points, axis=0).max())
+    size = float(np.ptp(mesh.points, axis=0).max())
     planes = [
         (axis, float(np.sign(normal[axis])))
         for normal in Symmetry.of(macro).normals.values()

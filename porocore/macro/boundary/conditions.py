@@ -489,8 +489,8 @@ class Collector:
         said = f"{what} has none {across}; give 0 there"
         for name, face in self.problem.boundary.items():
             if face.displacement[2] not in (None, 0) or face.traction[2] != 0:
-                what = "traction" if face.traction[2] != 0 else "displacement"
-                raise ConfigurationError(f"macro.boundary.{name}.{what}: got a third component; {said}")
+                key = "traction" if face.traction[2] != 0 else "displacement"
+                raise ConfigurationError(f"macro.boundary.{name}.{key}: got a third component; {said}")
         if self.problem.body_force[2] != 0:
             raise ConfigurationError(f"macro.body_force: got a third component; {said}")
         H = np.array(self.problem.initial.gradient)

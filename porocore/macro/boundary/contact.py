@@ -7,6 +7,7 @@ leaves is a result of the run.
 
 An indenter under a force f is where its contact forces have the resultant f along its direction, for any displacement
 of the body: its displacement s is a function of the unknowns, and the tangent is that at fixed s plus one of rank one.
+Within Newton's method s is an unknown beside the others, which converges where that function is steep.
 """
 
 from __future__ import annotations

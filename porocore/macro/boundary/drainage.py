@@ -53,8 +53,7 @@ def undrained(macro: MacroSetup, conductivity: Array) -> list[str]:
         K of the undeformed cell.
     """
     faces = macro.boundary.items()
-    drained = any(indenter.drains for indenter in macro.contact.values())
-    if not drained and not any(boundary.pressure is not None or boundary.flux != 0 for _, boundary in faces):
+    if not drained_surfaces(macro) and not any(boundary.flux != 0 for _, boundary in faces):
         return [
             "no surface has a prescribed pressure, so no fluid can leave and nothing consolidates; "
             "give one under macro.boundary"
