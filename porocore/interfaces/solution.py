@@ -187,7 +187,7 @@ class MacroSolution:
         Rate of fluid that enters through each surface with a prescribed pressure, the mean over the step; of a study,
         through its images in the whole specimen too.
     contact : name → (steps, 7)
-        Of each rigid indenter, as :data:`CONTACT` has them: force along its direction; displacement; reference area
+        Of each rigid indenter: force along its direction; displacement; reference area
         that it touches, and the radius of a circle of that area; largest contact pressure; penetration; rate of fluid
         that leaves through its surfaces.
     work : name → (steps,)
