@@ -5,7 +5,7 @@
     from porocore.testing import SamplerSuite
 
     class TestMine(SamplerSuite):
-        kit_version = "3"
+        kit_version = "4"
 
         @classmethod
         def make_sampler(cls, inputs, **options):

@@ -3,7 +3,7 @@
 .. code-block:: python
 
     class TestMySampler(SamplerSuite):
-        kit_version = "3"
+        kit_version = "4"
 
         @classmethod
         def make_sampler(cls, inputs, **options):

@@ -16,7 +16,7 @@ from porocore.testing.synthetic.response import CONDUCTIVITY, SOLID_FRACTION, li
 
 
 class TestLinear(MacroLawSuite):
-    kit_version = "3"
+    kit_version = "4"
 
     @classmethod
     def make_law(cls):
@@ -24,7 +24,7 @@ class TestLinear(MacroLawSuite):
 
 
 class TestMeanGradient(MacroLawSuite):
-    kit_version = "3"
+    kit_version = "4"
 
     @classmethod
     def make_law(cls):
@@ -41,7 +41,7 @@ class PotentialCell(CellLaw):
 
 
 class TestPotential(MacroLawSuite):
-    kit_version = "3"
+    kit_version = "4"
 
     @classmethod
     def make_law(cls):
@@ -49,7 +49,7 @@ class TestPotential(MacroLawSuite):
 
 
 class TestClay(MacroLawSuite):
-    kit_version = "3"
+    kit_version = "4"
 
     @classmethod
     def make_law(cls):
@@ -57,7 +57,7 @@ class TestClay(MacroLawSuite):
 
 
 class TestBound(MacroLawSuite):
-    kit_version = "3"
+    kit_version = "4"
 
     @classmethod
     def make_law(cls):
@@ -65,7 +65,7 @@ class TestBound(MacroLawSuite):
 
 
 class TestWrapped(MacroLawSuite):
-    kit_version = "3"
+    kit_version = "4"
 
     @classmethod
     def make_law(cls):

@@ -3,7 +3,7 @@
 .. code-block:: python
 
     class TestMyCellSolver(CellSolverSuite):
-        kit_version = "3"
+        kit_version = "4"
 
         @classmethod
         def make_solver(cls):

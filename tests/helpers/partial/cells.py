@@ -30,7 +30,7 @@ class SolidCellSolver(CellSolver):
 
 
 class TestSolid(CellSolverSuite):
-    kit_version = "3"
+    kit_version = "4"
 
     @classmethod
     def make_solver(cls):

@@ -240,7 +240,7 @@ class ColumnMacroSolver(MacroSolver):
 
 
 class TestColumn(MacroSolverSuite):
-    kit_version = "3"
+    kit_version = "4"
 
     @classmethod
     def make_solver(cls, **options):

@@ -79,7 +79,7 @@ class KernelSurrogate(Surrogate):
 
 
 class TestKernels(SurrogateSuite):
-    kit_version = "3"
+    kit_version = "4"
     random = False
     resumable = False
 

@@ -97,7 +97,7 @@ class Fine(Command):
 
 
 class _Law(CommandSuite):
-    kit_version = "3"
+    kit_version = "4"
     name = "count"
     arguments = ("study.yaml",)
     results = ("all.txt",)

@@ -12,7 +12,7 @@ from porocore.testing.synthetic.response import AlteredLaw, linear_law, mean_gra
 class Law(MacroLawSuite):
     """Of a law whose responses are altered."""
 
-    kit_version = "3"
+    kit_version = "4"
     caught_by: ClassVar[str]
     linear: ClassVar[bool] = False
     constant: ClassVar[bool] = False

@@ -37,7 +37,7 @@ def with_slopes(response, **changed):
 
 
 class Law(PotentialSuite):
-    kit_version = "3"
+    kit_version = "4"
     random: ClassVar = False
     resumable: ClassVar = False
     caught_by: ClassVar[str]

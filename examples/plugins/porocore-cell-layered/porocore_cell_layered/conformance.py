@@ -8,7 +8,7 @@ from porocore_cell_layered.cell_solver import LayeredCellSolver
 
 
 class TestLayeredCellSolver(CellSolverSuite):
-    kit_version = "3"
+    kit_version = "4"
 
     @classmethod
     def make_solver(cls):
