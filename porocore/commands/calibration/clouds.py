@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
 from porocore.commands.calibration.interpolation import HistoryInterpolation
 from porocore.core.fields import provided
@@ -86,6 +87,8 @@ class PointCloud:
         By which the displacements in the axes of the camera become those in the axes of the body.
     outside
         Largest share of the points that may lie outside the body.
+    origin : (3,)
+        Place of the origin of the camera's axes, as far as it is known; None: that of the body.
     """
 
     name: str
@@ -94,6 +97,7 @@ class PointCloud:
     place: Place = "reference"
     axes: Array | None = None
     outside: float = 1.0
+    origin: Array | None = None
 
     def __len__(self) -> int:
         return len(self.times)
@@ -116,6 +120,23 @@ class PointCloud:
     def middle(self) -> Array:
         """Middle (3,) of the places, about which an unknown rotation turns them."""
         return np.asarray(self.places.mean(axis=0))
+
+    def camera_place(self, camera: Array) -> tuple[Array, Array]:
+        """Return the whole place of the camera in the body: the origin of its axes (3,), and a rotation vector (3,).
+
+        Places in the axes of the camera become those in the body by x = offset + R x', R the rotation by the vector in
+        degrees, and displacements by u = R u'.
+
+        Parameters
+        ----------
+        camera : (6,)
+            Its unknown parts; see :meth:`moved`.
+        """
+        R = rotation(np.deg2rad(camera[3:]))
+        origin = np.zeros(3) if self.origin is None else self.origin
+        offset = R @ (origin - self.middle) + self.middle + camera[:3]
+        whole = R if self.axes is None else R @ self.axes
+        return offset, np.asarray(Rotation.from_matrix(whole).as_rotvec(degrees=True))
 
     def kept(self, rows: Any) -> PointCloud:
         """Return the cloud of some points alone; the middle stays where it is only by chance."""

@@ -52,7 +52,7 @@ def calibrate(
 
     The cells between the bounds of the unknowns are sampled and learned once. The unknowns are fitted with exact
     derivatives. Then their 95 % intervals and the non-identifiable combinations are computed. Writes calibration.json,
-    report.html, curves.csv and samples.csv. --resume continues to the same result.
+    report.html, curves.csv and samples.csv, and points.csv of measured fields. --resume continues to the same result.
     """
     from porocore.commands.calibration.calibrate import calibrate as run
     from porocore.commands.calibration.plan import RECORD
@@ -66,7 +66,8 @@ def calibrate(
         return
     print_unknowns(done)
     names = ["calibration.json", "report.html", "curves.csv", "samples.csv"]
-    for name in names if done.posterior is None else [*names, "posterior.csv"]:
+    names += ["points.csv"] * done.has_films + ["posterior.csv"] * (done.posterior is not None)
+    for name in names:
         typer.echo(done.path / name)
 
 

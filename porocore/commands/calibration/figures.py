@@ -165,15 +165,22 @@ def grid_figure(done: Calibration, field: FittedField) -> Figure:
     return figure
 
 
-#: Times of a measured field that are drawn at most, and standard deviations at which residuals have the darkest colour.
-MOST_TIMES_SHOWN, DARKEST = 3, 4.0
+#: Standard deviations at which residuals have the darkest colour.
+DARKEST = 4.0
 #: Area of all points of a picture, in squared points of type.
 INK = 9000.0
 
 
+def _shown_times(times: Array, largest: float) -> Array:
+    """Return the first time, the last one, and that of the largest value, or else the middle one."""
+    ends = {float(times[0]), float(times[-1])}
+    between = largest if largest not in ends else float(times[len(times) // 2])
+    return np.array(sorted({*ends, between}))
+
+
 @styled
 def film_figure(done: Calibration, curve: int) -> Figure:
-    """Draw a measured field side by side with the fit and the residuals, a row for each of some times.
+    """Draw a measured field side by side with the fit and the residuals, a row for each of at most three times.
 
     Points are shown along the two axes in which they extend most.
     """
@@ -189,7 +196,7 @@ def film_figure(done: Calibration, curve: int) -> Figure:
     )
     first, second = sorted(np.argsort(-np.ptp(places, axis=0), kind="stable")[:2].tolist())
     times = np.unique(observed.displayed_times)
-    shown = times[np.unique(np.linspace(0, len(times) - 1, MOST_TIMES_SHOWN).round().astype(int))]
+    shown = _shown_times(times, float(observed.displayed_times[np.abs(measured).argmax()]))
     size = np.ptp(places[:, [first, second]], axis=0)
     tall = float(np.clip(size[1] / max(size[0], 1e-300), 0.3, 3.0))
     high = min(2.4 * tall, 2.9)
@@ -214,10 +221,10 @@ def film_figure(done: Calibration, curve: int) -> Figure:
             )  # fmt: skip
             axes.set_aspect("equal")
             axes.grid(visible=False)
-            if time == shown[0]:
-                axes.set_title(words)
-        at = f"$t$ = {time:.4g} {pretty(observed.time_unit)}".rstrip()
-        row[0].set_ylabel(f"{at}\n{_labelled('xyz'[second], unit)}")
+            # Above the panels, since a low one is shorter than its time.
+            at = f"$t$ = {time:.4g} {pretty(observed.time_unit)}".rstrip() if words == "measured" else ""
+            axes.set_title(f"{words}\n{at}" if time == shown[0] else at)
+        row[0].set_ylabel(_labelled("xyz"[second], unit))
     for axes in panels[-1]:
         axes.set_xlabel(_labelled("xyz"[first], unit))
     words = _labelled(done.data.names[curve], observed.unit)

@@ -326,6 +326,11 @@ class ObservedCurve:
         return bool((np.abs(self.measured) <= BY_CHANCE * self.deviations).all())
 
     @property
+    def unit_key(self) -> str:
+        """Key of the unit of its values."""
+        return f"{self.series.quantity}_unit" if isinstance(self.series, FilmComponent) else "unit"
+
+    @property
     def displayed_times(self) -> Array:
         """Times (m,) in :attr:`time_unit`."""
         return np.asarray(self.times * self.time_factor)
@@ -333,9 +338,15 @@ class ObservedCurve:
     @property
     def outline(self) -> str:
         """Number of values, first and last time, least and largest value, standard deviation, with units."""
-        times = f"from {_span(self.displayed_times[0], self.displayed_times[-1], self.time_unit)}"
+        first, last = self.displayed_times[0], self.displayed_times[-1]
+        span = _span(first, last, self.time_unit)
+        times = f"from {span}" if " to " in span else f"at {span}"
+        if isinstance(self.series, FilmComponent):
+            frames = len(np.unique(self.times))
+            times = f"at {frames} times {times}" if frames > 1 else times
         if self.measured is None:
-            return f"{len(self)} times {times}; no values yet; {self._scatter}"
+            what = "points" if isinstance(self.series, FilmComponent) else "times"
+            return f"{len(self)} {what} {times}; no values yet; {self._scatter}"
         values = _span(self.measured.min(), self.measured.max(), self.unit)
         return f"{len(self)} values {times}; they are {values}; {self._scatter}"
 
@@ -365,7 +376,8 @@ class ObservedCurve:
 
 
 def _span(first: float, last: float, unit: str) -> str:
-    return f"{first:.5g} to {last:.5g} {pretty(unit)}".rstrip()
+    ends = dict.fromkeys((f"{first:.5g}", f"{last:.5g}"))
+    return f"{' to '.join(ends)} {pretty(unit)}".rstrip()
 
 
 def _range(low: float, high: float) -> str:

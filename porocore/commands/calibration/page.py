@@ -108,6 +108,14 @@ def fact_rows(done: Calibration) -> Iterator[tuple[str, str]]:
     """Yield numbers of values, solves and runs, the quality of the fit, the error of the steps, and the time."""
     yield "Values of all curves", str(len(done.data.values))
     yield "Reduced chi-square", f"{done.quality.reduced:.3g}"
+    for name, camera in done.cameras.items():
+        offset, turn = (
+            ", ".join(f"{value:.4g}" for value in each) for each in (camera.offset, camera.rotation)
+        )
+        yield (
+            f"Place of the camera of {name}, known and fitted parts together",
+            f"offset ({offset}) {pretty(camera.unit)}".rstrip() + f", rotation vector ({turn})°",
+        )
     error, text = done.inference.systematic, "not known"
     if error is not None:
         text = f"moves the unknowns by {error.size:.2g} standard deviations"

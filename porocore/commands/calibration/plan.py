@@ -105,7 +105,8 @@ class PlannedUnknown:
     def dimensionless(self, experiment: Experiment) -> float:
         """Return the factor from values of the unknown to the dimensionless numbers of an experiment."""
         number = self.numbers[experiment.name]
-        if not self.unknown.unit:
+        # Angles of a camera are in degrees everywhere.
+        if not self.unknown.unit or not number.quantity:
             return 1.0
         scales = experiment.config.scales
         assert scales is not None

@@ -9,16 +9,40 @@ from typing import Any
 
 import numpy as np
 
-from porocore.commands.calibration.clouds import FilmComponent
+from porocore.commands.calibration.clouds import CAMERA_PARTS, FilmComponent, PointCloud
 from porocore.commands.calibration.derived import METHOD, DerivedCell
 from porocore.commands.calibration.fit import FitQuality, RecordedModel
 from porocore.commands.calibration.infer import Inference
 from porocore.commands.calibration.observations import by_curve
-from porocore.commands.calibration.plan import CalibrationPlan, FittedField
+from porocore.commands.calibration.plan import CalibrationPlan, FittedField, occurrences
 from porocore.commands.calibration.posterior import Posterior
 from porocore.commands.calibration.problem import CurveData, values_at
 from porocore.core.files.plain_data import write_csv
+from porocore.core.units import ResultUnits, pretty
 from porocore.states import Array
+
+
+@dataclass(frozen=True, eq=False)
+class CameraPlace:
+    """Place of a camera in the body: x = offset + R x', u = R u'.
+
+    Attributes
+    ----------
+    offset : (3,)
+        Origin of its axes, in ``unit``.
+    unit
+        Of lengths; empty: none.
+    rotation : (3,)
+        Rotation vector of R in degrees.
+    """
+
+    offset: Array
+    unit: str
+    rotation: Array
+
+    def entries(self) -> dict[str, Any]:
+        """Return what ``calibration.json`` holds."""
+        return {"offset": self.offset.tolist(), "unit": self.unit, "rotation": self.rotation.tolist()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +52,8 @@ class Calibration:
     Attributes
     ----------
     path
-        Folder of its files: ``calibration.json``, ``report.html``, ``curves.csv``, ``samples.csv``.
+        Folder of its files: ``calibration.json``, ``report.html``, ``curves.csv``, ``samples.csv``; ``points.csv`` of
+        films.
     plan
         Experiments with their curves, and unknowns.
     data
@@ -72,6 +97,34 @@ class Calibration:
         return self.inference.by_name(self.inference.values.tolist())
 
     @property
+    def has_films(self) -> bool:
+        """True with measured fields, whose values are in ``points.csv``."""
+        return any(isinstance(curve.series, FilmComponent) for curve in self.plan.curves)
+
+    @property
+    def cameras(self) -> dict[str, CameraPlace]:
+        """Fitted places of cameras of which parts are unknown, by the names of the films."""
+        parts, clouds, lengths = dict[str, Array](), dict[str, PointCloud](), dict[str, ResultUnits]()
+        for experiment in self.plan.experiments:
+            for curve in experiment.curves:
+                if isinstance(curve.series, FilmComponent):
+                    clouds[curve.series.cloud.name] = curve.series.cloud
+            for each in occurrences(self.plan.unknowns, experiment):
+                if each.number.kind == "camera":
+                    name, part = map(str, each.number.path)
+                    at = parts.setdefault(name, np.zeros(len(CAMERA_PARTS)))
+                    at[CAMERA_PARTS.index(part)] += each.value(self.inference.values)
+                    lengths[name] = experiment.config.result_units
+        found = {}
+        for name, at in parts.items():
+            offset, turn = clouds[name].camera_place(at)
+            units = lengths[name]
+            found[name] = CameraPlace(
+                offset * units.factor("displacement"), units.name("displacement") if units.given else "", turn
+            )
+        return found
+
+    @property
     def intervals(self) -> dict[str, tuple[float | None, float | None]]:
         """95 % intervals by name, priors counted; None where the data set no end."""
         return self.inference.by_name(found.values for found in self.inference.intervals)
@@ -96,7 +149,7 @@ def write_tables(done: Calibration, model: RecordedModel) -> None:
     """
     columns = ("curve", "time", "time unit", "measured", "deviation", "fitted", "unit")
     write_csv(done.path / "curves.csv", columns, _curve_rows(done))
-    if any(isinstance(curve.series, FilmComponent) for curve in done.plan.curves):
+    if done.has_films:
         write_csv(done.path / "points.csv", POINT_COLUMNS, _point_rows(done))
     names = [f"{one.name} [{one.unit or '-'}]" for one in done.inference.unknowns]
     samples = _sample_rows(done.data, model)
@@ -153,10 +206,10 @@ def _point_rows(done: Calibration) -> Iterator[list[Any]]:
             assert curve.measured is not None
             places = curve.series.places * units.factor("displacement")
             columns = (curve.displayed_times, curve.measured, curve.deviations, values)
+            time, unit = pretty(curve.time_unit) or "-", pretty(curve.unit) or "-"
             rows = np.column_stack([places, *columns]).tolist()
             for x, y, z, t, measured, deviation, value in rows:
-                time = curve.time_unit or "-"
-                yield [curve.name, x, y, z, length, t, time, measured, deviation, value, curve.unit or "-"]
+                yield [curve.name, x, y, z, length, t, time, measured, deviation, value, unit]
 
 
 def _sample_rows(data: CurveData, model: RecordedModel) -> Iterator[list[Any]]:
@@ -180,6 +233,7 @@ def results_of(done: Calibration) -> dict[str, Any]:
             }
             for each in done.plan.fields
         },
+        "cameras": {name: each.entries() for name, each in done.cameras.items()},
         "derived": {"method": METHOD, "cells": [each.entries() for each in done.derived]},
         "directions": direction_entries(done.inference),
         "products": {

@@ -334,6 +334,8 @@ def _unknown(
 #: Distance of the ends of an interval with which an unknown part of a camera's place is identifiable: as a share of the
 #: largest edge of the body, and in degrees.
 OFFSET_SHARE, DEGREES = 0.01, 1.0
+#: Unit of angles.
+DEGREE = "deg"
 #: Largest unknown offset by default, as a share of the same.
 OFFSET_BOUND = 0.1
 
@@ -375,7 +377,7 @@ def camera_unknowns(
         _positive("camera.offset_bound", camera.offset_bound, bound)
     for part in camera.unknown:
         turned = part.startswith("r")
-        most, own = (camera.rotation_bound, "") if turned else (bound, unit.name)
+        most, own = (camera.rotation_bound, DEGREE) if turned else (bound, unit.name)
         called = f"{experiment}: {name}.camera.{part}" if experiment else f"{name}.camera.{part}"
         quantity = "" if turned else "displacement"
         number = StudyNumber("camera", called, quantity, 0.0, (series.cloud.name, part))

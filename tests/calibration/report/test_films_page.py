@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from porocore.commands.calibration.figures import field_figure, film_figure
+from porocore.commands.calibration.figures import _shown_times, field_figure, film_figure
 from porocore.commands.calibration.observations import curve_data
 from porocore.commands.calibration.page import data_rows
 from porocore.commands.calibration.results import _places_entry, _point_rows
@@ -38,7 +38,11 @@ def done() -> Any:
 def test_a_film_is_shown_beside_fit_and_residuals(done: Any) -> None:
     figure = film_figure(done, 1)
     panels = figure.axes[:9]
-    assert [axes.get_title() for axes in panels[:3]] == ["measured", "fitted", "residual"]
+    assert [axes.get_title() for axes in panels[:3]] == [
+        "measured\n$t$ = 0.15",
+        "fitted\n",
+        "residual\n",
+    ]
     measured, fitted, residual = (axes.collections[0].get_array() for axes in panels[:3])
     assert len(measured) == 16
     np.testing.assert_allclose(fitted, measured / 2)
@@ -48,7 +52,13 @@ def test_a_film_is_shown_beside_fit_and_residuals(done: Any) -> None:
     x, y = panels[0].collections[0].get_offsets().T
     places = done.plan.curves[1].series.places[:16]
     np.testing.assert_allclose(np.stack([x, y]), places[:, :2].T)
-    assert (panels[-1].get_xlabel(), panels[0].get_ylabel()) == ("x [–]", "$t$ = 0.15\ny [–]")
+    assert (panels[-1].get_xlabel(), panels[0].get_ylabel()) == ("x [–]", "y [–]")
+
+
+def test_the_frame_of_the_largest_value_is_shown() -> None:
+    times = np.arange(1.0, 8.0)
+    assert [_shown_times(times, each).tolist() for each in (3.0, 7.0)] == [[1, 3, 7], [1, 4, 7]]
+    assert _shown_times(times[:1], 1.0).tolist() == [1]
 
 
 def test_values_on_a_grid_have_a_map_and_crosses_where_an_end_is_open(done: Any) -> None:
