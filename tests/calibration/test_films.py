@@ -126,14 +126,15 @@ def test_lost_points_duplicates_and_points_outside_are_counted(tmp_path: Path) -
     every["u1"][3] = "NaN"
     every["u2"][4] = ""
     every["x"][5] = "---"
-    for name in every:  # one row twice, with other values
-        every[name].append(every[name][0])
-    every["u1"][-1] += 2.0
+    for name in every:  # one row twice, with other values, and one as it is
+        every[name] += [every[name][0], every[name][1]]
+    every["u1"][-2] += 2.0
     every["y"][7] = 3.9
     found = read(tmp_path, csv_of(every), outside=0.1)
     assert [len(curve) for curve in found] == [9, 9]
     notes = " ".join(note for curve in found for note in curve.notes)
-    assert "1 of 13 rows have no place or no time, and were left out" in notes
+    assert "1 rows are exact copies of others, and were left out" in notes
+    assert "1 of 14 rows have no place or no time, and were left out" in notes
     assert "1 of 12 values lie outside the body and were left out" in notes
     assert "1 values have the place and the time of another one; the means of such values count" in notes
     assert "1 of 11 values of u1 are missing, and were left out" in notes
@@ -146,6 +147,10 @@ FAULTS: dict[str, tuple[dict[str, Any], str]] = {
     "a metre for a millimetre": (
         {"unit": "m"},
         "would fit if they were 0.001 times as large: check the unit",
+    ),
+    "both sides of a symmetric body": (
+        {"camera": {"offset": [-0.4, 0.0, 0.0]}},
+        r"beyond x-: name that symmetry plane in 'macro.body.symmetry: \[x-\]'",
     ),
     "axes exchanged": (
         {"columns": {"x": "y", "y": "x"}},
@@ -184,14 +189,15 @@ def test_faults_get_one_message(tmp_path: Path, fault: str) -> None:
 def test_a_film_of_next_to_one_point_is_doubted(tmp_path: Path) -> None:
     found = read(tmp_path, csv_of(rows()), unit="um")
     assert found[0].notes == (
-        "the points extend over 2.7e-06 m, and the body over 0.003 m; check the unit of the places, 'unit:'",
+        "the points extend over 2.7e-06 m, and the body over 0.003 m; they would span it if they were 1000 times as "
+        "large; check the unit of the places, 'unit:' or the heading, got 'um'",
     )
 
 
 def test_an_entry_that_is_no_number_is_told_with_its_line(tmp_path: Path) -> None:
     every = {name: values.tolist() for name, values in rows().items()}
     every["u2"][4] = "lost"
-    with pytest.raises(ConfigurationError, match=r"film.csv:6: u2: expected a number, got 'lost'"):
+    with pytest.raises(ConfigurationError, match=r"film.csv:6: u2: expected a finite number, got 'lost'"):
         read(tmp_path, csv_of(every))
     assert len(read(tmp_path, csv_of(every), missing=["lost"])[1]) == 11
 
@@ -240,3 +246,102 @@ def test_points_beyond_a_symmetry_plane_are_their_mirror_images(tmp_path: Path) 
         found, _ = read_film("film", PointsSettings(file="film.csv", **KEYS), tmp_path, half, SCALES)
     check(found)
     assert "6 of 12 points lie beyond a symmetry plane and count as their mirror images" in found[0].notes
+
+
+@pytest.mark.parametrize(
+    ("content", "naming"),
+    [
+        (
+            "x;y;z;t;u1\n0,1;0,2;1;1;5,5\n0,2;0.25;1;1;5,6\n",
+            "film.csv:2: x: expected decimal points, as in '0.25' in line 3",
+        ),
+        (
+            "x;y;z;t;u1\n1;2;1;1;1,234\n1;3;1;1;2,500\n",
+            "'1,234' may have a decimal comma or one between groups",
+        ),
+        ("x;y;z;t;u1\n1;2;1;1;inf\n", "film.csv:2: u1: expected a finite number, got 'inf'"),
+    ],
+)
+def test_numbers_that_may_be_others_are_refused(tmp_path: Path, content: str, naming: str) -> None:
+    with pytest.raises(ConfigurationError, match=naming):
+        read(tmp_path, content)
+
+
+def test_infinite_numbers_of_an_array_are_refused(tmp_path: Path) -> None:
+    every = rows()
+    every["u1"][2] = -np.inf
+    np.savez(tmp_path / "film.npz", **every)
+    with pytest.raises(ConfigurationError, match=r"u1: expected finite numbers .* got infinity in value 3"):
+        read(tmp_path, file="film.npz")
+
+
+def test_advice_names_keys_that_a_film_has(tmp_path: Path) -> None:
+    """Two tables in one file, and a row cut short."""
+    twice = csv_of(rows()) + "\n\n" + csv_of(rows())
+    short = csv_of(rows()) + "\n1,2"
+    for content, naming in (
+        (twice, "keep one table in the file$"),
+        (short, "begin it with '#', or write decimal points$"),
+    ):
+        with pytest.raises(ConfigurationError, match=naming) as told:
+            read(tmp_path, content)
+        assert not [key for key in ("last_line", "heading_line", "decimal:") if key in str(told.value)]
+
+
+#: Changed columns, keys, and words of the note.
+DOUBTS: dict[str, tuple[dict[str, Any], dict[str, Any], str]] = {
+    "all zero": ({"u1": 0.0}, {}, "all values are 0; check the column"),
+    "a deviation above all": (
+        {},
+        {"deviation": 1e3},
+        "the deviation of 1000 µm is larger than all values, which reach",
+    ),
+    "minutes for seconds": (
+        {"t": 0.1},
+        {},
+        "the film ends at 0.1 s, and the test at 6 s; check the unit of the times",
+    ),
+    "absurd pressures": (
+        {"p": 20.0},
+        {"pressure_unit": "MPa", "pressure_deviation": 1.0},
+        "the pressures reach 20 MPa, 40 times the modulus of the solid; check their unit, 'pressure_unit:'",
+    ),
+    "no unit": ({}, {"time_unit": None, "until": 0.2, "since": 0.1}, "the times of film.csv have no unit"),
+}
+
+
+@pytest.mark.parametrize("doubt", DOUBTS)
+def test_what_is_unlikely_gets_a_note(tmp_path: Path, doubt: str) -> None:
+    changes, keys, naming = DOUBTS[doubt]
+    every = rows()
+    for name, value in changes.items():
+        every[name] = np.full(len(every["x"]), value)
+    if doubt == "no unit":
+        every["t"] = every["t"] / 20
+    found = read(tmp_path, csv_of(every), **keys)
+    notes = [note for curve in found for note in curve.notes]
+    assert any(naming in note for note in notes), notes
+
+
+def test_units_of_frames_are_units_of_the_times(tmp_path: Path) -> None:
+    every = {name: values[:6] for name, values in rows().items() if name != "t"}
+    (tmp_path / "f1.csv").write_text(csv_of(every), encoding="utf-8")
+    (bare,) = (read(tmp_path, file="f*.csv", frames=[0.1], time_unit=None)[0].notes,)
+    assert "the times of f*.csv have no unit" in bare[0]
+    assert not read(tmp_path, file="f*.csv", frames=["2 s"], time_unit=None)[0].notes
+
+
+def test_a_made_up_film_has_no_pressures_by_itself(tmp_path: Path) -> None:
+    times = {"first": "1 s", "last": "5 s", "count": 3}
+    keys = {"grid": [2, 3, 1], "times": times, "fixed": {"z": "0.5 mm"}, "unit": None, "time_unit": None}
+    given = PointsSettings(**{**KEYS, **keys})
+    with using_units(ResultUnits(SCALES)):
+        found, _ = read_film("film", given, tmp_path, MACRO, SCALES, synthetic=True)
+    assert found[0].notes == ("u1, u2 and u3 are made up, and no p; name other components in 'quantities:'",)
+    assert found[0].outline.startswith("18 points at 3 times from ")
+
+
+def test_an_outline_counts_points_and_times(tmp_path: Path) -> None:
+    outline = read(tmp_path, csv_of(rows()))[0].outline
+    assert outline.startswith("12 values at 2 times from 1 to 4 s; they are 1 to 36 µm")
+    assert read(tmp_path, csv_of(rows()), until=2.0)[0].outline.startswith("6 values at 1 s; ")

@@ -19,7 +19,7 @@ from porocore.commands.calibration.clouds import (
     rotation,
     rotation_slopes,
 )
-from porocore.commands.calibration.expectations import scale_note
+from porocore.commands.calibration.expectations import opposite_note, scale_note
 from porocore.commands.calibration.experiment import ExperimentModel, StudiesModel
 from porocore.commands.calibration.fit import fit
 from porocore.commands.calibration.minimum import LinearPrecision
@@ -208,6 +208,36 @@ def test_a_component_that_shows_nothing_is_no_reason_to_doubt_its_unit() -> None
     assert "check the unit" in (scale_note(shown, np.full(48, 1e-9), 1, 1, "at the start values") or "")
     experiment = replace(plan.experiments[0], curves=(noise, shown))
     assert _noise(experiment) == pytest.approx(0.001 / np.abs(shown.measured).max())
+
+
+def test_fields_that_run_against_the_study_are_noted() -> None:
+    """Signs and sizes of films are held against the values of the study at the same places and times."""
+    plan = filmed(FILM)
+    predicted = by_curve(model_of(plan).curves(starts(plan)).values, plan.curves)
+    _, u2, p = plan.curves
+    for curve, values, what in ((u2, predicted[1], "'camera.rotation:'"), (p, predicted[2], "suction")):
+        note = opposite_note(replace(curve, measured=-values), values) or ""
+        assert "opposite sign of those of the study" in note
+        assert what in note
+        assert opposite_note(replace(curve, measured=1.3 * values), values) is None
+    large = (
+        scale_note(replace(p, measured=1e3 * predicted[2]), predicted[2], 1, 1, "at the start values") or ""
+    )
+    assert (
+        "check the unit of the values ('pressure_unit:' or the heading), and the units of the study" in large
+    )
+
+
+def test_the_whole_place_of_a_camera_maps_its_places_to_the_body() -> None:
+    """Known and unknown parts together: x = offset + R x'."""
+    own = np.random.default_rng(4).uniform(size=(5, 3))
+    known, origin = rotation(np.deg2rad([10.0, -20.0, 30.0])), np.array([0.1, -0.2, 0.3])
+    cloud = PointCloud("film", own @ known.T + origin, np.zeros(5), axes=known, origin=origin)
+    unknown = np.array([0.02, 0.01, -0.03, 2.0, -1.0, 4.0])
+    offset, vector = cloud.camera_place(unknown)
+    np.testing.assert_allclose(
+        own @ rotation(np.deg2rad(vector)).T + offset, cloud.moved(unknown), atol=1e-14
+    )
 
 
 def test_the_place_of_a_camera_is_found_again() -> None:

@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from porocore.commands.calibration.clouds import FilmComponent
 from porocore.commands.calibration.observations import MeasuredSeries, ObservedCurve, by_curve
 from porocore.commands.calibration.plan import AXES, OF_LOAD, CalibrationPlan, Experiment, occurrences
 from porocore.commands.calibration.problem import CurveModel, first_coordinates, values_at
@@ -90,7 +91,7 @@ def body_height(macro: MacroSetup) -> float:
 def _position(curve: ObservedCurve) -> str:
     """Return the words on values that fall from their largest and stay far from 0; empty: they do not."""
     measured = curve.measured
-    if measured is None or measured[0] <= 0:
+    if measured is None or measured[0] <= 0 or not isinstance(curve.series, MeasuredSeries):
         return ""
     change = float(np.ptp(measured))
     if not 0 < change < measured[0] or (np.diff(measured) > NOISE * change).any():
@@ -125,7 +126,8 @@ def size_note(curve: ObservedCurve, macro: MacroSetup) -> str | None:
         return None
     words = f"{size if stands else size / SEVERAL:.4g} {pretty(curve.unit)}".rstrip()
     where = "" if curve.file is None else f" in {curve.file.name}"
-    advice = f"check the unit of the values ({'it is taken from' if curve.unit else 'give'} 'unit:' or the heading)"
+    given = "it is taken from" if curve.unit else "give"
+    advice = f"check the unit of the values ({given} '{curve.unit_key}:' or the heading)"
     if units.given and not curve.unit:
         advice += f", without which they are multiples of {units.text(1.0, 'displacement')}"
     advice += f", and macro.body{' with scales.length' if units.given else ''}"
@@ -255,6 +257,8 @@ def _rising(value: Value, macro: MacroSetup) -> float:
 FAR = 30.0
 #: Values so far beyond all that an unknown modulus can make of the study's are noted, where they are FAR from these.
 BEYOND = 10.0
+#: Correlation of measured and predicted fields, each about 0, below whose opposite they have the wrong sign.
+OPPOSED = 0.5
 #: Quantities whose size hardly depends on when the data were taken.
 SIZED = ("force", "displacement", "volume")
 
@@ -273,7 +277,9 @@ def scale_note(curve: ObservedCurve, predicted: Array, least: float, most: float
     words
         Where they are from, such as ``by linear poroelasticity``.
     """
-    if curve.measured is None or curve.series.quantity not in SIZED or curve.is_noise:
+    series, is_film = curve.series, isinstance(curve.series, FilmComponent)
+    # A film has the times of the study, when its pressures are what they were.
+    if curve.measured is None or not (is_film or series.quantity in SIZED) or curve.is_noise:
         return None
     measured, own = float(np.abs(curve.measured).max()), float(np.abs(predicted).max())
     low, high = min(least / BEYOND, 1 / FAR), max(most * BEYOND, FAR)
@@ -281,10 +287,41 @@ def scale_note(curve: ObservedCurve, predicted: Array, least: float, most: float
         return None
     unit = f" {pretty(curve.unit)}".rstrip()
     bound = f"at most {most * own:.3g}" if measured > own else f"at least {least * own:.3g}"
+    factor = "" if is_film else "'factor:', "
     return (
         f"the values reach {measured:.3g}{unit} in size, but those of the study {own:.3g}{unit} {words}, and {bound}"
-        f"{unit} between the bounds; check the unit of the values ('unit:' or the heading), 'factor:', and the units "
-        "of the study"
+        f"{unit} between the bounds; check the unit of the values ('{curve.unit_key}:' or the heading), "
+        f"{factor}and the units of the study"
+    )
+
+
+def opposite_note(curve: ObservedCurve, predicted: Array) -> str | None:
+    """Return the note that a component of a film runs against the study's; None: it does not, or shows nothing.
+
+    Parameters
+    ----------
+    curve
+        The measured component.
+    predicted
+        Its values in the study, in the unit of the curve.
+    """
+    measured = curve.measured
+    if measured is None or not isinstance(curve.series, FilmComponent) or curve.is_noise:
+        return None
+    sizes = float(np.linalg.norm(measured)) * float(np.linalg.norm(predicted))
+    if sizes == 0 or float(np.abs(predicted).max()) <= float(curve.deviations.max()):
+        return None
+    cosine = float(measured @ predicted) / sizes
+    if cosine > -OPPOSED:
+        return None
+    advice = (
+        "whether suction counts as positive"
+        if curve.series.quantity == "pressure"
+        else ("the directions of the camera's axes, 'camera.rotation:', and the sign of the load")
+    )
+    return (
+        f"the values have the opposite sign of those of the study at the start values (correlation {cosine:.2f}); "
+        f"check the sign of the column, which porocore does not change, and {advice}"
     )
 
 
@@ -322,7 +359,7 @@ def start_notes(plan: CalibrationPlan, model: CurveModel) -> Iterator[str]:
     for experiment in plan.experiments:
         multiples = _multiples(plan, experiment, of_start=True)
         for curve, part in zip(experiment.curves, parts, strict=False):
-            note = scale_note(curve, part, *multiples, "at the start values")
+            note = opposite_note(curve, part) or scale_note(curve, part, *multiples, "at the start values")
             if note and not _is_loaded_by_an_unknown(plan, experiment):
                 yield f"{curve.name}: {note}"
 

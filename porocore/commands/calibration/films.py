@@ -7,7 +7,7 @@ import hashlib
 import math
 import re
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import permutations
 from pathlib import Path
@@ -20,11 +20,11 @@ from porocore.commands.calibration.clouds import EDGE, PRESSURE, FilmComponent, 
 from porocore.commands.calibration.observations import DataFile, ObservedCurve, StudyUnit
 from porocore.commands.calibration.reading import planned_times
 from porocore.commands.calibration.settings import Column, PointsSettings
-from porocore.commands.calibration.tables import CurveTable, decoded_text
+from porocore.commands.calibration.tables import CurveTable, Heading, decoded_text
 from porocore.core.echo import echo, joined, suggestion
 from porocore.core.files.foreign_mesh import read_point_data
 from porocore.core.files.reading import require_ordinary
-from porocore.core.units import Scales, units_now
+from porocore.core.units import Scales, number_or_quantity, pretty, units_now
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.body.points import BodyPoints
@@ -53,6 +53,12 @@ FITS = 0.95
 LARGE = 0.2
 #: Share of the largest edge of the body below which a film is so small that its unit is doubted.
 SMALL = 0.02
+#: A film that ends before this share of the test is likely to have minutes for seconds, or hours for minutes.
+EARLY = 1 / 30
+#: Pressures so many times as large as the modulus of the solid are noted.
+ABSURD = 10.0
+#: Numbers whose commas may stand between groups of three digits.
+_GROUPED = re.compile(r"[+-]?[1-9][0-9]{0,2}(,[0-9]{3})+")
 _PART = re.compile(r"(?P<name>.+)\[(?P<part>[0-9])\]")
 
 
@@ -134,16 +140,23 @@ def read_film(
         film, files = _measured(settings, folder, scales)
     units = _Units.chosen(settings, film, scales)
     film = _with_fixed(film, settings, mesh, units.place)
-    notes: list[str] = list(units.notes(film, scales))
+    notes: list[str] = list(units.notes(settings, film, scales))
     components = _components(settings, film)
     rows, said = _counting(settings, film, units, macro.time.end)
     notes += said
+    if settings.file is not None:
+        rows, said = _without_copies(film, rows)
+        notes += said
+    elif not settings.quantities:
+        notes.append("u1, u2 and u3 are made up, and no p; name other components in 'quantities:'")
     places = np.stack([film.columns[c][rows] for c in COORDINATES], axis=1) / units.place.factor
     times = film.columns["t"][rows] / units.time.factor
     camera = _Camera.given(settings, units.place)
     if settings.file is not None:
         places = places @ camera.turn.T + camera.offset
-    notes += _small_notes(places, mesh)
+    notes += _small_notes(places, mesh, units.place.name)
+    if settings.file is not None:
+        notes += _early_notes(times, macro.time.end, units.time)
     signs = np.ones((len(rows), 3))
     if camera.is_plain and not settings.camera.unknown:
         places, signs, said = _mirrored(places, macro, mesh)
@@ -156,13 +169,15 @@ def read_film(
     rows, places, times, signs = rows[order], places[order], times[order], signs[order]
     axes = None if camera.is_plain else camera.turn
     title = f"{experiment}: {name}" if experiment else name
-    whole = PointCloud(title, places, times, settings.place, axes, settings.outside)
+    origin = camera.offset if settings.file is not None else np.zeros(3)
+    whole = PointCloud(title, places, times, settings.place, axes, settings.outside, origin)
     cloud, sets, said = _without_twins(whole, mesh)
     notes += said
     curves = []
     for component in components:
         curve = _curve(settings, film, units, cloud, sets, rows, signs, component, synthetic, files)
-        curves.append(replace(curve, notes=tuple(dict.fromkeys((*notes, *curve.notes)))))
+        own = (*notes, *curve.notes, *_value_notes(curve))
+        curves.append(replace(curve, notes=tuple(dict.fromkeys(own))))
         notes = []
     return curves, units.place
 
@@ -209,18 +224,33 @@ class _Units:
         """Return the unit of a component."""
         return self.pressure if component == PRESSURE else self.displacement
 
-    def notes(self, film: Film, scales: Scales | None) -> Iterator[str]:
+    def notes(self, settings: PointsSettings, film: Film, scales: Scales | None) -> Iterator[str]:
         """Yield that numbers are taken for dimensionless in a study with scales."""
         if scales is None:
             return
-        shown = {"places": self.place, "times": self.time}
-        shown |= {"pressures": self.pressure} if "p" in film.columns else {}
-        bare = [word for word, unit in shown.items() if not unit.name]
-        if bare:
+        made_up = settings.file is None
+        planned = () if settings.times is None else (settings.times.first, settings.times.last)
+        times, lengths = (planned if made_up else settings.frames), settings.fixed.values()
+        of_file = not made_up and any(c in film.columns and c not in settings.fixed for c in COORDINATES)
+        bare = {
+            "unit": of_file or any(map(_is_bare, lengths)),
+            "time_unit": not times or any(map(_is_bare, times)),
+            "pressure_unit": "p" in film.columns and (not made_up or _is_bare(settings.pressure_deviation)),
+        }
+        shown = {"unit": ("places", self.place), "time_unit": ("times", self.time)}
+        shown["pressure_unit"] = ("pressures", self.pressure)
+        keys = [key for key, (_, unit) in shown.items() if bare[key] and not unit.name]
+        if keys:
+            named = " or ".join(f"'{key}:'" for key in keys)
             yield (
-                f"the {joined(bare)} of {film.path.name} have no unit, so they are taken as multiples of the study's "
-                "scales; give 'unit:', 'time_unit:' or 'pressure_unit:' where they have one"
+                f"the {joined(shown[key][0] for key in keys)} of {film.path.name} have no unit, so they are taken as "
+                f"multiples of the study's scales; give {named} where they have one"
             )
+
+
+def _is_bare(value: float | str | None) -> bool:
+    """Return True for a number without a unit."""
+    return value is not None and not isinstance(number_or_quantity(value), str)
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,6 +332,55 @@ def _counting(settings: PointsSettings, film: Film, units: _Units, end: float) -
     lost = int((~sound).sum())
     said = f"{lost} of {len(film)} rows have no place or no time, and were left out"
     return rows, [said] if lost else []
+
+
+def _without_copies(film: Film, rows: IntArray) -> tuple[IntArray, list[str]]:
+    """Return the rows without exact copies of earlier ones, which are no further measurements, and a note."""
+    whole = np.stack([each[rows] for each in film.columns.values()], axis=1)
+    # Without the sign of a zero, and with one NaN.
+    whole = np.ascontiguousarray(np.where(np.isnan(whole), np.nan, whole + 0.0))
+    _, first = np.unique(whole.view(f"V{whole.itemsize * whole.shape[1]}").ravel(), return_index=True)
+    copies = len(rows) - len(first)
+    if not copies:
+        return rows, []
+    return rows[np.sort(first)], [f"{copies} rows are exact copies of others, and were left out"]
+
+
+def _early_notes(times: Array, end: float, unit: StudyUnit) -> Iterator[str]:
+    """Yield that a film ends long before the test, as with minutes that are taken for seconds."""
+    last = float(times.max(initial=0.0))
+    if 0 < last < EARLY * end:
+        words = pretty(unit.name)
+        yield (
+            f"the film ends at {f'{last * unit.factor:.4g} {words}'.rstrip()}, and the test at "
+            f"{f'{end * unit.factor:.4g} {words}'.rstrip()}; check the unit of the times, 'time_unit:' or the heading"
+        )
+
+
+def _value_notes(curve: ObservedCurve) -> Iterator[str]:
+    """Yield what is to be doubted in the values of a component before anything is computed."""
+    measured = curve.measured
+    if measured is None:
+        return
+    deviation, largest, unit = (
+        float(curve.deviations.min()),
+        float(np.abs(measured).max()),
+        pretty(curve.unit),
+    )
+    if not largest:
+        yield "all values are 0; check the column, or leave it out of 'quantities:'"
+    elif deviation > largest:
+        key = "pressure_deviation" if curve.series.quantity == "pressure" else "deviation"
+        yield (
+            f"the deviation of {f'{deviation:.4g} {unit}'.rstrip()} is larger than all values, which reach "
+            f"{f'{largest:.4g} {unit}'.rstrip()}; check '{key}:' and the unit of the values, "
+            f"'{curve.unit_key}:' or the heading"
+        )
+    if curve.series.quantity == "pressure" and largest > ABSURD * curve.factor:
+        yield (
+            f"the pressures reach {f'{largest:.4g} {unit}'.rstrip()}, {largest / curve.factor:.3g} times the modulus "
+            "of the solid; check their unit, 'pressure_unit:' or the heading"
+        )
 
 
 def _lacking(missing: Sequence[str], film: Film) -> str:
@@ -393,13 +472,18 @@ def require_few_outside(
     )
 
 
+def _fits(points: Array, low: Array, high: Array) -> bool:
+    """Return True for points that lie in the box of a body, and extend over a part of it."""
+    margin = 0.02 * float((high - low).max())
+    inside = ((points >= low - margin) & (points <= high + margin)).all(axis=1)
+    return bool(inside.mean() >= FITS) and bool((np.ptp(points, axis=0) > LARGE * (high - low)).any())
+
+
 def _likely(places: Array, low: Array, high: Array, unit: str) -> str:
     """Return the advice on places outside the box of a body."""
-    margin = 0.02 * float((high - low).max())
 
     def fits(points: Array) -> bool:
-        inside = ((points >= low - margin) & (points <= high + margin)).all(axis=1)
-        return bool(inside.mean() >= FITS) and bool((np.ptp(points, axis=0) > LARGE * (high - low)).any())
+        return _fits(points, low, high)
 
     for power in (-3, 3, -6, 6):
         if fits(places * 10.0**power):
@@ -415,20 +499,35 @@ def _likely(places: Array, low: Array, high: Array, unit: str) -> str:
                 f"they would fit with other axes: check the columns, such as 'columns: {{{axes}}}', or "
                 "'camera.rotation:'"
             )
+    for axis in range(3):
+        for side, plane in (("-", low), ("+", high)):
+            mirrored = places.copy()
+            beyond = places[:, axis] < low[axis] if side == "-" else places[:, axis] > high[axis]
+            mirrored[beyond, axis] = 2 * plane[axis] - places[beyond, axis]
+            if high[axis] > low[axis] and fits(mirrored):
+                return (
+                    f"they would fit if the body had its mirror image beyond {'xyz'[axis]}{side}: name that symmetry "
+                    f"plane in 'macro.body.symmetry: [{'xyz'[axis]}{side}]', or keep one side; images count where the "
+                    "axes of the camera are those of the body"
+                )
     moved = places - places.mean(axis=0) + (low + high) / 2
     if fits(moved):
         return "they would fit at another place: give 'camera.offset:', the origin of their axes in the body"
     return "check 'unit:', the columns of the places, and 'camera:'"
 
 
-def _small_notes(places: Array, mesh: BodyMesh) -> Iterator[str]:
+def _small_notes(places: Array, mesh: BodyMesh, unit: str) -> Iterator[str]:
     """Yield that the places of a film are next to one point of the body, as in a wrong unit."""
     size, edge = float(np.ptp(places, axis=0).max()), float(np.ptp(mesh.points, axis=0).max())
     if len(places) > 1 and size < SMALL * edge:
         units = units_now()
+        low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
+        powers = [p for p in (3, 6) if size and _fits(places * 10.0**p, low, high)]
         yield (
             f"the points extend over {units.text(size, 'displacement', 3)}, and the body over "
-            f"{units.text(edge, 'displacement', 3)}; check the unit of the places, 'unit:'"
+            f"{units.text(edge, 'displacement', 3)}; "
+            + (f"they would span it if they were {10 ** powers[0]} times as large; " if powers else "")
+            + f"check the unit of the places, 'unit:' or the heading, got {echo(unit) if unit else 'none'}"
         )
 
 
@@ -644,7 +743,7 @@ def _read_csv(path: Path, settings: PointsSettings) -> Film:
     text, guess = decoded_text(path, settings.encoding, LARGEST_FILM)
     lines = text.splitlines()
     wanted = {c: settings.columns.get(c, c) for c in get_args(Column)}
-    head = CurveTable.of_text(path, "\n".join(lines[:HEAD]), guess, list(wanted.values()))
+    head = CurveTable.of_text(path, "\n".join(lines[:HEAD]), guess, list(wanted.values()), has_keys=False)
     at: dict[Column, int] = {}
     for column, name in wanted.items():
         if column in settings.columns or any(each.is_called(name) for each in head.headings):
@@ -664,13 +763,59 @@ def _read_csv(path: Path, settings: PointsSettings) -> Film:
         numbers.append(k)
     if len(rows) > MOST_ROWS:
         raise ConfigurationError(f"{path}: expected at most {MOST_ROWS} rows, got {len(rows)}; keep fewer")
-    comma = head.separator != "," and any("," in row[k] for row in rows[:HEAD] for k in at.values())
+    comma = _has_commas(path, head.names, rows, numbers, at.values())
     columns = {
         column: _numbers(path, head.names[k], [row[k] for row in rows], numbers, missing, comma)
         for column, k in at.items()
     }
     units = {column: head.headings[k].unit for column, k in at.items()}
     return Film(path, columns, units, np.array(numbers))
+
+
+def _has_commas(
+    path: Path, names: Sequence[str], rows: Sequence[Sequence[str]], lines: Sequence[int], read: Iterable[int]
+) -> bool:
+    """Return True for a file with decimal commas.
+
+    Raises
+    ------
+    ConfigurationError
+        It has decimal points, too, or all commas may stand between groups of three digits.
+    """
+    read = list(read)
+    marked = {
+        mark: next(
+            ((i, k) for i, row in enumerate(rows) for k in read if mark in row[k] and _is_number(row[k])),
+            None,
+        )
+        for mark in ",."
+    }
+    (comma, point), at = (marked[","], marked["."]), f"{path}:"
+    if comma is None:
+        return False
+    i, k = comma
+    if point is not None:
+        other = rows[point[0]][point[1]].strip()
+        raise ConfigurationError(
+            f"{at}{lines[i]}: {names[k]}: expected decimal points, as in {echo(other)} in line {lines[point[0]]}, got "
+            f"{echo(rows[i][k].strip())}; write all numbers of the file with points, or all with commas, and none "
+            "between groups of digits"
+        )
+    if all(_GROUPED.fullmatch(row[c].strip()) for row in rows for c in read if "," in row[c]):
+        raise ConfigurationError(
+            f"{at}{lines[i]}: {names[k]}: {echo(rows[i][k].strip())} may have a decimal comma or one between groups of "
+            "digits, and no number of the file decides it; write decimal points"
+        )
+    return True
+
+
+def _is_number(text: str) -> bool:
+    """Return True for a number with points and commas of any meaning."""
+    try:
+        float(text.replace(",", "").replace(".", ""))
+    except ValueError:
+        return False
+    return True
 
 
 def _numbers(
@@ -680,16 +825,22 @@ def _numbers(
     found = np.empty(len(texts))
     for k, text in enumerate(texts):
         plain = text.strip()
+        if plain.casefold() in missing:
+            found[k] = np.nan
+            continue
         try:
             found[k] = float(plain.replace(",", ".") if comma else plain)
+            sound = math.isfinite(found[k])
         except ValueError:
-            if plain.casefold() not in missing:
-                raise ConfigurationError(
-                    f"{path}:{lines[k]}: {name}: expected a number, got {echo(text)}; leave out such values by "
-                    f"'missing: [{plain!r}]', or remove the row"
-                ) from None
-            found[k] = np.nan
-    return np.where(np.isfinite(found), found, np.nan)
+            sound = False
+        if not sound:
+            advice = f"leave out such values by 'missing: [{plain!r}]', or remove the row"
+            if Heading.read(plain).name.casefold() == name.casefold():
+                advice = "keep one table in the file"
+            raise ConfigurationError(
+                f"{path}:{lines[k]}: {name}: expected a finite number, got {echo(text)}; {advice}"
+            )
+    return found
 
 
 def _read_npz(path: Path, settings: PointsSettings) -> Film:
@@ -775,7 +926,12 @@ def _picked(path: Path, arrays: Mapping[str, Any], settings: PointsSettings) -> 
             raise ConfigurationError(
                 f"columns.{column}: expected numbers in {echo(of)} of {path}, got {values.dtype}"
             )
-        found[column] = np.where(np.isfinite(values), values, np.nan).astype(float)
+        if np.isinf(values).any():
+            raise ConfigurationError(
+                f"columns.{column}: expected finite numbers in {echo(of)} of {path}, and NaN where one is missing, got "
+                f"infinity in value {int(np.flatnonzero(np.isinf(values))[0]) + 1}; write NaN there"
+            )
+        found[column] = values.astype(float)
     if not found:
         raise ConfigurationError(
             f"columns: {path} has none of the columns {joined(POINT)}, u1, u2, u3 and p; it has "

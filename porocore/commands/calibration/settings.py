@@ -248,7 +248,7 @@ Degrees = Annotated[float, Field(ge=-360, le=360)]
 
 
 class CameraSettings(StrictModel):
-    """Place of a camera: x = offset + R x', with places x' and displacements in its own axes."""
+    """Place of a camera: x = offset + R x' and u = R u', with places x' and displacements u' along its own axes."""
 
     offset: tuple[Value, Value, Value] = (0.0, 0.0, 0.0)
     """Place of the origin of the camera's axes in the body, in the unit of the places or with a unit of its own."""
@@ -257,7 +257,7 @@ class CameraSettings(StrictModel):
     the angle. ``[0, 0, 90]`` turns the camera's x axis to y."""
     unknown: Annotated[tuple[Literal["x", "y", "z", "rx", "ry", "rz"], ...], Field(max_length=6)] = ()
     """Parts of the place that are unknowns beside the given ones: further offsets along x, y and z, and angles of a
-    further rotation about these axes through the middle of the points, in degrees."""
+    further rotation about the axes of the body through the mean of the points, in degrees."""
     offset_bound: Value | None = None
     """Largest size of an unknown offset, in the unit of the places or with a unit of its own; null: a tenth of the
     largest edge of the body."""

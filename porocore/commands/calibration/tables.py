@@ -592,8 +592,12 @@ class CurveTable:
         *,
         heading_line: int | None = None,
         last_line: int | None = None,
+        has_keys: bool = True,
     ) -> CurveTable:
-        """Return the table in the text of a file, the encoding of which may be a guess; see :meth:`read`."""
+        """Return the table in the text of a file, the encoding of which may be a guess; see :meth:`read`.
+
+        Messages name the keys of both lines where the settings ``has_keys`` for them.
+        """
         lines = _NEWLINE.split(text)
         if (said := _SEPARATOR_LINE.fullmatch(lines[0])) is not None:
             lines[0] = ""
@@ -610,11 +614,11 @@ class CurveTable:
             raise ConfigurationError(
                 f"{path}: expected a line of headings and rows of numbers, got an empty file"
             )
-        place = _headings(path, found, names, heading_line)
-        return cls._below(path, place, guess)
+        place = _headings(path, found, names, heading_line, has_keys=has_keys)
+        return cls._below(path, place, guess, has_keys=has_keys)
 
     @classmethod
-    def _below(cls, path: Path, place: _Place, guess: str) -> CurveTable:
+    def _below(cls, path: Path, place: _Place, guess: str, *, has_keys: bool = True) -> CurveTable:
         """Return the table below its headings."""
         cells = _without_empty_end(place.row.cells)
         headings = tuple(map(Heading.read, cells))
@@ -634,7 +638,7 @@ class CurveTable:
                 f"{path}:{place.row.line}: expected rows of numbers below the headings {joined(map(echo, cells))}; "
                 "add them"
             )
-        full = [_fitted(path, row, headings, place) for row in rows]
+        full = [_fitted(path, row, headings, place, has_keys) for row in rows]
         return cls(
             path, headings, place.row.line, full, tuple(row.line for row in rows), place.separator, guess
         )
@@ -826,7 +830,12 @@ def _unreadable(path: Path, lines: Sequence[str], separator: str) -> Configurati
 
 
 def _headings(
-    path: Path, found: Sequence[tuple[list[_Row], str]], names: Sequence[str], line: int | None
+    path: Path,
+    found: Sequence[tuple[list[_Row], str]],
+    names: Sequence[str],
+    line: int | None,
+    *,
+    has_keys: bool = True,
 ) -> _Place:
     """Return the place of the headings, by the names of columns or by their line."""
     if line is not None:
@@ -853,9 +862,10 @@ def _headings(
     same = [p for p in places if p.separator == best.separator and p.rank[:3] == best.rank[:3]]
     if len(same) > 1 and best.has_numbers and len(best.named) == len(names):
         first, second = same[0].row.line, same[1].row.line
+        advice = f"; keep one in the file, or say which by 'heading_line: {first}' and 'last_line:'"
         raise ConfigurationError(
             f"{path}: expected one table with {joined(map(echo, names))} in its headings, got one in line {first} and "
-            f"another in line {second}; keep one in the file, or say which by 'heading_line: {first}' and 'last_line:'"
+            f"another in line {second}{advice if has_keys else '; keep one in the file'}"
         )
     return best
 
@@ -910,14 +920,16 @@ def _with_units(path: Path, headings: Sequence[Heading], units: _Row) -> tuple[H
     return tuple(found)
 
 
-def _fitted(path: Path, row: _Row, headings: Sequence[Heading], place: _Place) -> Sequence[str]:
+def _fitted(
+    path: Path, row: _Row, headings: Sequence[Heading], place: _Place, has_keys: bool
+) -> Sequence[str]:
     """Return the entries of a row, one for each heading; empty ones more at its end do not count."""
     cells = row.cells[: max(len(headings), len(_without_empty_end(row.cells)))]
     if len(cells) != len(headings):
         points = ", or write decimal points" if place.separator == "," else ""
+        end = f", end the table above it by 'last_line: {row.line - 1}'" if has_keys else ""
         raise ConfigurationError(
             f"{path}:{row.line}: expected {len(headings)} entries, one for each heading in line {place.row.line}, got "
-            f"{len(cells)}; remove the line, begin it with '#', end the table above it by 'last_line: {row.line - 1}'"
-            f"{points}"
+            f"{len(cells)}; remove the line, begin it with '#'{end}{points}"
         )
     return cells
