@@ -1,11 +1,11 @@
-"""Half spaces of finite size: meridians whose elements grow away from the contact."""
+"""Half spaces and layers of finite size whose elements grow away from the contact."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from porocore.macro.body.kinds import Axisymmetric
-from porocore.macro.body.mesh import BodyMesh, rectangle
+from porocore.macro.body.kinds import Axisymmetric, Box
+from porocore.macro.body.mesh import BodyMesh, box, rectangle
 
 
 class HalfSpace(Axisymmetric):
@@ -16,6 +16,22 @@ class HalfSpace(Axisymmetric):
 
     def make(self) -> BodyMesh:
         return rectangle((np.array(self.r), np.array(self.y)), revolved=True)
+
+
+class Quarter(Box):
+    """A quarter of a layer with given edges of the elements, the same along x and z, whose planes are x- and z-."""
+
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+
+    def make(self) -> BodyMesh:
+        return box((np.array(self.x), np.array(self.y), np.array(self.x)))
+
+
+def quarter(x, y) -> Quarter:
+    """Return a quarter of a layer with the edges ``x`` of the elements along x and z, and ``y`` above its base."""
+    size, elements = (x[-1], y[-1], x[-1]), (len(x) - 1, len(y) - 1, len(x) - 1)
+    return Quarter(kind="box", size=size, elements=elements, symmetry=("x-", "z-"), x=tuple(x), y=tuple(y))
 
 
 def growing(first: float, end: float, ratio: float) -> np.ndarray:

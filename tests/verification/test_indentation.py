@@ -17,7 +17,7 @@ from porocore.macro.indentation import (
 )
 from porocore.macro.problem import MacroProblem
 from porocore.plugins.registry import registry
-from tests.helpers.half_space import edge_at, half_space
+from tests.helpers.half_space import edge_at, growing, half_space, quarter
 
 NU, SHEAR = 0.3, 1.0
 LAME = 2 * SHEAR * NU / (1 - 2 * NU)
@@ -131,7 +131,7 @@ def test_a_sphere_follows_hertz(solver):
     shape = {"kind": "sphere", "radius": BALL}
     last = indented(solver, shape, SHALLOW, about_contact(6, 1000.0), drained(1000))[1][-1]
     assert last[FORCE] == pytest.approx(hertz.force(SHALLOW), rel=5e-3)
-    assert last[RADIUS] == pytest.approx(hertz.contact_radius(SHALLOW), rel=5e-3)
+    assert last[RADIUS] == pytest.approx(hertz.contact_radius(SHALLOW), rel=1e-3)
     assert last[LARGEST] == pytest.approx(float(hertz.pressure(0.0, SHALLOW)), rel=1e-2)
 
 
@@ -156,7 +156,7 @@ def test_a_cone_follows_sneddon(solver):
     sneddon = ElasticIndentation(Cone(FLAT_CONE), SHEAR, NU)
     last = indented(solver, shape, SHALLOW, about_contact(6, 1000.0), drained(1000))[1][-1]
     assert last[FORCE] == pytest.approx(sneddon.force(SHALLOW), rel=1e-2)
-    assert last[RADIUS] == pytest.approx(sneddon.contact_radius(SHALLOW), rel=1e-2)
+    assert last[RADIUS] == pytest.approx(sneddon.contact_radius(SHALLOW), rel=2e-3)
     rounded = ElasticIndentation(Cone(FLAT_CONE, 0.5), SHEAR, NU)
     assert last[FORCE] == pytest.approx(rounded.force(SHALLOW), rel=5e-3)
 
@@ -196,13 +196,14 @@ def expected(relaxation):
     return 1 + (2 * (1 - NU) - 1) * relaxation
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", SMOOTH)
-def test_a_quarter_of_a_layer_in_three_dimensions(solver, name):
-    """A bonded layer as thick as two contact radii, on less than five elements along the contact."""
+def of_exact(solver, name, n):
+    """Return force and contact radius of a quarter of a layer with n elements along 1.5, of the exact ones.
+
+    The layer is bonded, as thick as two contact radii of a half space and as wide as eight.
+    """
     shape, profile, _ = SMOOTH[name]
-    size = {"size": (8, 2, 8), "elements": (9, 4, 9), "grading": (8, 0.4, 8)}
-    body = {"kind": "box", "symmetry": ("x-", "z-")} | size
+    x = np.concatenate([np.arange(n) * 1.5 / n, 1.5 + growing(1.5 / n, 6.5, 1.6)])
+    y = 2 - growing(1.5 / n, 2.0, 1.4)[::-1]
     boundary = {
         "x-": {"normal": 0},
         "z-": {"normal": 0},
@@ -210,14 +211,27 @@ def test_a_quarter_of_a_layer_in_three_dimensions(solver, name):
         "y+": {"pressure": 0},
     }
     indenter = {"shape": shape, "place": (0, 2, 0), "displacement": SHALLOW, "surfaces": ("y+",)}
-    given = {"body": body, "boundary": boundary, "time": drained(10), "contact": {"tip": indenter}}
+    given = {"body": quarter(x, y), "boundary": boundary, "time": drained(10), "contact": {"tip": indenter}}
     problem = MacroProblem.model_validate(given)
     found = whole_specimen(solver.solve(solver.prepare(problem), LAW), problem).contact["tip"][-1]
     profile = profile if name == "sphere" else Cone(FLAT_CONE, 0.5)
     exact = ElasticIndentation(profile, SHEAR, NU, thickness=2.0)
-    assert found[FORCE] == pytest.approx(exact.force(SHALLOW), rel=1e-2)
-    # The round edge of the contact crosses the elements, on which the contact radius is 6 to 8 % too small.
-    assert 0.9 < found[RADIUS] / exact.contact_radius(SHALLOW) < 1
+    return found[FORCE] / exact.force(SHALLOW), found[RADIUS] / exact.contact_radius(SHALLOW)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SMOOTH)
+def test_a_quarter_of_a_layer_in_three_dimensions(solver, name):
+    """On three elements along the contact; its round edge crosses them."""
+    np.testing.assert_allclose(of_exact(solver, name, 4), 1, atol=1.5e-2)
+
+
+@pytest.mark.slow
+def test_the_force_on_a_quarter_converges():
+    """Faster than the square of the elements' size, towards what the slope of the sphere adds, 0.2 %."""
+    solver = registry().get("macro solver", "skfem")()
+    coarse, fine = (of_exact(solver, "sphere", n)[0] - 1.002 for n in (2, 4))
+    assert coarse > 4 * fine
 
 
 @pytest.mark.slow

@@ -30,8 +30,10 @@ FORCE, MOVED, AREA, PRESSURE, FLOW = 0, 1, 2, 4, 6
 OPEN = 0.001
 #: A drained point lets fluid pass so many times better than a layer of the body one element thick.
 DRAINED = 1000.0
-#: Gaps below which the surface is nearly touched, as shares of the largest gap beside the contact.
-LEVELS = (0.005, 0.04)
+#: Levels of (gap over the largest gap beside the contact)^(2/3), and the factors of a parabola's value at zero.
+LEVELS = ((0.15, 20 / 7), (0.3, -2.5), (0.5, 9 / 14))
+#: Share of that gap within which the power 2/3 is rounded.
+ROUNDED = 0.001
 #: Parts along each edge of a facet on which the edge of the contact is a straight line.
 PARTS = 8
 #: Steps at most of the search for the place of an indenter under a force.
@@ -546,27 +548,32 @@ class TouchedArea:
 def touched_area(contact: Contact, whole: Array, motion: float) -> TouchedArea:
     """Return the reference area of the contact.
 
-    Where a smooth indenter lets go of the surface, the gap opens with the power 3/2 of the distance. So the area with a
-    gap below δ grows with δ^(2/3), and those of two values of δ give that of δ = 0. The gap itself is of no use: in
-    the contact it is the penetration, as small as what the shape functions miss of the shape. The values of δ are
-    shares of the largest gap of the facets that are touched and of their neighbours, whatever the depth and the size of
-    the elements.
+    Where a smooth indenter lets go of the surface, the gap opens with the power 3/2 of the distance, so its power 2/3
+    is what shape functions can follow: they interpolate it from the nodes, where the displacement is most accurate. In
+    the contact the gap is of no use, as small as what the shape functions miss of the shape. So the area is the limit
+    at zero of the areas below three levels, a parabola as that of a disc whose radius grows with the level. The levels
+    are shares of the largest gap of the facets that are touched and of their neighbours, whatever the depth and the
+    size of the elements.
     """
     parts, nodes = FacetParts.of(contact.facets.mesh), contact.facets.nodes
-    at = contact.arms(whole, parts.values)
+    at = contact.arms(whole, np.eye(nodes.shape[1]))
     distance = contact.distance(at.reshape(-1, 3), motion)
-    gap, weights = distance.gap.reshape(at.shape[:2]), parts.areas(contact.facets)
+    gap, weights = distance.gap.reshape(nodes.shape), parts.areas(contact.facets)
     acting = contact.distance(contact.arms(whole).reshape(-1, 3), motion).gap.reshape(contact.areas.shape)
     touched = (acting < 0).any(axis=1)
     beside = np.isin(nodes, nodes[touched]).any(axis=1)
     widest = np.unravel_index(np.where(beside[:, None], gap, -np.inf).argmax(), gap.shape)
     largest = gap[widest]
-    if not touched.any() or largest <= 0:
+    if not touched.any() or largest <= -acting.min():
         return TouchedArea(float(weights[touched].sum()), np.zeros(len(whole)), 0.0, 0.0)
-    ratio = (LEVELS[1] / LEVELS[0]) ** (2 / 3)
-    total, by_gap = 0.0, np.zeros(gap.shape)
-    for level, factor in zip(LEVELS, (ratio / (ratio - 1), -1 / (ratio - 1)), strict=True):
-        below = gap - level * largest
+    # Rounded where the gap closes, so that it has a derivative there.
+    opened = np.maximum(gap, 0.0) / largest
+    rounded = opened**2 + ROUNDED**2
+    path = rounded ** (1 / 3) - ROUNDED ** (2 / 3)
+    path_slope = 2 / 3 * opened * rounded ** (-2 / 3) / largest
+    total, by_path = 0.0, np.zeros((len(nodes), len(parts.values)))
+    for level, factor in LEVELS:
+        below = path @ parts.values.T - level
         near = np.flatnonzero((below < 0).any(axis=1))
         k = parts.simplices.shape[1]
         shares, slopes = covered(below[near][:, parts.simplices].reshape(-1, k))
@@ -574,15 +581,14 @@ def touched_area(contact: Contact, whole: Array, motion: float) -> TouchedArea:
         total += float(own @ shares)
         rows = np.repeat(near, parts.simplices.size)
         columns = np.tile(parts.simplices.ravel(), len(near))
-        local = own[:, None] * slopes
-        np.add.at(by_gap, (rows, columns), local.ravel())
-        by_gap[widest] -= level * local.sum()
+        np.add.at(by_path, (rows, columns), (own[:, None] * slopes).ravel())
+    by_gap = (by_path @ parts.values) * path_slope
+    by_gap[widest] -= float((by_gap * gap).sum()) / largest
     n = distance.normal.reshape(at.shape)
-    local = np.einsum("fv,fvi,va->fai", by_gap, n, parts.values, optimize=True)
     dofs = (3 * nodes[:, :, None] + np.arange(3)).ravel()
     return TouchedArea(
         max(total, 0.0),
-        np.bincount(dofs, local.ravel(), len(whole)).astype(float),
+        np.bincount(dofs, (by_gap[:, :, None] * n).ravel(), len(whole)).astype(float),
         -float((by_gap * (n @ contact.along)).sum()),
         float((by_gap.ravel() * distance.by_radius).sum()),
     )
