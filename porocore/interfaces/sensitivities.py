@@ -102,7 +102,10 @@ class ModulusChange:
 
 @dataclass(frozen=True)
 class ViscosityChange:
-    """Relative change of the viscosity μ of the fluid, to which the flux is in inverse proportion: d/d ln μ."""
+    """Relative change of the viscosity μ of the fluid, to which the flux is in inverse proportion: d/d ln μ.
+
+    So is the flux through a surface that an indenter drains.
+    """
 
 
 @dataclass(frozen=True)

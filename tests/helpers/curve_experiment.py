@@ -54,14 +54,17 @@ UNKNOWNS: dict[str, Any] = {
     "boundary.y+.pressure": {"lower": 0.001, "upper": 0.003, "start": 0.0021},
     "delay": {"of": "time_shift", "lower": -0.04, "upper": 0.1, "start": 0.03},
 }
+STUDY: dict[str, Any] = {
+    "cell": {"viscosity": 1.0},
+    "sampling": {"sampler": "sobol", "inputs": {"H22": {"range": [-0.1, 0.02]}}},
+    "surrogate": {"backend": "polynomial"},
+    "closure": "potential",
+}
 
 
 def planned(unknowns: dict[str, Any] = UNKNOWNS, **changes: Any) -> CalibrationPlan:
     settings: dict[str, Any] = {
-        "cell": {"viscosity": 1.0},
-        "sampling": {"sampler": "sobol", "inputs": {"H22": {"range": [-0.1, 0.02]}}},
-        "surrogate": {"backend": "polynomial"},
-        "closure": "potential",
+        **STUDY,
         "macro": MACRO,
         "calibration": {"unknowns": unknowns, "observations": OBSERVATIONS},
         **changes,

@@ -11,7 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from porocore.commands.calibration.experiment import ExperimentModel
-from porocore.commands.calibration.observations import MeasuredSeries, ObservedCurve, by_curve
+from porocore.commands.calibration.observations import (
+    OF_INDENTERS,
+    ROUND,
+    MeasuredSeries,
+    ObservedCurve,
+    by_curve,
+)
 from porocore.commands.calibration.plan import CalibrationPlan, Experiment, PlannedUnknown
 from porocore.commands.calibration.problem import MANY_VALUES, slopes_at
 from porocore.commands.calibration.suggestions import FurtherData
@@ -341,3 +347,9 @@ def _quantities(model: ExperimentModel) -> Iterator[tuple[MeasuredSeries, str]]:
         for i in (1, 2, 3):
             series = MeasuredSeries("displacement", probe=probe, component=i)
             yield series, f"the displacement {i} of the probe '{probe}'"
+    for name, indenter in model.config.macro.contact.items():
+        given = "displacement" if indenter.force is None else "force"
+        for kind in OF_INDENTERS:
+            if kind != given and (kind != "contact_radius" or indenter.shape.kind in ROUND):
+                series = MeasuredSeries(kind, indenter=name)
+                yield series, f"the {kind.replace('_', ' ')} of the indenter '{name}'"

@@ -47,13 +47,17 @@ OPPOSITE: dict[Kind, tuple[Kind, str]] = {
 #: Displacements so many times as large as the body are noted.
 SEVERAL = 3.0
 #: Parts of a study beside which one pressed face does not decide the sign of a force.
-_OTHERS: frozenset[Part] = frozenset(("body_force", "initial", "regions"))
+_OTHERS: frozenset[Part] = frozenset(("body_force", "contact", "initial", "regions"))
 
 
 def sign_note(curve: ObservedCurve, macro: MacroSetup, load: float) -> str | None:
     """Return the note that the large values have a sign that the load excludes; None: they do not, or it may be so."""
     pushed, series = _pushed(macro, load), curve.series
-    if pushed is None or curve.measured is None or not isinstance(series, MeasuredSeries):
+    if curve.measured is None or not isinstance(series, MeasuredSeries):
+        return None
+    if series.indenter:
+        return _indenter_note(curve, series)
+    if pushed is None:
         return None
     face, pressed = pushed
     expected = _expected(series, macro, face, pressed)
@@ -69,10 +73,8 @@ def sign_note(curve: ObservedCurve, macro: MacroSetup, load: float) -> str | Non
         )
     if expected == 1 and series.kind in OPPOSITE and (position := _position(curve)):
         return f"{position}, but {acts} grows; {_of_a_position(curve)} if the file holds a position"
-    values = (expected or 0) * curve.measured
-    sizes = np.abs(values)
-    first = int(sizes.argmax())
-    if values[first] >= 0 or np.mean(values[sizes > DECISIVE * sizes[first]] < 0) < MOST:
+    first = _of_other_sign((expected or 0) * curve.measured)
+    if first is None:
         return None
     found, there = ("below", "above") if expected == 1 else ("above", "below")
     reached = f"{curve.measured[first]:.4g} {pretty(curve.unit)}".rstrip()
@@ -80,6 +82,29 @@ def sign_note(curve: ObservedCurve, macro: MacroSetup, load: float) -> str | Non
     return (
         f"the values reach {reached}, {found} 0, but {acts}{held} is {there} 0; give 'factor: -1' if the file counts "
         "the other way"
+    )
+
+
+def _of_other_sign(values: Array) -> int | None:
+    """Return the place of the largest value if it is negative, and most of the large ones are; None: they are not."""
+    sizes = np.abs(values)
+    first = int(sizes.argmax())
+    if values[first] >= 0 or np.mean(values[sizes > DECISIVE * sizes[first]] < 0) < MOST:
+        return None
+    return first
+
+
+def _indenter_note(curve: ObservedCurve, series: MeasuredSeries) -> str | None:
+    """Return the note on a force, contact radius or contact area below 0, whatever the load is."""
+    assert curve.measured is not None
+    first = None if series.kind == "displacement" else _of_other_sign(curve.measured)
+    if first is None:
+        return None
+    reached = f"{curve.measured[first]:.4g} {pretty(curve.unit)}".rstrip()
+    why = "an indenter presses along its direction, so that" if series.kind == "force" else "but"
+    return (
+        f"the values reach {reached}, below 0, {why} the {series.words} is never below 0; give 'factor: -1' if the "
+        "file counts the other way"
     )
 
 
@@ -149,7 +174,10 @@ def require_free(series: MeasuredSeries, macro: MacroSetup, load: float) -> None
     ConfigurationError
         It is prescribed; the message begins with the key of the observation.
     """
-    if series.probe:
+    if series.indenter:
+        given = "displacement" if macro.contact[series.indenter].force is None else "force"
+        held = f"macro.contact.{series.indenter}.{given}" if series.kind == given else ""
+    elif series.probe:
         held = _held_at(series, macro)
     else:
         pushed = _pushed(macro, load) if series.kind in ("settlement", "heave") else None
@@ -157,11 +185,13 @@ def require_free(series: MeasuredSeries, macro: MacroSetup, load: float) -> None
         down = face == ("y+" if pressed else "y-")
         moved = face in ("y+", "y-") and macro.boundary[face].is_moved
         held = f"macro.boundary.{face}" if moved and down == (series.kind == "settlement") else ""
+    other = "the force on a surface that is held or moved"
+    if series.indenter:
+        other = f"its {'displacement' if series.kind == 'force' else 'force'}"
     if held:
         raise ConfigurationError(
             f"{'probe' if series.probe else 'quantity'}: expected a curve that depends on the unknowns, but {held} "
-            f"prescribes the {series.words}; fit another quantity, such as the force on a surface that is held or "
-            "moved, or remove the curve"
+            f"prescribes the {series.words}; fit another quantity, such as {other}, or remove the curve"
         )
 
 

@@ -13,14 +13,20 @@ from copy import copy
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import partial
-from typing import Any, get_args
+from typing import Any, cast, get_args
 
 import numpy as np
 
 from porocore.commands.calibration.clouds import CAMERA_PARTS, CloudView, CloudViews, FilmComponent
 from porocore.commands.calibration.interpolation import HistoryInterpolation
 from porocore.commands.calibration.observations import MeasuredSeries, by_curve, weights_of
-from porocore.commands.calibration.plan import Experiment, PlannedUnknown, StudyNumber, occurrences
+from porocore.commands.calibration.plan import (
+    Experiment,
+    PlannedUnknown,
+    StudyNumber,
+    occurrences,
+    with_indenter,
+)
 from porocore.commands.calibration.problem import CurveModel, CurvePrediction, Unknown
 from porocore.core.models.bounds import MOST_TIMES
 from porocore.core.models.strict import with_number
@@ -35,6 +41,7 @@ from porocore.interfaces.sensitivities import (
     CellParameterChange,
     HatFunction,
     HistoryWeights,
+    IndenterChange,
     LoadChange,
     MacroChange,
     MacroSensitivities,
@@ -54,7 +61,7 @@ from porocore.study.run.composition import make_backend
 from porocore.study.run.solving import prepared_body
 
 #: Sections of the body whose numbers depend on modulus, viscosity and pore size; lengths do not.
-SCALED = ("boundary", "body_force", "initial")
+SCALED = ("boundary", "contact", "body_force", "initial")
 
 
 @dataclass(frozen=True)
@@ -118,6 +125,8 @@ class BodyAtValues:
                 cameras.setdefault(cloud, np.zeros(6))[CAMERA_PARTS.index(part)] += value
             elif number.kind == "boundary":
                 macro = with_number(macro, number.path, partial(_constant, value))
+            elif number.kind == "indenter":
+                macro = with_indenter(macro, number, value)
         macro = macro.model_copy(update={"fields": fields, "loads": (load,)})
         return cls(_scaled(macro, scales).problem(load), scales, shift, cameras)
 
@@ -208,6 +217,15 @@ def effect_of(number: StudyNumber, value: float, problem: MacroProblem) -> tuple
             return ViscosityChange(), -2 / value
         case "load":
             return LoadChange(), 1.0
+        case "indenter":
+            _, name, key = number.path
+            return IndenterChange(name, "radius" if key == "radius" else "offset"), 1.0
+        case "boundary" if number.path[0] == "contact":
+            _, name, key, *rest = number.path
+            motion = IndenterChange(name, "force" if key == "force" else "displacement")
+            given = problem.contact[name].motion
+            # As below.
+            return motion, 1 / value if rest else float(cast("float", given)) / value
         case "boundary":
             _, surface, key, *rest = number.path
             quantity = next(each for each in get_args(BoundaryQuantity) if each == key)

@@ -205,9 +205,10 @@ def _plan(
                     unknowns += camera_unknowns(filmed, film, found[0], unit, config, name)
                 for curve, size in zip(found, sizes, strict=True):
                     notes |= dict.fromkeys(f"{curve.name}: {note}" for note in (*curve.notes, size) if note)
-        if not kinds & set(OF_LOAD):
-            signs = ((curve, sign_note(curve, config.macro, load)) for curve in curves)
-            notes |= dict.fromkeys(f"{curve.name}: {note}" for curve, note in signs if note)
+        for curve in curves:
+            of_indenter = isinstance(curve.series, MeasuredSeries) and curve.series.indenter
+            if (of_indenter or not kinds & set(OF_LOAD)) and (sign := sign_note(curve, config.macro, load)):
+                notes[f"{curve.name}: {sign}"] = None
         experiments.append(Experiment(name, family, load, tuple(curves)))
     if refused:
         raise ConfigurationError("\n".join(refused))

@@ -29,7 +29,7 @@ from porocore.core.units import (
 )
 from porocore.errors import ConfigurationError
 from porocore.interfaces.sensitivities import HistoryWeights, MacroSensitivities
-from porocore.interfaces.solution import MacroSolution
+from porocore.interfaces.solution import CONTACT, MacroSolution
 from porocore.macro.problem import MacroSetup
 from porocore.states import Array
 
@@ -43,20 +43,31 @@ QUANTITY: dict[Kind, str] = {
     "pressure_min": "pressure",
     "drained": "volume",
     "inflow": "flow",
+    "contact_radius": "displacement",
+    "contact_area": "area",
 }
+#: Kinds that an indenter has, of its contact.
+OF_INDENTERS: tuple[Kind, ...] = ("force", "displacement", "contact_radius", "contact_area")
 #: Kinds whose name in the history is another.
 _IN_HISTORY: dict[Kind, str] = {"pressure": "pressure_max"}
 #: Numbers of components of the vectors in a group.
-_WIDTHS = {"probes": 4, "reactions": 3}
+_WIDTHS = {"probes": 4, "reactions": 3, "contact": len(CONTACT)}
+#: Columns of a contact by kind.
+_COLUMNS: dict[Kind, int] = {
+    kind: [name for name, *_ in CONTACT].index(kind.removeprefix("contact_")) for kind in OF_INDENTERS
+}
 #: Key of the names in a group, and words for those that there are.
 _LISTED = {
     "probes": ("probe", "probes are"),
     "inflow": ("surface", "surfaces with a pressure are"),
     "compression": ("surface", "plane surfaces that are held or moved are"),
     "reactions": ("surface", "surfaces that are held or moved are"),
+    "contact": ("indenter", "indenters of macro.contact are"),
 }
 
 
+#: Shapes of indenters whose contact is round.
+ROUND = ("sphere", "punch", "cone")
 #: Standard deviations that no value of a film reaches by chance.
 BY_CHANCE = 6.0
 
@@ -68,9 +79,9 @@ class SeriesPlace:
     Attributes
     ----------
     group
-        Field of the history, or mapping of surfaces or probes.
+        Field of the history, or mapping of surfaces, probes or indenters.
     name
-        Surface or probe; empty for a field of the history.
+        Surface, probe or indenter; empty for a field of the history.
     component
         Column, from 0, of a group of vectors; None: the group is of scalars.
     """
@@ -85,7 +96,7 @@ class SeriesPlace:
         Raises
         ------
         ConfigurationError
-            There is no such probe or surface.
+            There is no such probe, surface or indenter.
         """
         of: Any = getattr(found, self.group)
         if self.name:
@@ -98,7 +109,7 @@ class SeriesPlace:
         return group[self.name]
 
     def require_among(self, names: Collection[str]) -> None:
-        """Refuse a surface or probe that is none of some.
+        """Refuse a surface, probe or indenter that is none of some.
 
         Raises
         ------
@@ -132,17 +143,21 @@ class MeasuredSeries:
         Where it was measured, empty where that is plain.
     component
         1, 2 or 3; 0: none, a force is that in compression.
+    indenter
+        Of which it was measured, along its direction; empty: of none.
     """
 
     kind: Kind
     surface: str = ""
     probe: str = ""
     component: int = 0
+    indenter: str = ""
 
     @classmethod
     def chosen(cls, settings: ObservationSettings) -> MeasuredSeries:
         """Return the series that an observation is of."""
-        return cls(settings.quantity, settings.surface or "", settings.probe or "", settings.component or 0)
+        where = (settings.surface or "", settings.probe or "")
+        return cls(settings.quantity, *where, settings.component or 0, settings.indenter or "")
 
     @property
     def quantity(self) -> str:
@@ -154,11 +169,14 @@ class MeasuredSeries:
         """Quantity with its component and where it was measured, such as ``displacement 2 at tip``."""
         component = f" {self.component}" if self.component else ""
         where = (self.surface and f" on {self.surface}") or (self.probe and f" at {self.probe}")
+        where = where or (self.indenter and f" of {self.indenter}")
         return f"{self.kind.replace('_', ' ')}{component}{where}"
 
     @property
     def place(self) -> SeriesPlace:
         """Place of the series."""
+        if self.indenter:
+            return SeriesPlace("contact", self.indenter, _COLUMNS[self.kind])
         if self.kind == "inflow":
             return SeriesPlace("inflow", self.surface)
         if self.kind == "force":
@@ -181,19 +199,27 @@ class MeasuredSeries:
         return place.part(solution if place.name else solution.history)
 
     def require_in(self, macro: MacroSetup) -> None:
-        """Refuse a probe that a study does not have, and a surface without the measured force or inflow.
+        """Refuse a probe or indenter that a study does not have, and a surface without the measured force or inflow.
 
         Raises
         ------
         ConfigurationError
-            See :meth:`SeriesPlace.require_among`.
+            See :meth:`SeriesPlace.require_among`; or the contact of the indenter has no radius.
         """
         place = self.place
+        if place.group == "contact":
+            place.require_among(macro.contact)
+            kind = macro.contact[place.name].shape.kind
+            if self.kind == "contact_radius" and kind not in ROUND:
+                raise ConfigurationError(
+                    f"quantity: expected an indenter whose contact is a circle, got the {kind} {echo(place.name)}; fit "
+                    "its contact_area"
+                )
         if place.group == "probes":
             place.require_among(macro.probes)
         elif place.group == "inflow":
             place.require_among([name for name, each in macro.boundary.items() if each.pressure is not None])
-        elif place.name:
+        elif place.group in ("compression", "reactions"):
             place.require_among([name for name, each in macro.boundary.items() if each.is_held])
 
     def slopes(self, found: MacroSensitivities) -> Array:

@@ -17,9 +17,11 @@ from porocore.core.files.yaml_document import Location
 from porocore.core.units import QUANTITIES, pretty, unit_in_si
 from porocore.interfaces.sensitivities import HatFunction
 from porocore.states import Array
-from porocore.study.config.config import RunConfig
+from porocore.study.config.config import MacroSettings, RunConfig
 
-NumberKind = Literal["cell", "modulus", "viscosity", "pore", "load", "boundary", "time_shift", "camera"]
+NumberKind = Literal[
+    "cell", "modulus", "viscosity", "pore", "load", "boundary", "indenter", "time_shift", "camera"
+]
 #: Unknown numbers by which a load may have either sign, and any size.
 OF_LOAD: tuple[NumberKind, ...] = ("load", "boundary")
 #: Those by which the units of a run are multiplied: they are above 0, and searched in ln x by default.
@@ -37,13 +39,13 @@ class StudyNumber:
     kind
         What it is.
     name
-        Name of a parameter of the cell, or ``boundary.SURFACE.KEY``; else the kind.
+        Name of a parameter of the cell, ``boundary.SURFACE.KEY`` or ``contact.INDENTER.KEY``; else the kind.
     quantity
         Of :data:`porocore.core.units.QUANTITIES`; empty for a plain number.
     value
         That of the study, dimensionless.
     path
-        Keys below ``macro`` of a value on the boundary; cloud and part of the place of a camera.
+        Keys below ``macro`` of a value on the boundary or of an indenter; cloud and part of the place of a camera.
     hat
         Of a control value of a parameter's field; None: the number holds everywhere.
     """
@@ -59,6 +61,19 @@ class StudyNumber:
     def is_scale(self) -> bool:
         """True for a modulus, a viscosity or an edge, by which the units of a run are multiplied."""
         return self.kind in OF_SCALES
+
+
+def with_indenter(macro: MacroSettings, number: StudyNumber, value: float) -> MacroSettings:
+    """Return a body with another radius of an indenter, or its place moved along its direction by ``value``."""
+    _, name, key = number.path
+    indenter = macro.contact[name]
+    if key == "offset":
+        place = tuple(float(x) for x in np.array(indenter.place) + value * indenter.along)
+        indenter = indenter.model_copy(update={"place": place})
+    else:
+        shape = indenter.shape.model_copy(update={"radius": value})
+        indenter = indenter.model_copy(update={"shape": shape})
+    return macro.model_copy(update={"contact": {**macro.contact, name: indenter}})
 
 
 @dataclass(frozen=True, eq=False)

@@ -53,7 +53,16 @@ Value = Annotated[float | Annotated[str, Field(max_length=120, min_length=1)], B
 Positive = Annotated[float, Field(gt=0, le=LARGEST_NUMBER)]
 GridCount = Annotated[int, Field(ge=1, le=1000)]
 Kind = Literal[
-    "settlement", "heave", "displacement", "force", "pressure", "pressure_min", "drained", "inflow"
+    "settlement",
+    "heave",
+    "displacement",
+    "force",
+    "pressure",
+    "pressure_min",
+    "drained",
+    "inflow",
+    "contact_radius",
+    "contact_area",
 ]
 
 
@@ -112,8 +121,8 @@ class UnknownSettings(StrictModel):
     of: Name | None = None
     """The number in the study that this unknown fits: a parameter or another number of the cell, such as ``radius``;
     ``modulus`` (of the whole solid); ``viscosity`` (of the fluid); ``pore`` (edge of the cell); ``load``; a boundary
-    value such as ``boundary.y+.pressure``; or ``time_shift``, which is added to the times of the data; null: the number
-    that has the name of the unknown."""
+    value such as ``boundary.y+.pressure``; a number of an indenter such as ``contact.ball.radius``; or ``time_shift``,
+    which is added to the times of the data; null: the number that has the name of the unknown."""
     lower: Value
     """Lower bound of the search."""
     upper: Value
@@ -154,11 +163,15 @@ class ObservationSettings(StrictModel):
 
     quantity: Kind
     """Measured quantity: ``settlement`` (largest in the body); ``heave`` (largest displacement along +y);
-    ``displacement`` of a probe; ``force`` on a surface (positive in compression; with ``component``: the force along
-    this axis, positive in its direction); ``pressure`` (largest in the body, or that of a probe); ``pressure_min``
-    (smallest in the body, negative under suction); ``drained`` volume; ``inflow`` through a surface."""
+    ``displacement`` of a probe, or of an indenter along its direction; ``force`` on a surface (positive in compression;
+    with ``component``: the force along this axis, positive in its direction), or of an indenter along its direction;
+    ``pressure`` (largest in the body, or that of a probe); ``pressure_min`` (smallest in the body, negative under
+    suction); ``drained`` volume; ``inflow`` through a surface; ``contact_radius`` and ``contact_area`` of an indenter
+    (of the undeformed surface that it touches)."""
     surface: Name | None = None
     """Surface of a force or an inflow."""
+    indenter: Name | None = None
+    """Indenter of a force, a displacement, a contact radius or a contact area, by its name in ``macro.contact``."""
     probe: Name | None = None
     """Probe of a displacement or a pressure."""
     component: Literal[1, 2, 3] | None = None
@@ -220,10 +233,14 @@ class ObservationSettings(StrictModel):
             "displacement": ("probe", "component"),
             "force": ("surface",),
             "inflow": ("surface",),
+            "contact_radius": ("indenter",),
+            "contact_area": ("indenter",),
         }
         may = {"force": ("component",), "pressure": ("probe",)}
-        for key in ("surface", "probe", "component"):
-            given = {"surface": self.surface, "probe": self.probe, "component": self.component}[key]
+        if self.indenter is not None and self.quantity in ("force", "displacement"):
+            needs, may = {self.quantity: ("indenter",)}, {}
+        for key in ("surface", "probe", "component", "indenter"):
+            given = getattr(self, key)
             if given is None and key in needs.get(self.quantity, ()):
                 raise ValueError(f"the quantity '{self.quantity}' needs '{key}:'; add it")
             if given is not None and key not in (*needs.get(self.quantity, ()), *may.get(self.quantity, ())):

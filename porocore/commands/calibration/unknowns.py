@@ -11,12 +11,20 @@ from typing import Any, get_args
 
 import numpy as np
 from annotated_types import Ge, Gt
+from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
 from porocore.cell.family.family import possible_parameters
 from porocore.commands.calibration.clouds import FilmComponent
 from porocore.commands.calibration.observations import ObservedCurve, StudyUnit
-from porocore.commands.calibration.plan import AXES, Experiment, NumberKind, PlannedUnknown, StudyNumber
+from porocore.commands.calibration.plan import (
+    AXES,
+    Experiment,
+    NumberKind,
+    PlannedUnknown,
+    StudyNumber,
+    with_indenter,
+)
 from porocore.commands.calibration.problem import NormalPrior, Scale, Unknown
 from porocore.commands.calibration.settings import (
     CalibrationSettings,
@@ -45,11 +53,13 @@ from porocore.core.units import (
     pretty,
     unit_in_si,
     unit_within,
+    using_units,
     value_of,
 )
 from porocore.errors import ConfigurationError
 from porocore.interfaces.sensitivities import HatFunction
 from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.composition.fields import Points, as_field
 from porocore.macro.problem import body_mesh
 from porocore.states import Array
@@ -64,6 +74,8 @@ OWN: dict[NumberKind, str] = {
     "load": "",
     "time_shift": "time",
 }
+#: Keys of the motion of an indenter, below its name.
+MOTIONS = (("displacement",), ("force",))
 #: Keys of an unknown and of an observation, with which complaints begin.
 _KEYS = {
     *UnknownSettings.model_fields,
@@ -246,7 +258,12 @@ class _Values:
             )
         if lower > 0:
             return lower, upper
-        if number.is_scale or (number.kind == "cell" and declared_positive(number.name, self.config)):
+        is_radius = number.kind == "indenter" and number.path[-1] == "radius"
+        if (
+            number.is_scale
+            or is_radius
+            or (number.kind == "cell" and declared_positive(number.name, self.config))
+        ):
             raise ConfigurationError(
                 f"lower: expected a number above 0, as every value of {echo(number.name)} is, got {echo(given.lower)}; "
                 "give the least one that is possible"
@@ -319,6 +336,9 @@ def _unknown(
     resolution = None if given.resolution is None else values.positive("resolution", given.resolution)
     unknown = Unknown(name, lower, lower, upper, values.scale, prior, values.unit, spread, before or (1,))
     found = PlannedUnknown(unknown, numbers, resolution)
+    for experiment in numbers:
+        if values.number.kind == "indenter":
+            _require_outside(found, experiments[experiment])
     key, first = values.start(control)
     if first is not None:
         start = values.read(key, first)
@@ -329,6 +349,28 @@ def _unknown(
         if not lower < start < upper:
             start = math.sqrt(lower * upper) if values.scale == "log" else (lower + upper) / 2
     return replace(found, unknown=replace(unknown, start=start))
+
+
+def _require_outside(planned: PlannedUnknown, experiment: Experiment) -> None:
+    """Refuse bounds of an indenter's number that its shape excludes, or with which it begins inside the body."""
+    number, macro = planned.numbers[experiment.name], experiment.config.macro
+    mesh, factor = body_mesh(macro), planned.dimensionless(experiment)
+    _, name, key = number.path
+    with using_units(experiment.config.result_units):
+        try:
+            boundary_data(mesh, macro.problem(experiment.load))
+        except ConfigurationError:
+            return  # a fault of the study, which it is told of by its own
+        for bound, value in (("lower", planned.unknown.lower), ("upper", planned.unknown.upper)):
+            shape = macro.contact[name].shape
+            if key == "radius":
+                try:
+                    type(shape).model_validate({**shape.model_dump(), "radius": factor * value})
+                except ValidationError as error:
+                    said = str(error.errors()[0]["msg"]).removeprefix("Value error, ")
+                    raise ConfigurationError(f"{bound}: macro.contact.{name}.shape: {said}") from None
+            with keyed(bound):
+                boundary_data(mesh, with_indenter(macro, number, factor * value).problem(experiment.load))
 
 
 #: Distance of the ends of an interval with which an unknown part of a camera's place is identifiable: as a share of the
@@ -442,7 +484,7 @@ def study_number(text: str, config: RunConfig, load: float) -> StudyNumber:
         "load": load,
         "time_shift": 0.0,
     }
-    boundary = _boundary_numbers(config.macro)
+    boundary = {**_boundary_numbers(config.macro), **_indenter_numbers(config.macro)}
     for kind, quantity in OWN.items():
         if text == kind and not (kind == "viscosity" and _is_range(config, kind)):
             return StudyNumber(kind, text, quantity, own[kind])
@@ -531,11 +573,12 @@ def _require_no_regions(name: str, config: RunConfig) -> None:
 
 
 def _boundary_numbers(macro: MacroSettings) -> Mapping[str, StudyNumber]:
-    """Return the prescribed numbers other than 0 by names such as ``boundary.y+.traction.y``."""
+    """Return the prescribed numbers other than 0 by names such as ``boundary.y+.traction.y``, of indenters too."""
     found = {}
     for place, dimension in dimensions(type(macro), macro):
         value, path = place.value, place.path
-        if path[:1] != ("boundary",) or isinstance(value, bool) or not isinstance(value, float) or value == 0:
+        is_given = path[:1] == ("boundary",) or (path[:1] == ("contact",) and path[2:3] in MOTIONS)
+        if not is_given or isinstance(value, bool) or not isinstance(value, float) or value == 0:
             continue
         if place.above is not None and isinstance(place.above.value, TimeFunction) and path[-1] != "ramp":
             continue
@@ -545,6 +588,19 @@ def _boundary_numbers(macro: MacroSettings) -> Mapping[str, StudyNumber]:
         words = [AXES[int(part)] if part.isdigit() and part in "012" else part for part in path[2:]]
         name = ".".join((*path[:2], *words))
         found[name] = StudyNumber("boundary", name, quantity, value, path)
+    return found
+
+
+def _indenter_numbers(macro: MacroSettings) -> Mapping[str, StudyNumber]:
+    """Return radius and offset of each indenter by names such as ``contact.ball.radius``."""
+    found = {}
+    for indenter, settings in macro.contact.items():
+        numbers = {"offset": 0.0}
+        if settings.shape.has_radius:
+            numbers["radius"] = float(settings.shape.radius)  # type: ignore[union-attr]
+        for key, value in numbers.items():
+            name = f"contact.{indenter}.{key}"
+            found[name] = StudyNumber("indenter", name, "displacement", value, ("contact", indenter, key))
     return found
 
 

@@ -295,6 +295,8 @@ class Loads:
         none.
     stiffening
         Of changes of the loads: the relative one of the penalty of all indenters.
+    conducting
+        Of changes of the loads: the relative one of the conductance of the surfaces that indenters drain.
     """
 
     values: Array
@@ -305,13 +307,14 @@ class Loads:
     offsets: tuple[float, ...] = ()
     radii: tuple[float, ...] = ()
     stiffening: float = 0.0
+    conducting: float = 0.0
 
     @property
     def indenter_changes(self) -> list[IndenterChanges]:
         """Changes of what is given of each indenter, of loads that are a change."""
         nothing = (0.0,) * len(self.indenters)
         return [
-            IndenterChanges(*each, self.stiffening)
+            IndenterChanges(*each, self.stiffening, self.conducting)
             for each in zip(self.indenters, self.offsets or nothing, self.radii or nothing, strict=True)
         ]
 

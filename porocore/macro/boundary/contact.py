@@ -396,6 +396,8 @@ class IndenterContact:
         if own.stiffness:
             push = (self.contact.areas * self.pressure)[:, :, None] * self.normal
             found = found - own.stiffness * self._sum(push, None)
+        if own.conductance and self.contact.indenter.drains:
+            found = found + own.conductance * self._sum(np.zeros(self.normal.shape), dt * self._seepage[0])
         return found, motion
 
     def _moved(self, own: IndenterChanges) -> float:
@@ -461,6 +463,8 @@ class IndenterContact:
         found[MOVED] -= own.offset  # the displacement is that from the place
         found[FORCE] += own.stiffness * self.force
         found[PRESSURE] += own.stiffness * self.pressure.max(initial=0.0)
+        if own.conductance and self.contact.indenter.drains:
+            found[FLOW] += own.conductance * self._seepage[0].sum()
         return found
 
     def measured(self) -> Array:
@@ -513,17 +517,20 @@ class IndenterChanges:
         Of its shape.
     stiffness
         Of the penalty, relative: it follows the modulus of the solid.
+    conductance
+        Of the drained surface, relative: it follows the conductivity.
     """
 
     prescribed: float = 0.0
     offset: float = 0.0
     radius: float = 0.0
     stiffness: float = 0.0
+    conductance: float = 0.0
 
     @property
     def any(self) -> bool:
         """True if anything changes."""
-        return bool(self.prescribed or self.offset or self.radius or self.stiffness)
+        return any((self.prescribed, self.offset, self.radius, self.stiffness, self.conductance))
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,6 +37,7 @@ from porocore.interfaces.sensitivities import (
     LoadChange,
     MacroChange,
     ModulusChange,
+    ViscosityChange,
 )
 from porocore.interfaces.solution import CONTACT
 from porocore.macro.boundary.conditions import Loads
@@ -628,7 +629,8 @@ class GradientPass:
         self._loaded = [
             j
             for j, each in enumerate(changes)
-            if isinstance(each, LoadChange | BoundaryChange | IndenterChange | ModulusChange)
+            if isinstance(each, LoadChange | BoundaryChange | IndenterChange)
+            or (d.boundary.contacts and isinstance(each, ModulusChange | ViscosityChange))
         ]
         self._still = d.loads(0.0 * d.boundary.amplitudes(d.problem, 0.0))
         self._linearisations = Linearisations(d, law, varies=body.varies)

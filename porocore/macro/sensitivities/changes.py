@@ -43,6 +43,10 @@ def _loads(d: Discretisation, change: MacroChange) -> LoadsAt:
         # The penalty of contacts is a multiple of the modulus.
         still = replace(d.loads(0.0 * d.boundary.amplitudes(d.problem, 0.0)), stiffening=1.0)
         return lambda time: still
+    if isinstance(change, ViscosityChange):
+        # A drained surface lets fluid pass so many times better than the body.
+        draining = replace(d.loads(0.0 * d.boundary.amplitudes(d.problem, 0.0)), conducting=-1.0)
+        return lambda time: draining
     unit = d.problem.model_copy(update={"load": 1.0 if isinstance(change, LoadChange) else 0.0})
     return lambda time: d.loads(d.boundary.amplitudes(unit, time))
 
