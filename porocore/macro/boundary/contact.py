@@ -372,8 +372,23 @@ class IndenterContact:
     def motion_by_unknowns(self) -> Array:
         """Derivative (unknowns,) of the displacement of an indenter under a force by the unknowns."""
         if not self.stiffness > 0:
-            return np.zeros(len(self.whole))
+            return self._followed
         return self._sum(self._slope @ self.contact.along, None) / self.stiffness
+
+    @property
+    def _followed(self) -> Array:
+        """The same without a force, where the indenter stands on the point of the surface that is nearest to it."""
+        contact, shape = self.contact, self.contact.touching
+        distance = contact.distance(contact.arms(self.whole, shape).reshape(-1, 3), self.motion)
+        nearest = int(distance.gap.argmin())
+        facet, point = divmod(nearest, len(shape))
+        n, found = distance.normal[nearest], np.zeros(len(self.whole))
+        away = float(n @ contact.along)
+        if not away:
+            return found
+        dofs = 3 * contact.facets.nodes[facet][:, None] + np.arange(3)
+        found[dofs] = shape[point][:, None] * n / away
+        return found
 
     @cached_property
     def _by_radius(self) -> tuple[Array, Array]:

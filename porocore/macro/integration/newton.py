@@ -229,10 +229,11 @@ def _iterated(
                 linear = linearisations.at(law.respond(states, grad_p, memory), dt, x, loads)
             last = misfits[-2] if iteration else None
             accuracy = linearisations.accuracy(misfit, last, settings.tolerance, loads)
-            if (stiffness <= 0).any():
+            free = stiffness <= 0
+            if (free & (excess < 0)).any():
                 loads = d.resting(x, loads)  # an indenter has lost the body
                 continue
-            own = -excess / stiffness
+            own = np.where(free, 0.0, -excess / np.where(free, 1.0, stiffness))
             right = residual.values + linear.system.left @ own
             if any(lag):
                 still = replace(loads, indenters=lag, pressures=(0.0,) * len(loads.pressures))
@@ -244,6 +245,8 @@ def _iterated(
                 change, motion = taken * change, taken * motion
             x += change
             loads = d.moved_indenters(loads, motion, lag)
+            if free.any():
+                loads = d.resting(x, loads, loads)  # an indenter without a force follows the surface
             x[d.prescribed] = loads.values
     raise StepFailed(
         f"the relative residual of Newton's method was still {misfits[-1]:.2g} after {settings.iterations} iterations "
