@@ -287,6 +287,8 @@ class MacroSetup(StrictModel):
             del said["body"]["flat"], said["body"]["depth"]
         if not self.contact:
             del said["contact"]
+        for indenter in said.get("contact", {}).values():
+            indenter["shape"].pop("path", None)
         return said | composition(self)
 
     def ramp(self, time: float) -> float:

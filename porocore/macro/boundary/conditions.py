@@ -525,6 +525,7 @@ class Collector:
         self._require_free_surfaces(key, indenter, facets)
         if self.mesh.flat:
             self._require_in_plane(key, indenter)
+        indenter.shape.check_beside(float(np.ptp(self.mesh.points, axis=0).max()), f"{key}.shape")
         contact = Contact(name, indenter, facets, *self.split(indenter.motion))
         if contact.by_force:
             try:
@@ -556,6 +557,11 @@ class Collector:
             raise ConfigurationError(
                 f"{key}: a body of kind '{kind}' is pressed along its axis alone; give place: [0, y, 0] and direction: "
                 "[0, -1, 0] or [0, 1, 0]"
+            )
+        if indenter.shape.kind == "surface":
+            raise ConfigurationError(
+                f"{key}.shape: a surface of triangles is pressed against bodies in three dimensions, and that of kind "
+                f"'{kind}' has two; give another kind of shape, or mesh the body in three dimensions"
             )
         if self.mesh.revolved and indenter.shape.kind == "cylinder":
             raise ConfigurationError(

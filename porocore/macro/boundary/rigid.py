@@ -8,14 +8,18 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field, Tag, model_validator
 
+from porocore.core.files.input_file import FromFile
 from porocore.core.formulas import Value
 from porocore.core.models.strict import Name, StrictModel, by_kind
 from porocore.core.units import Dimension
+from porocore.errors import ConfigurationError
+from porocore.macro.boundary.closed_surface import ClosedSurface, read_surface
 from porocore.states import Array
 
 Length = Annotated[float, Field(gt=0), Dimension("displacement")]
@@ -71,6 +75,15 @@ class IndenterShape(StrictModel, ABC):
 
     def check(self, direction: Array, key: str) -> None:
         """Refuse a shape that does not go with the direction; the message begins with ``key``."""
+
+    def check_beside(self, length: float, key: str) -> None:
+        """Refuse a shape, with this ``key``, that cannot be pressed against a body of this length.
+
+        Raises
+        ------
+        ConfigurationError
+            Its file is no closed surface, or is measured in another unit than the body.
+        """
 
 
 def _about_centre(places: Array, across: Array, radius: float, axis: Array) -> SignedDistance:
@@ -250,12 +263,54 @@ class ConicalIndenter(IndenterShape):
         ).turned(places, axis)
 
 
+#: Lengths of a surface over that of the body beyond which the two are taken to be in different units.
+OTHER_UNIT = 200.0
+
+
+class SurfaceIndenter(FromFile, IndenterShape):
+    """A body inside a closed surface of triangles, from a file such as STL."""
+
+    kind: Literal["surface"]
+    """A body inside a closed surface of triangles, from a file such as STL."""
+    scale: Length = 1.0
+    """Factor of the file's coordinates; with a unit, that of the file, such as ``1 mm``."""
+
+    @property
+    def surface(self) -> ClosedSurface:
+        """Triangles of the file.
+
+        Raises
+        ------
+        ValueError
+            They are not one closed surface.
+        """
+        return read_surface(Path(self.path), str(self.sha256), self.scale)
+
+    def distance(self, places: Array, axis: Array) -> SignedDistance:
+        n = len(places)
+        gap, normal, hessian = self.surface.distance(places)
+        return SignedDistance(gap, normal, hessian, np.zeros(n), np.zeros((n, 3)))
+
+    def check_beside(self, length: float, key: str) -> None:
+        self.checked(key)
+        try:
+            own = self.surface.length
+        except ValueError as error:
+            raise ConfigurationError(f"{key}.path: {error}") from None
+        if not length / OTHER_UNIT <= own <= length * OTHER_UNIT:
+            raise ConfigurationError(
+                f"{key}.scale: the surface is {own / length:.3g} times as long as the body; give the unit of the "
+                "file, such as 1 mm"
+            )
+
+
 AnyShape = Annotated[
     Annotated[SphericalIndenter, Tag("sphere")]
     | Annotated[FlatPunch, Tag("punch")]
     | Annotated[CylindricalIndenter, Tag("cylinder")]
     | Annotated[ConicalIndenter, Tag("cone")]
-    | Annotated[PlaneIndenter, Tag("plane")],
+    | Annotated[PlaneIndenter, Tag("plane")]
+    | Annotated[SurfaceIndenter, Tag("surface")],
     by_kind(IndenterShape, "sphere"),
 ]
 
@@ -266,7 +321,8 @@ class RigidIndenter(StrictModel):
     shape: AnyShape
     """Shape of the rigid body."""
     place: Annotated[tuple[float, float, float], Dimension("displacement")]
-    """[x, y, z] of its foremost point, the tip, at no displacement."""
+    """[x, y, z] of its foremost point, the tip, at no displacement; of a ``surface`` that of the origin of its file,
+    which is not turned."""
     direction: tuple[float, float, float] = (0.0, -1.0, 0.0)
     """Direction in which it moves toward the body, of any length; the shape lies behind the tip along it."""
     displacement: Annotated[Value | None, Dimension("displacement")] = None
