@@ -25,8 +25,9 @@ from common import table
 import porocore
 from porocore.commands.calibration.cells import families
 from porocore.commands.calibration.experiment import ExperimentModel, StudiesModel
+from porocore.commands.calibration.interpolation import HistoryInterpolation
 from porocore.commands.calibration.loading import read_plan
-from porocore.commands.calibration.observations import HistoryInterpolation, curve_data
+from porocore.commands.calibration.observations import curve_data
 from porocore.commands.calibration.problem import Misfit
 from porocore.core.console import Console
 from porocore.core.files.store import ResultStore

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+import io
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from porocore.commands.calibration.experiment import ExperimentModel
+from porocore.commands.calibration.experiment import ExperimentModel, StudiesModel
+from porocore.commands.calibration.fit import fit
 from porocore.commands.calibration.loading import read_plan
+from porocore.commands.calibration.observations import curve_data
 from porocore.commands.calibration.plan import CalibrationPlan
+from porocore.commands.calibration.problem import Misfit
+from porocore.core.console import Console
 from porocore.errors import ConfigurationError
 from tests.helpers.curve_experiment import ACCURACY, CURVE, STUDY, model_of, planned, starts
 
@@ -104,6 +110,47 @@ def test_a_pass_backwards_gives_the_same(case: tuple[CalibrationPlan, Experiment
     np.testing.assert_array_equal(values, found.values)
     wanted = weights @ found.slopes
     np.testing.assert_allclose(gradient, wanted, rtol=1e-8, atol=1e-9 * np.abs(wanted).max())
+
+
+PLUG = {
+    "body": {"kind": "axisymmetric", "radius": 1, "height": 0.5, "elements": [4, 1], "grading": [0.4, 1]},
+    "boundary": {"y-": {"normal": 0}, "y+": {"plate": -0.1}, "side": {"pressure": 0}},
+    "fields": {"poisson_ratio": 0.3},
+    "time": FLAT["time"],
+    "loads": [1.0],
+}
+FITTED: dict[str, tuple[dict[str, Any], dict[str, float], dict[str, Any]]] = {
+    "plug": (
+        PLUG,
+        {"radius": 0.23, "modulus": 1.2, "viscosity": 1.1},
+        {"settlement": {"quantity": "settlement", **CURVE}, "drained": {"quantity": "drained", **CURVE}},
+    ),
+    "ball": (
+        {**FLAT, "contact": {"ball": PRESSED}, "fields": {"poisson_ratio": 0.3, "radius": 0.22}},
+        {"modulus": 1.2, "viscosity": 1.1, "contact.ball.offset": -0.003},
+        {"force": FORCE, "pressure": {"quantity": "pressure", **CURVE}, "radius": OBSERVED["contact_radius"]},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ["plug", pytest.param("ball", marks=pytest.mark.slow)])
+def test_a_fit_finds_the_truth(name: str) -> None:
+    """In exact data, of a plug between plates in its meridian and of an indentation."""
+    macro, truth, observed = FITTED[name]
+    known = {**SOLID, **OF_BALL, "contact.ball.offset": {**OF_BALL["contact.ball.offset"], "start": -0.008}}
+    section = {"unknowns": {each: known[each] for each in truth}, "observations": observed}
+    plan = planned({}, macro=macro, calibration={**section, "fit": {"starts": 1}})
+    experiment = model_of(plan)
+    model = StudiesModel([each.unknown for each in plan.unknowns], [experiment])
+    exact, at = experiment.values(np.array([*truth.values()])), 0
+    curves = []
+    for curve in plan.curves:
+        values = exact[at : at + len(curve)]
+        curves.append(replace(curve, measured=values, spread=0.01 * np.abs(values).max()))
+        at += len(curve)
+    found = fit(Misfit(model, curve_data(curves)), plan.fit, Console(io.StringIO()))
+    values = [one.value(x) for one, x in zip(model.unknowns, found.best.coordinates, strict=True)]
+    np.testing.assert_allclose(values, [*truth.values()], rtol=1e-4)
 
 
 BOUNDS = {"lower": 0.5, "upper": 1.2}

@@ -97,6 +97,23 @@ def test_a_free_block_takes_the_stretch_and_the_pore_volume_of_its_cell(make_sol
     assert -found.history.drained[-1] == pytest.approx(last - start, rel=1e-8)
 
 
+@pytest.mark.parametrize("name", ["closed form", "polynomial"])
+def test_a_free_disc_takes_the_stretch_of_its_cell(make_solver, laws, name):
+    """In its meridian, where the hoop grows too: u = (λ − 1) X, no stress, and the fluid of the cell in its volume."""
+    law, area = laws[name], np.pi * 0.8**2
+    faces = {"y-": SLIDES, "y+": DRAINED, "side": DRAINED}
+    disc = {"kind": "axisymmetric", "radius": 0.8, "height": 1, "elements": (3, 2), "grading": (2, 0.5)}
+    found = solved(make_solver, block(faces, GROWING, body=disc), law)
+    end = found.profiles[-1]
+    wanted = (STRETCH - 1) * found.points * (1, 1, 0)
+    np.testing.assert_allclose(end.u, wanted, rtol=0, atol=1e-8 * (STRETCH - 1))
+    np.testing.assert_allclose(end.stress, 0.0, atol=1e-12)
+    start, last = (
+        of_cell(law, (stretch - 1) * np.eye(3), stretch).fluid_volume[0] for stretch in (1.0, STRETCH)
+    )
+    assert -found.history.drained[-1] == pytest.approx(area * (last - start), rel=1e-8)
+
+
 def test_a_held_block_has_the_stress_of_its_cell(make_solver, laws):
     law = laws["closed form"]
     found = solved(make_solver, block(HELD, GROWING), law)

@@ -448,3 +448,34 @@ def test_a_faulty_option_is_told_in_one_line(tmp_path: Path, over: tuple[str, ..
     assert message.startswith(said)
     assert "\n" not in message
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.slow
+def test_a_sweep_of_an_indented_disc(tmp_path: Path) -> None:
+    """In its meridian; a stiffer solid bears more, and the contact is as wide."""
+    ball = {
+        "shape": {"kind": "sphere", "radius": 2},
+        "place": [0, 1, 0],
+        "displacement": {"ramp": 0.05, "until": 1},
+        "surfaces": ["y+"],
+        "outside": "drained",
+    }
+    macro = {
+        "body": {"kind": "axisymmetric", "radius": 2, "height": 1, "elements": [3, 2], "grading": [3, 0.5]},
+        "boundary": {"y-": {"displacement": [0, 0, 0]}, "side": {"normal": 0}},
+        "contact": {"ball": ball},
+        "loads": [1],
+        "time": {"end": 200, "step": 100, "ramp_increments": 2, "ramp_step": 0.5},
+    }
+    strains = {name: {"range": [-0.1, 0.04]} for name in ("H11", "H22", "H33", "H12")}
+    sampling = {**STUDY["sampling"], "inputs": {**strains, "p": {"range": [-0.02, 0.05]}}}
+    sampling["options"] = {"count": 24, "states_per_member": 4}
+    settings = {**STUDY, "macro": macro, "sampling": sampling}
+    found = made(tmp_path / "out", settings).sweep({"poisson_ratio": [0.2, 0.4]})
+    figures = found.figures
+    assert (np.diff(figures["ball: peak"]) > 0).all()
+    assert (figures["ball: peak"] > figures["ball: final"]).all()
+    np.testing.assert_array_equal(figures["ball: largest_displacement"], 0.05)
+    np.testing.assert_allclose(*figures["ball: largest_radius"], rtol=1e-3)
+    assert found.quantity("ball: peak") == "force"
+    assert png_bytes(sweep_figure(found))

@@ -19,7 +19,7 @@ from porocore.interfaces.solution import MacroSolution
 from porocore.report.figures import style
 from porocore.states import Array
 from porocore.study.run.folder import LINEAR as LINEAR_LAW
-from porocore.study.sweep.results import ParameterSweep
+from porocore.study.sweep.results import OF_FORCES, ParameterSweep
 
 #: Histories of the displacement, one of which is drawn.
 MOVED = {
@@ -32,6 +32,7 @@ LABELS = {
     "final_settlement": "final settlement",
     "largest_heave": "largest heave",
     "largest_displacement": "largest displacement",
+    "largest_radius": "largest contact radius",
     "time_to_50_percent": "time to 50 %",
     "time_to_95_percent": "time to 95 %",
     "max_pressure": "largest pore pressure",
@@ -75,15 +76,21 @@ def _places(sweep: ParameterSweep, k: int) -> Array:
 def _rows(sweep: ParameterSweep) -> list[tuple[str, ...]]:
     """Return the results of the body that are drawn, those that share a panel together."""
     mode = sweep.loading_mode
+    if pressed := [name for name, each in sweep.plan.family.macro.contact.items() if each.force is None]:
+        return _forces(pressed[0])
     if sweep.heaves_alone:
         return [("largest_heave",), ("drained",), ("max_pressure",)]
     if mode.settles and not sweep.moves_along_y:
         return [("largest_displacement",), ("drained",), ("max_pressure",)]
     if mode.settles:
         return [("final_settlement",), ("time_to_50_percent", "time_to_95_percent"), ("max_pressure",)]
-    surface = mode.displaced[0]
-    forces = [f"{surface}: {name}" for name in ("peak", "final", "relaxed_50_percent", "relaxed_95_percent")]
-    return [(forces[0], forces[1]), (forces[2], forces[3]), ("max_pressure",)]
+    return _forces(mode.displaced[0])
+
+
+def _forces(of: str) -> list[tuple[str, ...]]:
+    """Return the results of which the force on a surface, or of an indenter, is one."""
+    peak, final, half, most = (f"{of}: {name}" for name in OF_FORCES)
+    return [(peak, final), (half, most), ("max_pressure",)]
 
 
 def _label(sweep: ParameterSweep, figure: str) -> str:

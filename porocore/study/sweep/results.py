@@ -16,7 +16,7 @@ from porocore.core.units import ResultUnits
 from porocore.errors import ConfigurationError
 from porocore.interfaces.solution import MacroSolution
 from porocore.interfaces.surrogate import Surrogate
-from porocore.report.context import LoadingMode, reactions
+from porocore.report.context import LoadingMode, contacts, reactions
 from porocore.report.dimensional import FIGURES
 from porocore.report.metrics import solution_metrics, time_within
 from porocore.report.words.results import ROUND_OFF
@@ -33,6 +33,8 @@ OF_SETTLEMENT = ("final_settlement", "time_to_50_percent", "time_to_95_percent",
 OF_DISPLACEMENT = "largest_displacement"
 OF_ALL = ("max_pressure", "time_of_max_pressure", "drained", "flagged_largest")
 OF_FORCES = ("peak", "final", "relaxed_50_percent", "relaxed_95_percent")
+#: Further ones of an indenter.
+OF_INDENTERS = ("largest_displacement", "largest_radius")
 #: Quantities of the results of the cell.
 OF_CELL = {"porosity": "", **dict.fromkeys(("K_11", "K_22", "K_33"), "conductivity")}
 
@@ -210,7 +212,8 @@ class ParameterSweep:
         for load in self.plan.family.macro.loads:
             for law in self.laws:
                 solution = self.solution(point, law, load)
-                for name, value in _of_the_body(solution, self.loading_mode).items():
+                figures = _of_the_body(solution, self.loading_mode) | _of_indenters(solution)
+                for name, value in figures.items():
                     if name == "flagged_largest" and law != self.laws[0]:
                         continue
                     yield self.named(name, law, load), np.nan if value is None else value
@@ -243,3 +246,12 @@ def _of_the_body(solution: MacroSolution, mode: LoadingMode) -> dict[str, float 
     for surface in mode.displaced:
         figures |= {f"{surface}: {name}": forces[surface][name] for name in OF_FORCES if surface in forces}
     return figures
+
+
+def _of_indenters(solution: MacroSolution) -> dict[str, float | None]:
+    """Return the figures of the indenters of one solution."""
+    return {
+        f"{name}: {figure}": found[figure]
+        for name, found in contacts(solution).items()
+        for figure in (*OF_FORCES, *OF_INDENTERS)
+    }
