@@ -15,6 +15,7 @@ from porocore.core.formulas import TimeFunction, Value
 from porocore.core.inputs import InputSpace
 from porocore.core.units import ResultUnits, Scales
 from porocore.interfaces.solution import History, MacroSolution
+from porocore.macro.boundary.rigid import RigidIndenter
 from porocore.macro.laws.closure import ClosureError, ConductivityLaw
 from porocore.macro.laws.linear import EffectiveProperties, LinearCoefficients
 from porocore.macro.problem import Boundary, MacroSetup
@@ -39,8 +40,10 @@ class LoadingMode:
     ----------
     displaced
         Surfaces that are moved by a given displacement.
+    pressed
+        Indenters that are.
     stressed
-        Whether a traction, a pressure or the force on a plate is scaled by the load.
+        Whether a traction, a pressure or the force on a plate or an indenter is scaled by the load.
     follows
         Whether a pressure follows a deformed surface.
     scales
@@ -52,11 +55,17 @@ class LoadingMode:
     stressed: bool = True
     follows: bool = False
     scales: bool = False
+    pressed: tuple[str, ...] = ()
+
+    @property
+    def moves(self) -> bool:
+        """True if a surface or an indenter is moved by a given displacement."""
+        return bool(self.displaced or self.pressed)
 
     @property
     def settles(self) -> bool:
         """True if the settlement is a result and not prescribed."""
-        return self.stressed or not self.displaced
+        return self.stressed or not self.moves
 
     @classmethod
     def from_setup(cls, macro: MacroSetup) -> LoadingMode:
@@ -64,9 +73,11 @@ class LoadingMode:
         faces = macro.boundary.items()
         return cls(
             tuple(name for name, b in faces if _any((*b.displacement, b.normal))),
-            any(_any(_stresses(b)) for _, b in faces),
+            any(_any(_stresses(b)) for _, b in faces)
+            or any(_any([each.force]) for each in macro.contact.values()),
             "follower" in macro.parts,
             any(_is_one(value) for _, b in faces for value in (*b.traction, b.follower, b.pressure)),
+            tuple(name for name, each in macro.contact.items() if _any([each.displacement])),
         )
 
 
@@ -414,6 +425,8 @@ class ReportContext:
         What moves the body.
     family, body
         The cell over its parameters, and the cells of a body of many; None: there are none.
+    indenters
+        Rigid indenters by name.
     parts
         Of several cells, each of them with the part of the body that has it; then ``cell``, ``sampling``, ``surrogate``
         and ``family`` are those of the rest of the body.
@@ -439,6 +452,7 @@ class ReportContext:
     loading_mode: LoadingMode = field(default_factory=LoadingMode)
     family: FamilySummary | None = None
     body: BodyCells | None = None
+    indenters: Mapping[str, RigidIndenter] = field(default_factory=dict)
     parts: tuple[ReportContext, ...] = ()
     of: str = ""
     name: str = ""

@@ -10,7 +10,7 @@ import numpy as np
 
 from porocore.core.units import ResultUnits
 from porocore.interfaces.solution import MacroSolution, Profile, all_series
-from porocore.report.context import LoadingMode, force_name, reactions
+from porocore.report.context import LoadingMode, contacts, force_name, reactions
 from porocore.report.format import measured, number
 from porocore.report.metrics import goes_back
 from porocore.report.words.cell import symmetric
@@ -81,6 +81,18 @@ def dimensional_rows(
     for name, force in (reactions(solution) if loading_mode.displaced else {}).items():
         for when in ("peak", "final"):
             rows.append((f"{when} {force_name(force)} on {name}", "force", force[when]))
+    for name, each in contacts(solution).items():
+        rows += [
+            (f"peak force of the indenter {name}", "force", each["peak"]),
+            (f"final force of the indenter {name}", "force", each["final"]),
+            (f"largest displacement of the indenter {name}", "displacement", each["largest_displacement"]),
+            (f"largest contact radius of the indenter {name}", "displacement", each["largest_radius"]),
+            (
+                f"largest contact pressure of the indenter {name}",
+                "pressure",
+                each["largest_contact_pressure"],
+            ),
+        ]
     if solution.profiles:
         profile = max(solution.profiles, key=lambda p: float(np.abs(darcy_flux(p)).max()))
         time = measured(profile.time, "time")

@@ -15,6 +15,7 @@ from porocore.report.context import (
     COMPARED,
     ReportContext,
     SurrogateSummary,
+    contacts,
     end_words,
     law_differences,
     no_relaxation,
@@ -33,6 +34,7 @@ from porocore.report.text import (
     benchmark_rows,
     flagged_around,
     force_sentences,
+    indenter_sentences,
     status_rows,
     whole_words,
 )
@@ -108,6 +110,7 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
                 *flagged_around(
                     [
                         *force_sentences(case, moved),
+                        *indenter_sentences(case),
                         *case_sentences(m, context.loading_mode.settles),
                         *((FOLLOWER,) if context.loading_mode.follows else ()),
                     ],
@@ -129,7 +132,8 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
             for m, case in zip(metrics, context.cases, strict=True)
             if units
         ],
-        forces=[_forces(case, moved) for case in context.cases if moved],
+        forces=[_forces(case, moved) for case in context.cases if moved or case.nonlinear.contact],
+        indenters=[_indenters(case) for case in context.cases],
         **_body_parts(context, pictures),
         cells=[_cell_parts(each, pictures) for each in context.of_each_cell],
         settles=context.loading_mode.settles,
@@ -195,6 +199,17 @@ def _forces(case: LoadCase, moved: Sequence[str]) -> list[tuple[str, str, dict[s
     by_law = {law: reactions(each) for law, each in zip(names, solutions, strict=False)}
     surfaces = dict.fromkeys((*moved, *(name for found in by_law.values() for name in found)))
     return [(law, name, found[name]) for name in surfaces for law, found in by_law.items() if name in found]
+
+
+def _indenters(case: LoadCase) -> list[tuple[str, str, dict[str, Any]]]:
+    """Return law, name and :func:`contacts` of each indenter."""
+    solutions = (case.nonlinear, *case.compared)
+    names = [each.law for each in solutions] if case.others else ["nonlinear", "linear"]
+    return [
+        (law, name, found)
+        for law, each in zip(names, solutions, strict=False)
+        for name, found in contacts(each).items()
+    ]
 
 
 def _cell_picture(context: ReportContext, pictures: Pictures) -> Picture | None:
@@ -273,14 +288,19 @@ def _case_pictures(case: LoadCase, context: ReportContext, pictures: Pictures) -
         for log_time in (False, True)
     ]
     column = is_column(case.nonlinear)
-    shown = list(panels(case.nonlinear)) if case.nonlinear.probes or mode.displaced or not column else []
+    shown = list(panels(case.nonlinear)) if case.nonlinear.probes or mode.moves or not column else []
     if not settles:
         shown.sort(key=lambda panel: panel.quantity != "force")  # what a testing machine shows comes first
     series = [each for panel in shown for each in _series(panel, case, pictures)]
-    fields = _column_pictures if column else _body_pictures
+    if case.nonlinear.contact:
+        drawn = figures.indentation_figure(case.nonlinear, case.linear)
+        text = f"force of indenters against their displacement, load {load}"
+        series.insert(0, pictures.svg(f"force-and-displacement_{under}", drawn, text))
     found: dict[str, list[Picture]] = {"histories": histories, "series": series, "bodies": [], "profiles": []}
     if case.nonlinear.profiles:
-        found["profiles" if column else "bodies"] = fields(case, pictures)
+        found["profiles" if column else "bodies"] = (
+            _column_pictures(case, pictures) if column else _body_pictures(case, context, pictures)
+        )
     return found
 
 
@@ -297,14 +317,22 @@ def _series(panel: Panel, case: LoadCase, pictures: Pictures) -> Iterator[Pictur
         )
 
 
-def _body_pictures(case: LoadCase, pictures: Pictures) -> list[Picture]:
+def _body_pictures(case: LoadCase, context: ReportContext, pictures: Pictures) -> list[Picture]:
     found = []
     for time in chosen_times(case.nonlinear):
-        when = units_now().text(time, "time", 6)
+        when, profile = units_now().text(time, "time", 6), profile_at(case.nonlinear, time)
+        if case.nonlinear.revolved:
+            found.append(
+                pictures.png(
+                    f"meridian_t={when}_load{case.load!r}",
+                    figures.plane_figure(case.nonlinear, profile, context.indenters),
+                    f"The deformed meridian at t = {when}, coloured by its pore pressure, load {plain(case.load)}",
+                )
+            )
         found.append(
             pictures.png(
                 f"body_t={when}_load{case.load!r}",
-                figures.body_figure(case.nonlinear, profile_at(case.nonlinear, time)),
+                figures.body_figure(case.nonlinear, profile, context.indenters),
                 f"The deformed body at t = {when}, coloured by its pore pressure, load {plain(case.load)}",
             )
         )

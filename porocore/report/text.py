@@ -10,6 +10,7 @@ from porocore.report.context import (
     ReportContext,
     SamplingSummary,
     SurrogateSummary,
+    contacts,
     end_words,
     force_name,
     no_relaxation,
@@ -91,18 +92,42 @@ def force_sentences(case: LoadCase, moved: Sequence[str]) -> list[str]:
     sentences = []
     for name in moved:
         if name in nonlinear:
-            sentences.append(_force_sentence(f"{name} (load {plain(case.load)})", nonlinear[name]))
+            force = nonlinear[name]
+            sentences.append(
+                _force_sentence(f"{force_name(force)} on {name} (load {plain(case.load)})", force)
+            )
         if name in nonlinear and name in linear:
             peak, final = (measured(linear[name][key], "force") for key in ("peak", "final"))
             sentences.append(f"With linear poroelasticity, its peak is {peak}, and it is {final} at the end.")
     return sentences
 
 
-def _force_sentence(where: str, force: dict[str, Any]) -> str:
+def indenter_sentences(case: LoadCase) -> list[str]:
+    """Return the force of each indenter, its contact radius and its largest contact pressure, in a few sentences."""
+    linear = {} if case.linear is None else contacts(case.linear)
+    sentences = []
+    for name, found in contacts(case.nonlinear).items():
+        whose = f"force of the indenter {name} (load {plain(case.load)})"
+        if found["relaxed_50_percent"] is None:
+            sentences.append(f"The {whose} is {measured(found['peak'], 'force')} at most.")
+        else:
+            sentences.append(_force_sentence(whose, found))
+        sentences.append(
+            f"It touches an area with the radius {measured(found['largest_radius'], 'displacement', 3)} at most, under "
+            f"a contact pressure of {measured(found['largest_contact_pressure'], 'pressure', 3)} at most; its largest "
+            f"displacement is {measured(found['largest_displacement'], 'displacement', 3)}."
+        )
+        if name in linear:
+            peak, final = (measured(linear[name][key], "force") for key in ("peak", "final"))
+            sentences.append(f"With linear poroelasticity, its peak force is {peak}, and {final} at the end.")
+    return sentences
+
+
+def _force_sentence(whose: str, force: dict[str, Any]) -> str:
     """Return a summary of :func:`porocore.report.context.relaxation` in words."""
     peak, final = (measured(force[key], "force") for key in ("peak", "final"))
     settled = end_words(force) if force["equilibrium"] is not None else f"at the end, {end_words(force)}"
-    begin = f"The {force_name(force)} on {where} is {peak} at its peak, at t = "
+    begin = f"The {whose} is {peak} at its peak, at t = "
     begin += measured(force["time_of_peak"], "time", 3)
     if force["drift"] is None:
         return f"{begin}. At the end, the force is gone."
@@ -121,6 +146,13 @@ def force_warnings(case: LoadCase, moved: Sequence[str]) -> list[str]:
         if name in moved and force["drift"] is not None and force["equilibrium"] is None:
             found.append(
                 f"Load {plain(case.load)}: the {force_name(force)} on {name} still changed by "
+                f"{100 * force['drift']:.1f} % of its final value in the last tenth of the time, so the final value is "
+                "not that of the equilibrium. Raise the end time."
+            )
+    for name, force in contacts(case.nonlinear).items():
+        if force["drift"] is not None and force["equilibrium"] is None:
+            found.append(
+                f"Load {plain(case.load)}: the force of the indenter {name} still changed by "
                 f"{100 * force['drift']:.1f} % of its final value in the last tenth of the time, so the final value is "
                 "not that of the equilibrium. Raise the end time."
             )

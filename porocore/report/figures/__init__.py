@@ -1,10 +1,11 @@
 """The report's figures, as matplotlib Figure objects that share no global state."""
 
-from porocore.report.figures.body import body_figure
+from porocore.report.figures.body import body_figure, plane_figure
 from porocore.report.figures.cell import cell_picture, histogram_figure
 from porocore.report.figures.curves import (
     PROFILE_FIELDS,
     history_figure,
+    indentation_figure,
     profile_figure,
     relaxation_figure,
     series_figure,
@@ -18,7 +19,9 @@ __all__ = [
     "cell_picture",
     "histogram_figure",
     "history_figure",
+    "indentation_figure",
     "parity_figure",
+    "plane_figure",
     "png_bytes",
     "profile_figure",
     "relaxation_figure",

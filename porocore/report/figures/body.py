@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,14 +14,17 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+from mpl_toolkits.mplot3d.proj3d import proj_transform
 
 from porocore.core.units import units_now
 from porocore.interfaces.cell import ElementCells
 from porocore.interfaces.solution import MacroSolution, Profile
 from porocore.macro.body.kinds import Section, most_telling, sections
 from porocore.macro.body.mesh import boundary_facets
+from porocore.macro.boundary.rigid import RigidIndenter
 from porocore.report.figures import style
 from porocore.report.figures.curves import ColumnAxis, is_column
+from porocore.report.figures.indenters import POINTS, across, drawn_indenters, front_of, section_of
 from porocore.report.figures.style import axis_label, legend_above, lighter, named, new_figure, styled
 from porocore.report.words.parameters import BodyCells
 from porocore.states import Array, IntArray
@@ -113,6 +116,10 @@ def _around(parts: int, corners: tuple[tuple[int, int], ...]) -> IntArray:
 
 
 COLOURS = "viridis"
+#: Of the contact pressure, and the share of the largest one from which a place is drawn as touched.
+CONTACT_COLOURS, TOUCHED = "YlOrRd", 0.02
+#: Without an indenter.
+NONE: Mapping[str, RigidIndenter] = {}
 #: From which height and azimuth in degrees the body is seen; y is up, and the corner of least x and z in front.
 VIEW = (22, -145)
 #: A pressure below this share of the largest in the run is zero, and one that varies by less is uniform.
@@ -120,7 +127,7 @@ ROUND_OFF = 1e-9
 #: Surfaces of more facets are drawn without the edges of their elements.
 MOST_WITH_EDGES = 2000
 #: Sizes of the body in its picture, of which the first is taken that leaves room for the labels.
-ZOOMS = (0.98, 0.88, 0.8, 0.72, 0.64, 0.56)
+ZOOMS = (1.9, 1.75, 1.6, 1.48, 1.36, 1.26, 1.16, 1.07, 0.98, 0.88, 0.8, 0.72, 0.64, 0.56)
 #: Pixels that labels keep from the edge: the label of the axis upwards moves by 4 when the figure is saved.
 EDGE = 6
 #: Angles in degrees between which a body of revolution is drawn, the opening towards the viewer, and elements around.
@@ -132,11 +139,13 @@ AXES = (("x", "$x_3$"), ("y", "$x_1$"), ("z", "$x_2$"))
 
 
 @styled
-def body_figure(solution: MacroSolution, profile: Profile) -> Figure:
+def body_figure(
+    solution: MacroSolution, profile: Profile, indenters: Mapping[str, RigidIndenter] = NONE
+) -> Figure:
     """Draw the deformed surface of the body at one time, coloured by p; edges of elements where they are few.
 
     A body of revolution lacks the quarter towards the viewer, so that its meridian is seen; one in plane strain is
-    drawn in its plane.
+    drawn in its plane. Where an indenter touches the body the colour is that of the contact pressure.
 
     Parameters
     ----------
@@ -144,49 +153,92 @@ def body_figure(solution: MacroSolution, profile: Profile) -> Figure:
         With the mesh.
     profile
         One of its profiles.
+    indenters
+        Rigid indenters by name; their front is drawn at the place at that time.
     """
-    units = units_now()
-    places = (solution.points + profile.u) * units.factor("displacement")
+    if solution.cells.shape[1] in FLAT and not solution.revolved:
+        return plane_figure(solution, profile, indenters)
+    places = (solution.points + profile.u) * units_now().factor("displacement")
+    colours, pressure, ticks = _colours(solution, profile)
+    touched, contact = _contact_colours(profile)
+    facets = _facets(solution, places, pressure, contact)
+    fronts = _fronts(solution, profile, indenters)
+    figure = new_figure(5.4, 4.6 if touched is not None else 4.2)
+    figure.set_layout_engine("none")  # it takes no account of what is drawn in space
+    low = 0.2 if touched is not None else 0.02
+    axes: Any = figure.add_axes(
+        (0.0, low, 0.83, 0.93 - low), projection="3d", proj_type="ortho", computed_zorder=False
+    )
+    drawn = [at.reshape(-1, 3) for at, *_ in facets] + [each.reshape(-1, 3) for each in fronts]
+    lengths = _frame(axes, np.concatenate(drawn))
+    beside = figure.add_axes((0.85, low + 0.12, 0.022, 0.7 - low), label="<colorbar>")
+    bar = figure.colorbar(colours, cax=beside, label=axis_label("pore pressure $p$", "pressure"), ticks=ticks)
+    if touched is not None:
+        below = figure.add_axes((0.16, 0.14, 0.5, 0.022), label="<contact>")
+        figure.colorbar(
+            touched, cax=below, orientation="horizontal", label=axis_label("contact pressure", "pressure")
+        )
+    axes.set_title(f"$t$ = {units_now().text(profile.time, 'time', 6)}")
+    _fit(figure, axes, lengths, bar.ax)
+    _surface(axes, facets, colours, touched)
+    for each in fronts:
+        _front_surface(axes, each)
+    return figure
+
+
+def _colours(solution: MacroSolution, profile: Profile) -> tuple[ScalarMappable, Array, list[float] | None]:
+    """Return the colours of the pore pressure, p (nodes,) in units, and its tick where it is uniform."""
     pressure, uniform = _pressure(solution, profile)
-    pressure = pressure * units.factor("pressure")
+    pressure = pressure * units_now().factor("pressure")
     low, high = float(pressure.min()), float(pressure.max())
     if uniform:
         around = abs(low) if low else 1.0
         low, high = low - 0.5 * around, low + 0.5 * around
-    colours = ScalarMappable(Normalize(low, high), COLOURS)
-    ticks = [float(pressure[0])] if uniform else None
-    if solution.cells.shape[1] in FLAT and not solution.revolved:
-        return _in_plane(solution, places, pressure, colours, ticks, units.text(profile.time, "time", 6))
-    facets = _facets(solution, places, pressure)
-    figure = new_figure(5.4, 4.4)
-    axes: Any = figure.add_subplot(projection="3d", proj_type="ortho", computed_zorder=False)
-    lengths = _frame(axes, np.concatenate([at.reshape(-1, 3) for at, _ in facets]))
-    bar = figure.colorbar(
+    return ScalarMappable(Normalize(low, high), COLOURS), pressure, [float(pressure[0])] if uniform else None
+
+
+def _contact_colours(profile: Profile) -> tuple[ScalarMappable | None, Array]:
+    """Return the colours of the contact pressure, None without contact, and its values (nodes,)."""
+    contact = profile.contact_pressure * units_now().factor("pressure")
+    if not contact.any():
+        return None, contact
+    return ScalarMappable(Normalize(0.0, float(contact.max())), CONTACT_COLOURS), contact
+
+
+def _contact_bar(figure: Figure, axes: Any, colours: ScalarMappable) -> None:
+    figure.colorbar(
         colours,
         ax=axes,
+        location="bottom",
         shrink=0.7,
-        pad=0.13,
-        label=axis_label("pore pressure $p$", "pressure"),
-        ticks=ticks,
+        aspect=30,
+        pad=0.02,
+        label=axis_label("contact pressure", "pressure"),
     )
-    axes.set_title(f"$t$ = {units.text(profile.time, 'time', 6)}")
-    _fit(figure, axes, lengths, bar.ax)
-    _surface(axes, facets, colours)
-    return figure
 
 
-def _in_plane(
-    solution: MacroSolution,
-    places: Array,
-    pressure: Array,
-    colours: ScalarMappable,
-    ticks: list[float] | None,
-    time: str,
+@styled
+def plane_figure(
+    solution: MacroSolution, profile: Profile, indenters: Mapping[str, RigidIndenter] = NONE
 ) -> Figure:
-    """Draw a body in plane strain."""
-    figure = new_figure(5.4, 4.4)
+    """Draw a body in two dimensions in its plane, coloured by p, with the contact pressure along its surface.
+
+    The parameters are those of :func:`body_figure`.
+    """
+    length = units_now().factor("displacement")
+    places = (solution.points + profile.u)[:, :2] * length
+    colours, pressure, ticks = _colours(solution, profile)
+    touched, contact = _contact_colours(profile)
+    size = float(np.ptp(solution.points, axis=0).max())
+    sections = [
+        section_of(each, motion, size, revolved=solution.revolved) * length
+        for each, motion in drawn_indenters(solution, profile, indenters)
+    ]
+    extent = np.ptp(np.concatenate([places, *sections]), axis=0)
+    high = float(np.clip(4.2 * extent[1] / extent[0], 1.6, 4.6))
+    figure = new_figure(5.8, high + (1.7 if touched is not None else 1.0))
     axes = figure.add_subplot()
-    at, values = places[solution.cells][..., :2], pressure[solution.cells]
+    at, values = places[solution.cells], pressure[solution.cells]
     few = len(at) < MOST_WITH_EDGES
     shapes, polygons, outline = pieces(at.shape[1], 4 if few else 2)
     corners = np.einsum("ka,fai->fki", shapes, at)
@@ -197,23 +249,88 @@ def _in_plane(
     )
     if few:
         axes.add_collection(LineCollection(corners[:, outline], colors=(0, 0, 0, 0.35), linewidths=0.4))
+    for each in sections:
+        axes.fill(*each.T, fc="0.86", ec="0.35", lw=1.0, zorder=2)
     axes.set_aspect("equal")
     axes.autoscale_view()
+    if touched is not None:
+        axes.add_collection(_touched_line(solution, places, contact, touched))
+        _contact_bar(figure, axes, touched)
     axes.grid(visible=False)
-    axes.set_xlabel(length_label("$x_1$"))
+    axes.set_xlabel(length_label("radius $x_1$" if solution.revolved else "$x_1$"))
     axes.set_ylabel(length_label("$x_2$"))
-    axes.set_title(f"$t$ = {time}")
+    axes.set_title(f"$t$ = {units_now().text(profile.time, 'time', 6)}")
     figure.colorbar(
         colours, ax=axes, shrink=0.8, label=axis_label("pore pressure $p$", "pressure"), ticks=ticks
     )
     return figure
 
 
-def _facets(solution: MacroSolution, places: Array, pressure: Array) -> list[tuple[Array, Array]]:
-    """Return facets of the surface as drawn (k, nodes, 3), and p there (k, nodes), by the number of their nodes."""
+def _touched_line(
+    solution: MacroSolution, places: Array, contact: Array, colours: ScalarMappable
+) -> LineCollection:
+    """Return the parts of the edge that are touched, coloured by the contact pressure."""
+    edges = boundary_facets(solution.cells)
+    if solution.revolved:  # without the axis
+        edges = edges[places[edges, 0].max(axis=1) > 1e-9 * places[:, 0].max()]
+    t = np.linspace(0, 1, 9)
+    values = np.stack([(1 - t) * (1 - 2 * t), t * (2 * t - 1), 4 * t * (1 - t)], axis=1)
+    line, pressure = (np.einsum("ka,fa...->fk...", values, each[edges]) for each in (places, contact))
+    middle = (pressure[:, 1:] + pressure[:, :-1]) / 2
+    shown = middle > TOUCHED * contact.max()
+    segments = np.stack([line[:, :-1], line[:, 1:]], axis=2)[shown]
+    return LineCollection(
+        list(segments), colors=colours.to_rgba(middle[shown]), linewidths=4.0, capstyle="round", zorder=3
+    )
+
+
+def _fronts(solution: MacroSolution, profile: Profile, indenters: Mapping[str, RigidIndenter]) -> list[Array]:
+    """Return the fronts of the indenters as drawn, lines (n, points, 3) side by side."""
+    size, found = float(np.ptp(solution.points, axis=0).max()), []
+    for each, motion in drawn_indenters(solution, profile, indenters):
+        if solution.revolved:
+            (line,) = front_of(each, motion, np.array([[1.0, 0.0, 0.0]]), size)
+            angles = np.radians(np.linspace(*REVOLVED, 2 * SEGMENTS + 1))
+            lines = _turned(np.broadcast_to(line, (len(angles), *line.shape)), angles[:, None])
+        else:
+            lines = front_of(each, motion, across(each, np.linspace(0, 2 * np.pi, 49)), size)[..., [2, 0, 1]]
+            lines = _beside(lines, solution)
+        found.append(lines * units_now().factor("displacement"))
+    return found
+
+
+def _beside(lines: Array, solution: MacroSolution) -> Array:
+    """Return lines as drawn with what lies beyond the sides of the body moved to them: a part of a symmetric body."""
+    low, high = solution.points.min(axis=0), solution.points.max(axis=0)
+    for drawn, own in ((0, 2), (1, 0)):
+        lines[..., drawn] = np.clip(lines[..., drawn], low[own], high[own])
+    return lines
+
+
+def _front_surface(axes: Any, lines: Array) -> None:
+    """Draw the front of an indenter, translucent, with a few of its lines."""
+    corners = np.stack([lines[:-1, :-1], lines[1:, :-1], lines[1:, 1:], lines[:-1, 1:]], axis=2)
+    quads = corners.reshape(-1, 4, 3)
+    first, second = quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1]
+    normal = np.cross(first, second)
+    size = np.linalg.norm(normal, axis=1)
+    shown = size > 1e-9 * size.max()
+    light = np.abs(normal[shown] @ towards(*VIEW)) / size[shown]
+    shades = np.column_stack([*(3 * [0.5 + 0.4 * light]), np.full(len(light), 0.45)])
+    axes.add_collection3d(
+        Poly3DCollection(quads[shown], facecolors=shades, edgecolors="none", rasterized=True, zorder=3)
+    )
+    rims = [lines[0], lines[-1], lines[:, -1], lines[:, POINTS // 2]]
+    axes.add_collection3d(Line3DCollection(rims, colors=(0, 0, 0, 0.55), linewidths=0.7, zorder=4))
+
+
+def _facets(
+    solution: MacroSolution, places: Array, pressure: Array, contact: Array
+) -> list[tuple[Array, Array, Array]]:
+    """Return facets as drawn (k, nodes, 3), with p and contact pressure there (k, nodes), by the number of nodes."""
     cells, facets = solution.cells, boundary_facets(solution.cells)
     if not solution.revolved:
-        return [(places[facets][..., [2, 0, 1]], pressure[facets])]
+        return [(places[facets][..., [2, 0, 1]], pressure[facets], contact[facets])]
     first, last = REVOLVED
     angles = np.radians(np.linspace(first, last, 2 * SEGMENTS + 1))
     #: Node of the edge and step of the angle of each of the nine nodes of a facet.
@@ -224,11 +341,13 @@ def _facets(solution: MacroSolution, places: Array, pressure: Array) -> list[tup
         (
             _turned(np.broadcast_to(around, (len(facets), *turns.shape, 3)), turns).reshape(-1, 9, 3),
             np.repeat(pressure[facets[:, edge]], SEGMENTS, axis=0),
+            np.repeat(contact[facets[:, edge]], SEGMENTS, axis=0),
         )
     ]
     for angle, order in ((angles[-1], slice(None)), (angles[0], FLAT[cells.shape[1]])):
         shown = cells[:, order]
-        found.append((_turned(places[shown], np.full(shown.shape, angle)), pressure[shown]))
+        cut = np.zeros(shown.shape)
+        found.append((_turned(places[shown], np.full(shown.shape, angle)), pressure[shown], cut))
     return found
 
 
@@ -239,17 +358,30 @@ def _turned(places: Array, angles: Array) -> Array:
 
 
 def _fit(figure: Figure, axes: Any, lengths: Array, bar: Any) -> None:
-    """Draw the body as large as its axes and their labels have room; the layout takes no account of these.
-
-    The layout ends with that: when the figure is saved, it would move the axes again, labels beyond the edge.
-    """
+    """Draw the body as large as its axes and their labels have room between title and colour bars."""
+    figure.draw_without_rendering()
+    over = bar.get_tightbbox().x1 - (figure.bbox.x1 - EDGE)
+    if over > 0:
+        place = bar.get_position()
+        bar.set_position((place.x0 - over / figure.bbox.width, place.y0, place.width, place.height))
+    others: list[Any] = [each for each in figure.axes if each not in (axes, bar)]
+    bottom = max((each.get_tightbbox().y1 for each in others), default=0.0) + EDGE
+    top, right = axes.title.get_window_extent().y0, bar.get_tightbbox().x0 - EDGE
     for zoom in ZOOMS:
         axes.set_box_aspect(lengths, zoom=zoom)
         figure.draw_without_rendering()
-        needed, right = axes.get_tightbbox(), bar.get_tightbbox().x0
-        if min(needed.x0, needed.y0) >= EDGE and needed.x1 <= right and needed.y1 <= figure.bbox.y1:
+        needed, ends = axes.get_tightbbox(), _corners(axes)
+        low, high = np.minimum(ends.min(axis=0), needed.p0), np.maximum(ends.max(axis=0), (needed.x1, 0))
+        if low[0] >= EDGE and low[1] >= bottom and high[0] <= right and high[1] <= top:
             break
-    figure.set_layout_engine("none")
+
+
+def _corners(axes: Any) -> Array:
+    """Return the corners (8, 2) of the box in pixels."""
+    ends = [getattr(axes, f"get_{name}lim")() for name in "xyz"]
+    grid = np.stack([each.ravel() for each in np.meshgrid(*ends)])
+    x, y, _ = proj_transform(*grid, axes.get_proj())
+    return np.asarray(axes.transData.transform(np.column_stack([x, y])))
 
 
 def _pressure(solution: MacroSolution, profile: Profile) -> tuple[Array, bool]:
@@ -262,20 +394,33 @@ def _pressure(solution: MacroSolution, profile: Profile) -> tuple[Array, bool]:
     return np.full_like(profile.p, 0.0 if abs(mean) <= slack else mean), True
 
 
-def _surface(axes: Any, facets: Sequence[tuple[Array, Array]], colours: ScalarMappable) -> None:
+def _surface(
+    axes: Any,
+    facets: Sequence[tuple[Array, Array, Array]],
+    colours: ScalarMappable,
+    touched: ScalarMappable | None,
+) -> None:
     """Draw the facets that face the viewer, and the edges of the elements where they are few."""
-    facing = [front(places, VIEW) for places, _ in facets]
+    facing = [front(places, VIEW) for places, *_ in facets]
+    largest = max(float(contact.max()) for *_, contact in facets)
     few = sum(int(each.sum()) for each in facing) < MOST_WITH_EDGES
     drawn: list[Array] = []
     lines: list[Array] = []
-    values: list[Array] = []
-    for (places, pressure), shown in zip(facets, facing, strict=True):
+    found: list[Array] = []
+    for (places, pressure, contact), shown in zip(facets, facing, strict=True):
         shapes, polygons, outline = pieces(places.shape[1], 4 if few else 2)
         corners = np.einsum("ka,fai->fki", shapes, places[shown])
         drawn += [*corners[:, polygons].reshape(-1, polygons.shape[1], 3)]
-        values.append((pressure[shown] @ shapes.T)[:, polygons].mean(axis=2).ravel())
+        own, pushed = (
+            (each[shown] @ shapes.T)[:, polygons].mean(axis=2).ravel() for each in (pressure, contact)
+        )
+        colour = np.asarray(colours.to_rgba(own))
+        if touched is not None:
+            inside = pushed > TOUCHED * largest
+            colour[inside] = touched.to_rgba(pushed[inside])
+        found.append(colour)
         lines += [*corners[:, outline]]
-    shades = colours.to_rgba(np.concatenate(values))
+    shades = np.concatenate(found)
     axes.add_collection3d(
         Poly3DCollection(
             drawn,

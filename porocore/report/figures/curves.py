@@ -369,6 +369,8 @@ def profile_at(solution: MacroSolution, time: float) -> Profile:
 EARLY = 0.05
 #: A curve that ends this share below its peak has one.
 FALLS = 0.01
+#: Panel of the forces of indenters.
+FORCES = "forces of indenters"
 #: A component below this share of the largest of its kind is round-off, or of no interest, and not drawn.
 VISIBLE = 1e-3
 
@@ -415,6 +417,7 @@ def panels(solution: MacroSolution) -> Iterator[Panel]:
                 "force on the body", "force", f"other {forces}", _others(solution), "positive along the axis"
             ),
         ],
+        *_indenters(solution),
         [
             Panel(
                 "inflow of fluid",
@@ -432,6 +435,47 @@ def panels(solution: MacroSolution) -> Iterator[Panel]:
             kept = {name: v for name, v in panel.curves.items() if np.abs(v).max() > VISIBLE * largest}
             if kept:
                 yield replace(panel, curves=kept)
+
+
+def _indenters(solution: MacroSolution) -> Iterator[list[Panel]]:
+    """Yield panels of the columns of all indenters that are drawn against time."""
+    for column, label, quantity, plain, sign in (
+        (0, "force of the indenter", "force", FORCES, "positive along its direction"),
+        (1, "displacement of the indenter", "displacement", "displacement of indenters", ""),
+        (
+            3,
+            "contact radius",
+            "displacement",
+            "contact radius of indenters",
+            "of a circle of the touched area",
+        ),
+        (4, "largest contact pressure", "pressure", "largest contact pressure of indenters", ""),
+    ):
+        curves = {named(name): values[:, column] for name, values in solution.contact.items()}
+        if curves:
+            yield [Panel(label, quantity, plain, curves, sign)]
+
+
+@styled
+def indentation_figure(nonlinear: MacroSolution, linear: MacroSolution | None) -> Figure:
+    """Draw the force of each indenter against its displacement, linear poroelasticity dashed."""
+    figure, units = new_figure(5.4, 3.6), units_now()
+    axes = figure.add_subplot()
+
+    def line(values: Array, **how: Any) -> None:
+        axes.plot(values[:, 1] * units.factor("displacement"), values[:, 0] * units.factor("force"), **how)
+
+    for i, (name, values) in enumerate(nonlinear.contact.items()):
+        colour = style.TIME_COLOURS[i % len(style.TIME_COLOURS)]
+        line(values, color=colour, label=named(name))
+        if linear is not None and name in linear.contact:
+            line(linear.contact[name], color=colour, ls=style.DASHED, lw=1.3)
+    if linear is not None:
+        axes.plot([], [], color="0.35", ls=style.DASHED, lw=1.3, label="linear")
+    axes.set_xlabel(axis_label("displacement of the indenter", "displacement"))
+    axes.set_ylabel(axis_label("force of the indenter", "force"))
+    legend_above(figure, axes, columns=3)
+    return figure
 
 
 def _others(solution: MacroSolution) -> dict[str, Array]:
@@ -507,7 +551,8 @@ def series_figure(nonlinear: MacroSolution, linear: MacroSolution | None, plain:
     axes, t = figure.add_subplot(), units_now().factor("time")
     _draw_series(axes, panel, nonlinear, linear)
     axes.set_xlabel(axis_label("time $t$", "time"))
-    bend = early_peak(nonlinear.history.time, panel.curves.values())
+    forces = [values[:, 0] for values in nonlinear.contact.values()]  # by which all figures of a hold are cut
+    bend = early_peak(nonlinear.history.time, (*panel.curves.values(), *forces))
     if bend is not None:
         _logarithmic_after(axes, bend * t, float(nonlinear.history.time[-1]) * t)
         axes.set_xlabel(f"{axes.get_xlabel()}, logarithmic after {_short(bend * t)}")

@@ -97,6 +97,7 @@ def report_context(results: RunResults) -> ReportContext:
         ),
         direct=direct_costs(results),
         scenarios=config.scenarios,
+        indenters=config.macro.contact,
         fallbacks=fallbacks_done(results),
         units=config.result_units,
         loading_mode=LoadingMode.from_setup(config.macro),
