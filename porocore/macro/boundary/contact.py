@@ -203,7 +203,8 @@ class Contact:
             slope = now.stiffness
             step = -excess / slope if slope > 0 else np.inf
             after = motion + step
-            if not low <= after <= high or (high < np.inf and high - low < 1e-3 * abs(step)):
+            wide = abs(step) > reach or (high < np.inf and high - low < 1e-3 * abs(step))
+            if wide or not low <= after <= high:
                 after = (
                     (low + high) / 2 if high < np.inf else motion + 2 * max(motion - low, force / stiffness)
                 )
