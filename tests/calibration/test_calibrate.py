@@ -46,14 +46,14 @@ STUDY: dict[str, Any] = {
     "sampling": {
         "sampler": "sobol",
         "inputs": {"H22": {"range": [-0.16, 0.02]}, "p": {"range": [-0.02, 0.08]}},
-        "options": {"count": 32, "corners": True, "states_per_member": 4},
+        "options": {"count": 20, "corners": True, "states_per_member": 4},
         "test": {"count": 1},
         "workers": 1,
     },
     "surrogate": {"backend": "polynomial"},
     "closure": "potential",
     "macro": {
-        "body": {"kind": "box", "size": [0.1, 1.0, 0.1], "elements": [1, 3, 1]},
+        "body": {"kind": "box", "size": [0.1, 1.0, 0.1], "elements": [1, 2, 1]},
         "boundary": {
             **dict.fromkeys(("x-", "x+", "z-", "z+"), SIDE),
             "y-": {"displacement": [0, 0, 0]},
