@@ -406,3 +406,27 @@ def test_two_processes_see_the_fields_of_their_elements(tmp_path):
         np.testing.assert_allclose(
             getattr(two.element_cells, name), getattr(one.element_cells, name), rtol=0, atol=1e-13
         )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("solver", ["direct", "iterative"])
+@pytest.mark.parametrize("by", ["displacement", "force"])
+def test_two_processes_share_an_indenter(tmp_path, by, solver):
+    """The facets that it touches lie on both, and under a force so does the displacement that it takes."""
+    ball = {"shape": {"kind": "sphere", "radius": 0.8}, "place": (0, 1, 0), "surfaces": ["y+"]}
+    ball |= {"under": "sealed", "outside": "drained", by: 0.05 if by == "displacement" else 2e-3}
+    problem = {
+        "body": {"kind": "box", "size": (1, 1, 1), "elements": (3, 2, 3), "grading": (2, 0.5, 2)},
+        "boundary": {name: {"normal": 0} for name in ("x-", "y-", "z-")},
+        "contact": {"ball": ball},
+        "time": FEW_STEPS,
+        "newton": {"tolerance": 1e-12},
+    }
+    one, two = solved_by_one(problem, solver="direct"), solved_by_two(tmp_path, problem, solver=solver)
+    series = one.contact["ball"]
+    assert series[-1, 2] > 0.03
+    scales = np.abs(series).max(axis=0)
+    np.testing.assert_allclose(two.contact["ball"] / scales, series / scales, rtol=0, atol=1e-9)
+    for name in ("u", "p", "contact_pressure"):
+        mine, theirs = (getattr(each.profiles[-1], name) for each in (two, one))
+        np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-9 * np.abs(theirs).max(), err_msg=name)

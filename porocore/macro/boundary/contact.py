@@ -40,6 +40,8 @@ ROWS_OF_EDGES, ROWS_OF_FACES = 2, 1
 ROUNDED = 0.001
 #: Parts along each edge of a facet on which the edge of the contact is a straight line.
 PARTS = 8
+#: Share of a force up to which an error that does not fall any more is round-off.
+CLOSE = 1e-11
 #: Steps at most of the search for the place of an indenter under a force.
 SEARCH = 200
 
@@ -198,7 +200,7 @@ class Contact:
         if force == 0:
             return float(motion)
         stiffness = float((self.areas * self.penalty(scales)).sum())
-        low, high = motion, np.inf
+        low, high, last = motion, np.inf, np.inf
         motion += force / stiffness
         for _ in range(SEARCH):
             now = IndenterContact(self, whole, motion, scales)
@@ -212,8 +214,12 @@ class Contact:
                 after = (
                     (low + high) / 2 if high < np.inf else motion + 2 * max(motion - low, force / stiffness)
                 )
-            if abs(after - motion) <= 1e-16 * reach or abs(excess) <= 4e-16 * force:
+            # The way itself sets the scale: a body may reach far beyond the contact.
+            if abs(after - motion) <= 2e-16 * abs(motion) or abs(excess) <= 4e-16 * force:
                 return float(motion)
+            if last / 2 <= abs(excess) <= CLOSE * force:
+                return float(motion)  # round-off is left
+            last = abs(excess)
             motion = after
             if motion > 10 * reach:
                 break
@@ -517,10 +523,15 @@ class IndenterContact:
 
     @cached_property
     def size(self) -> float:
-        """Largest sum of κ times the lengths that a gap is the difference of, of which a force has the round-off."""
-        arms = np.linalg.norm(self.contact.arms(self.whole) - self.motion * self.contact.along, axis=-1)
+        """Largest sum of κ times the lengths that a gap is the difference of, of which a force has the round-off.
+
+        Lengths across the normal are none of them: a gap below a flat face does not know how far its middle is.
+        """
+        along = self.contact.along
+        lengths = np.abs(self.contact.arms(self.whole)) + np.abs(self.motion * along)
+        size = np.einsum("fqi,fqi->fq", np.abs(self.normal), lengths)
         weight = np.where(self.touched, self.contact.areas * self._penalty, 0.0)
-        return float(self._sum((weight * arms)[:, :, None] * np.ones(3), None).max(initial=0.0))
+        return float(self._sum((weight * size)[:, :, None] * np.ones(3), None).max(initial=0.0))
 
 
 @dataclass(frozen=True)

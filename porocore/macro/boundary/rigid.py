@@ -217,7 +217,12 @@ class FlatPunch(IndenterShape):
         slope = np.where(rounded, cos, side * 1.0)
         rr, rz = curved * sin**2, curved * sin * cos
         return _Meridian(
-            d=np.where(rounded, length, np.where(side, x, y)) - self.edge,
+            # The face and its rounding without the round-off of the edge's radius.
+            d=np.where(
+                rounded,
+                (x**2 + z**2 - 2 * self.edge * z) / (length + self.edge),
+                np.where(side, x - self.edge, -z),
+            ),
             slope_r=slope,
             slope_z=np.where(rounded, -sin, np.where(side, 0.0, -1.0)),
             rr=rr,
@@ -250,7 +255,11 @@ class ConicalIndenter(IndenterShape):
         curved = np.where(tip, 1 / length, 0.0)
         rz, zz = -curved * n_r * n_z, curved * n_r**2
         return _Meridian(
-            d=np.where(tip, length, rho * cos - y * sin) - self.radius,
+            d=np.where(
+                tip,
+                (rho**2 + z**2 - 2 * self.radius * z) / (length + self.radius),
+                rho * cos - z * sin - self.radius * (1 - sin),
+            ),
             slope_r=np.where(tip, n_r, cos),
             slope_z=np.where(tip, n_z, -sin),
             rr=curved * n_z**2,
