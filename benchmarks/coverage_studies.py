@@ -100,7 +100,7 @@ def _indentation(folder: Path) -> dict[str, Any]:
         "surfaces": ["y+"],
         "under": "sealed",
         "outside": "drained",
-        "penalty": 100,
+        "penalty": 30,
     }
     study["macro"] = {
         "body": {"kind": "axisymmetric", "radius": 2, "height": 1, "elements": [4, 2], "grading": [4, 0.5]},

@@ -55,6 +55,17 @@ def film(name: str, expected: str, data: Content = FILM_CSV, **changes: Any) -> 
 MOVED = {"displacement": [None, 1, None], "traction": [0, 0, 0], "pressure": 0}
 KEY = "calibration.observations.creep"
 ROWS = [
+    curve(
+        "of an indenter that is not there",
+        f"{KEY}.indenter: expected one with this result, got 'ball'; the run has none",
+        quantity="force",
+        indenter="ball",
+    ),
+    unknown(
+        "of an indenter that is not there",
+        "calibration.unknowns.radius.of: expected a number of the study, got 'contact.ball.radius'",
+        of="contact.ball.radius",
+    ),
     curve("nan", "creep.csv:3: settlement: expected a finite number, got 'nan'", CREEP.replace("0.2", "nan")),
     curve(
         "infinite",
