@@ -227,10 +227,16 @@ class MeshedBody(FromFile, Body):
     scale: Length = 1.0
     """Factor of the file's coordinates; with a unit, that of the file, such as ``1 mm``."""
     flat: Literal["axisymmetric", "plane-strain"] | None = None
-    """What a mesh or geometry in the plane z = 0 stands for: the meridian of a body of revolution about the y axis,
-    x ≥ 0, or a section in plane strain; null: it is one of three dimensions."""
+    """What a mesh or geometry in the plane z = 0, or in one parallel to it, stands for: the meridian of a body of
+    revolution about the y axis, x ≥ 0, or a section in plane strain; null: it is one of three dimensions."""
     depth: Length = 1.0
-    """Length along z that forces and volumes are those of, in plane strain."""
+    """Length along z that forces and volumes are those of, with ``flat: plane-strain`` alone."""
+
+    @model_validator(mode="after")
+    def _deep_in_plane_strain(self) -> MeshedBody:
+        if "depth" in self.model_fields_set and self.flat != "plane-strain":
+            raise ValueError("depth belongs to 'flat: plane-strain' alone; leave it out")
+        return self
 
     def make(self) -> BodyMesh:
         """Quadratic or triquadratic elements; linear ones get straight edges with a node on them."""

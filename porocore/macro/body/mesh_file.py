@@ -108,6 +108,7 @@ def _body(foreign: ForeignMesh, path: Path, scale: float, flat: bool) -> BodyMes
         raise ConfigurationError(
             f"expected volume elements of one kind, {', '.join(VOLUMES)}; {path.name} has "
             + (f"{held}; {how_to_convert(foreign.elements[3])}" if held else f"none: {IN_THREE_DIMENSIONS}")
+            + "; a mesh of a meridian or of a section needs 'flat: axisymmetric' or 'flat: plane-strain'"
         )
     ((kind, cells),) = foreign.elements[3].items()
     kept, rows = np.unique(cells, return_inverse=True)
@@ -115,8 +116,9 @@ def _body(foreign: ForeignMesh, path: Path, scale: float, flat: bool) -> BodyMes
     require_apart(points, path)
     if flat and np.ptp(points[:, 2]) > IN_PLANE * np.ptp(points, axis=0).max():
         raise ConfigurationError(
-            f"{path}: expected a mesh in the plane z = 0, got z from {points[:, 2].min():.4g} to "
-            f"{points[:, 2].max():.4g}; turn it so that x and y are the coordinates of the section"
+            f"{path}: expected a mesh in the plane z = 0, or in one parallel to it, got z from "
+            f"{points[:, 2].min():.4g} to {points[:, 2].max():.4g}; turn it so that x and y are "
+            "the coordinates of the section"
         )
     if flat:
         points = points * np.array([1.0, 1.0, 0.0])

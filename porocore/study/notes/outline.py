@@ -15,8 +15,9 @@ from porocore.core.units import ResultUnits, using_units
 from porocore.errors import PluginError
 from porocore.interfaces.cell import CellSolver
 from porocore.interfaces.sampler import Sampler
-from porocore.macro.body.mesh import Facets
+from porocore.macro.body.mesh import BodyMesh, Facets
 from porocore.macro.boundary.drainage import undrained
+from porocore.macro.boundary.rigid import RigidIndenter
 from porocore.macro.boundary.symmetry import Symmetry
 from porocore.macro.composition.fields import covered_lines
 from porocore.macro.composition.regions import region_numbers, sections
@@ -186,6 +187,34 @@ def _cell_solver(backend: str) -> type[CellSolver] | None:
         return None
 
 
+def unreached(config: RunConfig, mesh: BodyMesh, name: str, indenter: RigidIndenter) -> Iterator[str]:
+    """Yield a warning of an indenter whose displacement never brings it to the undeformed body."""
+    if indenter.displacement is None:
+        return
+    macro, units = config.macro, config.result_units
+    times = np.linspace(0.0, macro.time.end, 400)
+    surfaces = [Facets(mesh, mesh.surface(each, "macro.contact")) for each in indenter.surfaces]
+    nodes = np.unique(np.concatenate([each.nodes.ravel() for each in surfaces]))
+    for load in macro.loads:
+        problem = macro.problem(load)
+        size = 1.0 if isinstance(indenter.displacement, TimeFunction) else indenter.displacement
+        motions = np.array([load * size * problem.factor(indenter.displacement, float(t)) for t in times])
+        far = float(motions.max())
+        arms = mesh.points[nodes] - np.array(indenter.place) - far * indenter.along
+        gap = float(indenter.shape.distance(arms, -indenter.along).gap.min())
+        if motions.min() < 0 and not far > 0:
+            yield (
+                f"warning: macro.contact.{name}.displacement moves the indenter against its direction under the load "
+                f"{load:g}, away from the body; turn the sign round"
+            )
+        elif gap > 1e-9 * np.ptp(mesh.points, axis=0).max():
+            yield (
+                f"warning: macro.contact.{name}.displacement: the indenter does not reach the undeformed body under "
+                f"the load {load:g}; at its largest displacement, {units.text(far, 'displacement', 3)}, "
+                f"{units.text(gap, 'displacement', 3)} are left. Move its place, or let it move further"
+            )
+
+
 def _body(config: RunConfig) -> Iterator[str]:
     macro, mesh = config.macro, place(config)
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
@@ -193,6 +222,9 @@ def _body(config: RunConfig) -> Iterator[str]:
     length = units.factor("displacement")
     extents = list(zip(low, high, strict=True))[: mesh.element.dimension]
     sizes = " × ".join(f"{(b - a) * length:.4g}" for a, b in extents)
+    if mesh.revolved and not len(mesh.on_axis):
+        inner, outer = (x * length for x in extents[0])
+        sizes = f"radii {inner:.4g} to {outer:.4g}, height {(high[1] - low[1]) * length:.4g}"
     name_of_length = f" {units.name('displacement')}" if units.given else ""
     elements = f"{len(mesh.cells)} {mesh.element.shape} elements, {mesh.size} unknowns with those that are prescribed"
     volume = f"volume {mesh.weights.sum() * length**3:.5g}{name_of_length}{'³' * units.given}"
@@ -211,6 +243,10 @@ def _body(config: RunConfig) -> Iterator[str]:
         said = _said(macro.boundary.get(name), units)
         count = f"{len(facets)} {'facet' if len(facets) == 1 else 'facets'}"
         area = f"area {Facets(mesh, facets).areas.sum() * length**2:.5g}{name_of_length}{'²' * units.given}"
+        patch = macro.surfaces.get(name)
+        if patch is not None and patch.radius is not None:
+            disc = np.pi * (patch.radius * length) ** 2
+            area += f" (facets with their middle in it; the whole disc has {disc:.5g})"
         yield f"  surface {name}, {count}, {area}: {said or 'free of traction and impermeable'}"
     if mesh.unnamed:
         yield f"  {mesh.unnamed} facets without a name: free of traction and impermeable"
@@ -223,6 +259,7 @@ def _body(config: RunConfig) -> Iterator[str]:
         ]
         said = ", ".join([f"{quantity} = {_value(indenter.motion, quantity, units)}", *drained])
         yield f"  indenter {name}, a {indenter.shape.kind}, on {' and '.join(indenter.surfaces)}: {said}"
+        yield from unreached(config, mesh, name, indenter)
     for name, at in macro.probes.items():
         yield f"  probe {name} at {', '.join(f'{x * length:.4g}' for x in at)}{name_of_length}"
     loads = ", ".join(f"{load:g}" for load in macro.loads)

@@ -1,0 +1,46 @@
+"""What ``porocore check`` tells of indenters and of the bodies that they are pressed into."""
+
+import pytest
+
+from porocore.study.config.loading import load_config
+from porocore.study.notes.outline import outline
+from tests.helpers.invoked import BENCHMARK
+
+GEL = BENCHMARK.with_name("gel-indentation.yaml").read_text(encoding="utf-8")
+
+
+def lines(tmp_path, *changes):
+    text = GEL
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path = tmp_path / "study.yaml"
+    path.write_text(text, encoding="utf-8")
+    return list(outline(load_config(path)))
+
+
+def test_an_indenter_that_reaches_the_body_gets_no_warning(tmp_path):
+    assert not [line for line in lines(tmp_path) if line.startswith("warning: macro.contact")]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "part"),
+    [
+        ("ramp: 0.1 mm", "ramp: -0.1 mm", "moves the indenter against its direction under the load 1"),
+        ("place: [0 mm, 3 mm, 0 mm]", "place: [0 mm, 3.5 mm, 0 mm]", "0.1 mm, 0.4 mm are left"),
+    ],
+)
+def test_an_indenter_that_cannot_reach_the_body_is_told(tmp_path, old, new, part):
+    (line,) = (each for each in lines(tmp_path, (old, new)) if each.startswith("warning: macro.contact"))
+    assert "macro.contact.ball.displacement" in line
+    assert part in line
+
+
+def test_the_body_line_of_a_hollow_body_has_its_radii(tmp_path):
+    told = lines(
+        tmp_path,
+        ("radius: 4 mm, height", "radius: 4 mm, inner_radius: 1 mm, height"),
+        ("[0 mm, 2.8 mm, 0 mm]", "[2 mm, 2.8 mm, 0 mm]"),
+    )
+    (line,) = (each for each in told if each.startswith("body: "))
+    assert "radii 1 to 4, height 3 mm" in line
