@@ -67,7 +67,8 @@ class Symmetry:
         Raises
         ------
         ConfigurationError
-            A surface that the user names is no symmetry plane, or the planes do not bound one part of a whole.
+            A surface that the user names is no symmetry plane, the planes do not bound one part of a whole, or an
+            indenter moves off a plane on which it stands.
         """
         mesh, body, normals = body_mesh(setup), setup.body, dict[str, Array]()
         for name in body.symmetry_planes:
@@ -81,7 +82,10 @@ class Symmetry:
                     f"'{name}: {{normal: 0}}' alone in macro.boundary, or leave it out here"
                 )
         _require_one_whole(normals)
-        return cls(mesh, normals)
+        found = cls(mesh, normals)
+        for name, indenter in setup.contact.items():
+            found.require_along(indenter, f"macro.contact.{name}")
+        return found
 
     @property
     def copies(self) -> float:
@@ -108,13 +112,32 @@ class Symmetry:
 
     def indenter_copies(self, indenter: RigidIndenter) -> float:
         """Return how many parts of the whole an indenter touches: those about the planes that its axis lies in."""
+        return _copies([self.normals[plane] for plane in self._planes_of(indenter)])
+
+    def require_along(self, indenter: RigidIndenter, key: str) -> None:
+        """Refuse an indenter that stands on a symmetry plane and moves off it, away from its image.
+
+        Raises
+        ------
+        ConfigurationError
+            It does; the message begins with ``key``.
+        """
+        for plane in self._planes_of(indenter):
+            if abs(indenter.along @ self.normals[plane]) > SAME:
+                raise ConfigurationError(
+                    f"{key}.direction: expected one along the symmetry plane '{plane}', on which the indenter stands, "
+                    f"got {list(indenter.direction)}; in the whole it would part from its image: turn the direction, "
+                    "or solve the whole body"
+                )
+
+    def _planes_of(self, indenter: RigidIndenter) -> list[str]:
+        """Return the planes on which the place of an indenter lies."""
         place, size = np.array(indenter.place), np.ptp(self.mesh.points, axis=0).max()
-        normals = []
-        for plane, normal in self.normals.items():
-            depth = (place - self.mesh.points[self.mesh.surfaces[plane][0, 0]]) @ normal
-            if abs(depth) <= SAME * size and abs(indenter.along @ normal) <= SAME:
-                normals.append(normal)
-        return _copies(normals)
+        depths = {
+            plane: (place - self.mesh.points[self.mesh.surfaces[plane][0, 0]]) @ normal
+            for plane, normal in self.normals.items()
+        }
+        return [plane for plane, depth in depths.items() if abs(depth) <= SAME * size]
 
     def _touch(self, name: str, plane: str) -> bool:
         return bool(np.isin(self.mesh.surfaces[name], self.mesh.surfaces[plane]).any())
@@ -143,7 +166,7 @@ def part_problem(problem: MacroProblem) -> MacroProblem:
     """Return the problem of the part: the force on each plate is that on the part's piece of it."""
     plates = {name: b for name, b in problem.boundary.items() if b.plate is not None}
     pressed = {name: each for name, each in problem.contact.items() if each.force is not None}
-    if not (plates or pressed) or not problem.body.symmetry_planes:
+    if not (plates or problem.contact) or not problem.body.symmetry_planes:
         return problem
     symmetry, boundary, contact = Symmetry.of(problem), dict(problem.boundary), dict(problem.contact)
     for name, face in plates.items():
