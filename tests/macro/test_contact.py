@@ -8,12 +8,14 @@ from porocore.commands.verify.linear_cases import isotropic_law
 from porocore.errors import ConfigurationError, SolveError
 from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.boundary.contact import ContactScales, covered
+from porocore.macro.boundary.symmetry import part_problem
+from porocore.macro.integration.newton import newton_step
 from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.plugins.registry import registry
 from porocore.report.context import contacts
 from porocore.study.run.summary import untouched
 from porocore.testing.macro_checks.contact import PLANES, RAMP, SPHERE, pressed
-from porocore.testing.macro_checks.runs import LINEAR
+from porocore.testing.macro_checks.runs import LINEAR, NONLINEAR
 
 MOVED = SPHERE | {"displacement": 0.05}
 
@@ -145,9 +147,12 @@ def solved(problem, law=LINEAR):
     return one.solve(one.prepare(problem), law)
 
 
-def test_a_force_that_pulls_ends_the_run():
-    with pytest.raises(SolveError, match=r"macro\.contact\.indenter\.force: the indenter cannot pull"):
-        solved(pressed(SPHERE | {"force": -1e-3}, time=RAMP | {"smallest_step": 0.05}))
+@pytest.mark.parametrize("force", [-1e-3, {"expression": "1e-3*cos(2*pi*t)"}])
+def test_a_force_that_pulls_is_refused(force):
+    with pytest.raises(
+        ConfigurationError, match=r"macro\.contact\.indenter\.force: the indenter cannot pull"
+    ):
+        collected(SPHERE | {"force": force})
 
 
 def test_an_indenter_under_a_force_beside_the_body_is_refused():
@@ -155,6 +160,121 @@ def test_an_indenter_under_a_force_beside_the_body_is_refused():
         ConfigurationError, match=r"macro\.contact\.indenter: the indenter goes past the body"
     ):
         collected(SPHERE | {"place": (3, 2, 0), "force": 1e-3})
+
+
+def test_an_indenter_that_leaves_a_symmetry_plane_is_refused():
+    body = {"kind": "box", "size": (1, 1, 1), "elements": (2, 2, 2), "symmetry": ("x-", "z-")}
+    told = r"macro\.contact\.indenter\.direction: expected one along the symmetry plane 'x-'"
+    with pytest.raises(ConfigurationError, match=told):
+        part_problem(pressed(MOVED | {"direction": (0.2, -1, 0)}, body=body))
+    assert part_problem(pressed(MOVED | {"direction": (0.2, -1, 0), "place": (0.5, 1, 0)}, body=body))
+
+
+def test_a_force_that_comes_back_to_zero_lets_the_body_go():
+    """Newton's method has no stiffness of the contact then; the indenter rests on the surface, and presses again."""
+    table = [[0, 0], [0.2, 2e-3], [0.4, 0], [0.6, 2e-3]]
+    time = RAMP | {"end": 0.6, "step": 0.1, "profiles": ()}
+    found = solved(pressed(SPHERE | {"force": {"table": table}}, time=time))
+    at, series = found.history.time, found.contact["indenter"]
+    np.testing.assert_allclose(series[:, 0], np.interp(at, *np.array(table).T), rtol=1e-9, atol=1e-14)
+    assert series[np.isclose(at, 0.4), 2] == 0
+    assert series[-1, 1] > 0.5 * series[:, 1].max() > 0
+    assert found.history.iterations.max() <= 8
+
+
+#: Places of a small ball whose way ends on a corner, leads past an edge, or lifts it and comes back.
+WAYS = {
+    "touches a corner": {"place": (1, 1, 1), "displacement": 0.1},
+    "slides past an edge": {
+        "place": (0.7, 1.26, 0.3),
+        "direction": (1, -0.1, 0),
+        "displacement": {"table": [[0, 0], [2, 1]]},
+    },
+    "lifts and comes back": {
+        "place": (0.4, 1, 0.4),
+        "displacement": {"table": [[0, 0], [0.6, 0.05], [1.2, -0.1], [1.8, 0.05]]},
+    },
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("way", WAYS)
+def test_an_indenter_ends_rightly(way):
+    ball = {"shape": {"kind": "sphere", "radius": 0.25}, "surfaces": ["y+"], "outside": "drained"}
+    body = {"kind": "box", "size": (1, 1, 1), "elements": (4, 2, 4)}
+    held = {"y-": {"displacement": (0, 0, 0)}}
+    end = 2.0 if "past" in way else 1.8
+    time = RAMP | {"end": end, "step": 0.1}
+    found = solved(pressed(ball | WAYS[way], body=body, boundary=held, time=time))
+    force, area = found.contact["indenter"][:, [0, 2]].T
+    assert np.isfinite(found.profiles[-1].u).all()
+    if "past" in way:
+        assert np.abs(force).max() > 1e-5
+        assert force[-1] == area[-1] == 0  # beside the body
+    elif "lifts" in way:
+        low = np.isclose(found.history.time, 1.2)
+        assert force[low] == 0
+        assert force[-1] > 0.5 * force.max() > 0
+    else:
+        assert (force[1:] > 0).all()
+
+
+@pytest.mark.parametrize("law", [LINEAR, NONLINEAR], ids=["linear", "nonlinear"])
+def test_a_sphere_is_pressed_to_two_fifths_of_the_thickness(law):
+    ball = {"shape": {"kind": "sphere", "radius": 2.0}, "place": (0, 1, 0), "surfaces": ["y+"]}
+    body = {"kind": "axisymmetric", "radius": 3, "height": 1, "elements": (8, 3)}
+    time = RAMP | {"end": 2.1, "step": 0.1, "ramp_increments": 20}
+    held = {"y-": {"displacement": (0, 0, 0)}, "side": {"pressure": 0}}
+    found = solved(pressed(ball | {"displacement": 0.4}, body=body, boundary=held, time=time), law)
+    series = found.contact["indenter"]
+    assert (np.diff(series[:-1, 0]) > 0).all()
+    assert series[-1, 5] < 1e-3 * 0.4
+
+
+def test_a_force_that_the_body_cannot_bear_ends_with_one_message():
+    time = RAMP | {"smallest_step": 0.04}
+    with pytest.raises(SolveError, match="lower the load") as failure:
+        solved(pressed(SPHERE | {"force": 50.0}, time=time), NONLINEAR)
+    assert "\n" not in str(failure.value)
+
+
+@pytest.mark.parametrize("by", ["displacement", "force"])
+def test_newton_is_quadratic_once_the_points_have_settled(by, monkeypatch):
+    """The last residuals but one, of which the very last may be round-off, fall with an order above 3/2."""
+    steps = []
+
+    def kept(*arguments, **how):
+        steps.append(newton_step(*arguments, **how | {"linearisations": None}))
+        return steps[-1]
+
+    monkeypatch.setattr("porocore.macro.integration.solver.newton_step", kept)
+    given = {by: 0.05 if by == "displacement" else 2e-3}
+    solved(pressed(SPHERE | given, newton={"tolerance": 1e-11}), NONLINEAR)
+    assert max(step.iterations for step in steps) <= 8
+    settled = 0
+    for step in steps:
+        before, last = step.misfits[-3:-1] if len(step.misfits) > 2 else (1, 1)
+        if before < 0.02:
+            settled += 1
+            assert last < max(before**1.5, 1e-11)
+    assert settled > 3
+
+
+def test_a_turned_section_has_the_turned_answer():
+    """By a quarter turn of plane strain, against x+ in place of y+."""
+    wheel = {"shape": {"kind": "cylinder", "radius": 0.8}, "displacement": 0.05, "outside": "drained"}
+    one = pressed(
+        wheel | {"place": (0.3, 1, 0), "surfaces": ["y+"]},
+        body={"kind": "plane-strain", "size": (1.2, 1), "elements": (3, 2)},
+        boundary={"y-": {"normal": 0}, "x-": {"normal": 0}, "x+": {"pressure": 0}},
+    )
+    other = pressed(
+        wheel | {"place": (1, 0.9, 0), "surfaces": ["x+"], "direction": (-1, 0, 0)},
+        body={"kind": "plane-strain", "size": (1, 1.2), "elements": (2, 3)},
+        boundary={"x-": {"normal": 0}, "y+": {"normal": 0}, "y-": {"pressure": 0}},
+    )
+    a, b = (solved(each).contact["indenter"] for each in (one, other))
+    np.testing.assert_allclose(b, a, rtol=1e-7, atol=1e-12)
 
 
 def test_a_cylinder_on_a_layer_is_one_in_plane_strain():

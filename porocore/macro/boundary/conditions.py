@@ -28,6 +28,8 @@ FREE = 1e-9
 
 #: Sine of an angle between two directions below which they are one; also of the difference of their values, of these.
 SAME = 1e-6
+#: Times between 0 and the end at which the force on an indenter is looked at, beside its corners.
+TIMES = 1000
 
 
 class Constraint(NamedTuple):
@@ -528,6 +530,7 @@ class Collector:
         indenter.shape.check_beside(float(np.ptp(self.mesh.points, axis=0).max()), f"{key}.shape")
         contact = Contact(name, indenter, facets, *self.split(indenter.motion))
         if contact.by_force:
+            self._require_push(key, contact)
             try:
                 contact.state(np.zeros(self.mesh.size), 0.0, ContactScales())
             except NoContact as failure:
@@ -549,6 +552,19 @@ class Collector:
                 f"{said.texts(place, quantity='displacement', digits=3)}; move its place back, against its direction"
             )
         return contact
+
+    def _require_push(self, key: str, contact: Contact) -> None:
+        """Refuse a force that pulls at some time of the run."""
+        problem, said = self.problem, units_now()
+        times = sorted({*np.linspace(0, problem.time.end, TIMES).tolist(), *problem.corners})
+        function = self.time_functions[contact.function]
+        forces = np.array([contact.factor * problem.load * problem.factor(function, t) for t in times])
+        worst = int(forces.argmin())
+        if forces[worst] < -SAME * np.abs(forces).max():
+            raise ConfigurationError(
+                f"{key}.force: the indenter cannot pull, but its force is {said.text(forces[worst], 'force', 3)} at "
+                f"t = {said.text(times[worst], 'time', 4)}; give one of at least 0, along the direction into the body"
+            )
 
     def _require_in_plane(self, key: str, indenter: RigidIndenter) -> None:
         """Refuse an indenter that a body in two dimensions cannot be pressed by."""

@@ -327,8 +327,10 @@ def misfit_of(
     force, volume = largest_free(d, residual.values)
     if pushed is not None and len(pushed):
         force = max(force, float(np.abs(pushed).max()))
+    # Nothing resists the force on an indenter that has lost the body.
     return max(
-        r / s if r > floor else 0.0 for r, s, floor in zip((force, volume), scales, round_off, strict=True)
+        (r / s if s > 0 else math.inf) if r > floor else 0.0
+        for r, s, floor in zip((force, volume), scales, round_off, strict=True)
     )
 
 

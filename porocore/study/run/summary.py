@@ -191,7 +191,8 @@ def untouched(solution: MacroSolution) -> Iterator[str]:
         if not series[:, 0].any():
             yield (
                 f"Load {solution.load:g}, law {solution.law}: the indenter '{name}' never touches the body, which "
-                f"bears nothing of it. Move macro.contact.{name}.place to the surface, or give it a longer way."
+                f"bears nothing of it. Move macro.contact.{name}.place to the surface, or give it a longer way; one "
+                "smaller than a facet passes between the points of its contact, and needs smaller elements there."
             )
 
 
