@@ -53,21 +53,21 @@ def solver(request):
     return registry().get("macro solver", request.param)()
 
 
-def solve(solver, body, boundary, time, **more):
+def solve(solver, body, boundary, time, law=LAW, **more):
     given = {"body": body, "boundary": {"side": {"normal": 0}, "y-": {"normal": 0}} | boundary, "time": time}
     problem = MacroProblem.model_validate(given | more)
-    return solver.solve(solver.prepare(problem), LAW)
+    return solver.solve(solver.prepare(problem), law)
 
 
 # ---- a flat punch whose contact is given ---------------------------------------------------------
 
 
-def pressed(solver, first, ratio, far, time, under="sealed", outside="drained"):
+def pressed(solver, first, ratio, far, time, under="sealed", outside="drained", law=LAW):
     """Return times and forces of a sharp punch of radius 1, as a prescribed displacement of a patch."""
     body = half_space(edge_at(1.0, first, ratio), far, first, ratio)
     free = {"drained": {"pressure": 0}, "sealed": {}}
     boundary = {"y+": free[outside], "punch": {"displacement": (None, -DEPTH, None)} | free[under]}
-    found = solve(solver, body, boundary, time, surfaces={"punch": {"of": "y+", "x": (0, 1)}})
+    found = solve(solver, body, boundary, time, law, surfaces={"punch": {"of": "y+", "x": (0, 1)}})
     return found.history.time[1:], -found.reactions["punch"][1:, 1]
 
 
@@ -82,6 +82,32 @@ def test_a_flat_patch_approaches_sneddon(solver):
     above = np.array(errors[:-1]) - errors[-1]
     assert above[-1] < 4e-3
     assert np.all(above[:-1] / above[1:] > 1.7)
+
+
+def test_a_wide_meridian_has_a_sudden_step(solver):
+    """Entries of its matrix lie fifteen orders apart; nothing has flowed yet below the punch."""
+    time = {"end": 2 * SUDDEN, "step": SUDDEN, "ramp_increments": 1, "ramp_step": SUDDEN, "profiles": ()}
+    force = pressed(solver, 0.01, 1.6, 3000.0, time)[1][-1]
+    assert force == pytest.approx(8 * SHEAR * DEPTH, rel=1e-2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("nu", [0.1, 0.45])
+@pytest.mark.parametrize("under", ["sealed", "drained"])
+def test_relaxation_with_other_poisson_ratios(under, nu):
+    """As shares of the last force; with other drained stiffness, c = 1 all the same."""
+    solver = registry().get("macro solver", "skfem")()
+    lame = 2 * SHEAR * nu / (1 - 2 * nu)
+    law = isotropic_law(lame, SHEAR, 1.0, 1e-9, 1 / (lame + 2 * SHEAR))
+    exact = PoroelasticIndentation(Punch(1.0), DEPTH, SHEAR, nu, 1 / (lame + 2 * SHEAR), under=under)
+    mesh = (0.03, 1.6, 300.0)
+    times, forces = pressed(solver, *mesh, relaxing(10.0), under, law=law)
+    last = pressed(solver, *mesh, drained(300), under, law=law)[1][-1]
+    if under == "sealed":
+        assert forces[0] / last == pytest.approx(2 * (1 - nu), rel=5e-3)
+    for tau in (0.01, 0.1, 1.0, 8.0):
+        share = np.interp(np.sqrt(tau), np.sqrt(times), forces) / last
+        assert share == pytest.approx(exact.force(tau) / exact.relaxed_force, rel=5e-3)
 
 
 @pytest.mark.slow
