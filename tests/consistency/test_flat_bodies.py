@@ -186,6 +186,61 @@ def test_lame(make_solver):
     assert found.reactions["y+"][-1, 1] == pytest.approx(force, rel=1e-4)
 
 
+#: Poisson's ratio of the body that keeps its fluid.
+UNDRAINED = (0.4, 0.4999, 0.499999)
+
+
+def keeping_its_fluid(nu, shear=0.8):
+    """Return a law with λ = 0.5 whose storage gives it ν_u, and λ_u."""
+    biot, lame, undrained = 0.9, 0.5, 2 * shear * nu / (1 - 2 * nu)
+    return isotropic_law(lame, shear, biot, biot**2 / (undrained - lame), 1.0), undrained
+
+
+def test_lame_does_not_lock(make_solver):
+    """A sealed thick cylinder under a pressure inside: the error is the same up to ν_u = 0.499999."""
+    shear, a, b, p = 0.8, 0.1, 0.5, 1e-3
+    body = TUBE | {"elements": (6, 1), "grading": (5, 1)}
+    boundary = {"inner": {"traction": (p, 0, 0)}, "y-": {"normal": 0}, "y+": {"normal": 0}}
+    given, errors = problem(body, boundary, probes={"outside": (b, 0.3, 0), "middle": (0.23, 0.2, 0)}), []
+    for nu in UNDRAINED:
+        made, lame = keeping_its_fluid(nu)
+        found = solve(make_solver, given, made)
+        constant = p * a**2 / (b**2 - a**2)
+        error = 0.0
+        for name, r in (("outside", b), ("middle", 0.23)):
+            exact = constant * (r / (2 * (lame + shear)) + b**2 / (2 * shear * r))
+            error = max(error, abs(found.probes[name][-1, 0] / exact - 1))
+        errors.append(error)
+    assert max(errors) < 1e-3
+    assert max(errors) < 1.1 * errors[0]
+
+
+@pytest.mark.parametrize("kind", ["axisymmetric", "plane-strain"])
+def test_bonded_blocks_do_not_lock(make_solver, kind):
+    """Squeezed between plates before any fluid leaves: the force converges as fast up to ν_u = 0.499999."""
+    size = {"radius": 1.0, "height": 0.5} if kind == "axisymmetric" else {"size": (1.0, 0.5)}
+    middle = {} if kind == "axisymmetric" else {"x-": {"normal": 0}}
+    boundary = {"y-": {"displacement": (0, 0, 0)}, "y+": {"displacement": (0, -1e-4, 0)}} | middle
+    time = {"end": 2e-12, "step": 1e-12, "ramp_increments": 1, "ramp_step": 1e-12, "profiles": ()}
+
+    def force(n, nu):
+        body = size | {"kind": kind, "elements": (n, n // 2)}
+        return solve(make_solver, problem(body, boundary, time), keeping_its_fluid(nu)[0]).reactions["y+"][
+            -1, 1
+        ]
+
+    errors = []
+    for nu in UNDRAINED:
+        exact = force(24, nu)
+        errors.append([abs(force(n, nu) / exact - 1) for n in (4, 8)])
+    compressible, *nearly = np.array(errors)
+    assert compressible[0] > 2 * compressible[1]
+    for each in nearly:
+        assert each[0] > 2 * each[1]
+        assert each[0] < 3e-2
+    np.testing.assert_allclose(nearly[0], nearly[1], rtol=1e-2)
+
+
 @pytest.mark.slow
 def test_unconfined_compression_is_that_of_armstrong_lai_and_mow(make_solver):
     """The force, the radius and the pressure on the axis over time, of a disc that is squeezed along a ramp."""
@@ -216,6 +271,33 @@ def test_a_plug_is_the_wedge_as_its_elements_become_finer(make_solver):
     differences = [np.abs(force("axisymmetric", n) / force("wedge", n) - 1).max() for n in (2, 4)]
     assert differences[1] < 5e-3
     assert differences[0] > 2 * differences[1]
+
+
+def test_a_plug_is_the_cylinder_as_its_elements_become_finer(make_solver):
+    """Squeezed between smooth plates and drained at its side; a quarter stands for the cylinder.
+
+    The law is isotropic: the axes of a cell turn about the axis in the one and not in the other.
+    """
+    boundary = {
+        "y-": {"normal": 0},
+        "y+": {"displacement": (None, -1e-3, None)},
+        "side": {"pressure": 0},
+    }
+    planes = {"x-": {"normal": 0}, "z-": {"normal": 0}}
+    given = isotropic_law(0.5, 0.8, 0.9, 0.1, 1.0)
+
+    def force(kind, elements, held):
+        body = {"kind": kind, "radius": 1.0, "height": 1.0, "elements": elements}
+        return solve(make_solver, problem(body, boundary | held, TRANSIENT), given).reactions["y+"][1:, 1]
+
+    differences = [
+        np.abs(
+            force("axisymmetric", (2 * n, 1), {}) / (4 * force("quarter-cylinder", (n, 1, n), planes)) - 1
+        ).max()
+        for n in (1, 2, 4)
+    ]
+    assert differences[2] < 1e-3
+    assert differences[1] > 3 * differences[2]
 
 
 # ---- balance, tangents and derivatives -----------------------------------------------------------
