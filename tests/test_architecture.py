@@ -58,6 +58,7 @@ CORE_MODULES = {module_name(path, ROOT): path for path in sorted(CORE.rglob("*.p
 SOURCES = [*CORE_MODULES.values(), *(path for plugin in PLUGINS for path in sorted(plugin.rglob("*.py")))]
 
 
+@cache
 def tree_of(path):
     return ast.parse(path.read_text(encoding="utf-8"))
 

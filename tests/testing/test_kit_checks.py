@@ -28,9 +28,9 @@ from tests.helpers.kit_runs import Outcomes, run_pytest
 
 #: Files whose right implementation is cheap, so that it is held to all checks here; the others are those of a backend,
 #: which is held to all of them by its own tests.
-WHOLE = ("samplers", "commands", "cells", "cell_slopes", "surrogates", "surrogate_training", "macro_law")
+WHOLE = ("samplers", "cells", "cell_slopes", "surrogates", "surrogate_training", "macro_law")
 #: Files that need no backend.
-FREE = (*WHOLE, "surrogate_files", "surrogate_parameters", "macro_columns")
+FREE = (*WHOLE, "commands", "surrogate_files", "surrogate_parameters", "macro_columns")
 #: What a violation says: check, state, expected, got.
 TEXT = re.compile(r"(?:[\w.]+: )?check '(?P<check>[^']+)', .+: expected (?P<expected>.+); got .+", re.DOTALL)
 #: What is expected where the implementation raises an error of its own.

@@ -78,6 +78,7 @@ class TestForgetsTheMixedDerivatives(_Law):
 
 class TestForgetsThePressureInTheHessian(_Law):
     caught_by = "test_slopes_of_the_hessian_at_rest"
+    slow = True
 
     class solver_class(Sloped):
         def hessian_slopes_at_rest(self, prepared):

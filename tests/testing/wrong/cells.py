@@ -283,6 +283,7 @@ class TestNoise(_Law):
     """Of 1e-9."""
 
     caught_by = "test_two_calls_give_the_same_to_the_last_bit"
+    slow = True
 
     class solver_class(Altered):
         random = np.random.default_rng(0)

@@ -139,6 +139,7 @@ class TestFine(_Law):
 
 class TestSaysSomethingElse(_Law):
     caught_by = "test_its_help_is_fast_and_begins_with_its_summary"
+    slow = True
 
     class command(Fine):
         def run(self, config: Config, out: Out = Path("out"), resume: Resume = False) -> None:
@@ -170,6 +171,7 @@ class TestHeavyHooks(_Law):
 
 class TestRaisesWhatItWants(_Law):
     caught_by = "test_a_wrong_call_is_one_message"
+    slow = True
 
     class command(Fine):
         def run(self, config: Config, out: Out = Path("out"), resume: Resume = False) -> None:
@@ -180,6 +182,7 @@ class TestRaisesWhatItWants(_Law):
 
 class TestForgetsItsResults(_Law):
     caught_by = "test_it_writes_what_it_says"
+    slow = True
 
     class command(Fine):
         def write(self, path: Path, text: str) -> None:
@@ -189,6 +192,7 @@ class TestForgetsItsResults(_Law):
 
 class TestWritesBesideItsFolder(_Law):
     caught_by = "test_it_writes_what_it_says"
+    slow = True
 
     class command(Fine):
         def write(self, path: Path, text: str) -> None:
@@ -198,6 +202,7 @@ class TestWritesBesideItsFolder(_Law):
 
 class TestTakesAnyFolder(_Law):
     caught_by = "test_a_folder_of_something_else_is_refused"
+    slow = True
 
     class command(Fine):
         def count(self, out: Path, resume: bool, pause: float) -> None:
@@ -209,6 +214,7 @@ class TestHalfAFile(_Law):
     """Its result grows from number to number."""
 
     caught_by = "test_an_interrupted_run_leaves_whole_files_and_goes_on"
+    slow = True
 
     class command(Fine):
         def count(self, out: Path, resume: bool, pause: float) -> None:

@@ -21,6 +21,7 @@ class TestForgetsTheContactInTheTangent(Law):
 
 class TestIndenterGoesHalfWay(Law):
     caught_by = "test_a_plane_on_a_whole_face_moves_it"
+    slow = True
 
     class elements(Elements):
         def loads(self, acting):
@@ -30,6 +31,7 @@ class TestIndenterGoesHalfWay(Law):
 
 class TestForceOfAPart(Law):
     caught_by = "test_contact_forces_balance_those_of_the_support"
+    slow = True
 
     class solver(Altered):
         def solution(self, solution):
@@ -38,6 +40,7 @@ class TestForceOfAPart(Law):
 
 class TestIndentersComeFromAbove(Law):
     caught_by = "test_a_turned_indentation_is_the_same"
+    slow = True
     raises = "ConfigurationError"
 
     class solver(Altered):
@@ -51,6 +54,7 @@ class TestIndentersComeFromAbove(Law):
 
 class TestPushesTwiceAsHard(Law):
     caught_by = "test_a_force_and_the_displacement_that_it_makes_are_one_state"
+    slow = True
 
     class solver(Altered):
         def problem(self, problem):

@@ -62,6 +62,7 @@ class TestThinPlate(Law):
     """It narrows along z as it is stretched, as in plane stress."""
 
     caught_by = "test_plane_strain_is_a_layer_of_bricks"
+    slow = True
 
     class elements(Elements):
         def states_of(self, x):

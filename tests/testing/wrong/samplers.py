@@ -271,6 +271,7 @@ class TestKeysFromHash(_Law):
     """A resumed run solves every state again: ``hash()`` of a text is another in each process."""
 
     caught_by = "test_another_process_asks_for_the_same_states"
+    slow = True
 
     class sampler(Fine):
         def __init__(self, *arguments, **options):

@@ -17,6 +17,7 @@ class TestNamesInReverse(Law):
     """It names the parameters in the reverse order."""
 
     caught_by = "test_a_cell_with_parameters_is_learned"
+    slow = True
 
     class surrogate(Altered):
         def fit(self, data, **how):
@@ -66,6 +67,7 @@ class TestOrderOfNames(Law):
     """Slopes in the order of the alphabet."""
 
     caught_by = "test_the_order_of_the_parameters_is_that_of_the_inputs"
+    slow = True
 
     class surrogate(Altered):
         def slopes(self, states):
