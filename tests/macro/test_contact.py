@@ -13,7 +13,7 @@ from porocore.macro.integration.newton import newton_step
 from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.plugins.registry import registry
 from porocore.report.context import contacts
-from porocore.study.run.summary import untouched
+from porocore.study.run.summary import rough_contacts, untouched
 from porocore.testing.macro_checks.contact import PLANES, RAMP, SPHERE, pressed
 from porocore.testing.macro_checks.runs import LINEAR, NONLINEAR
 
@@ -260,6 +260,25 @@ def test_newton_is_quadratic_once_the_points_have_settled(by, monkeypatch):
     assert settled > 3
 
 
+@pytest.mark.parametrize("backend", ["skfem", pytest.param("dolfinx", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("by", ["displacement", "force"])
+def test_an_iterative_solver_has_the_answer_of_a_direct_one(by, backend):
+    """The preconditioner is that of the body with the contact; few more iterations are taken than without."""
+    pytest.importorskip(f"porocore_fem_{backend}")
+    pytest.importorskip("pyamg" if backend == "skfem" else "dolfinx")
+    given = {by: 0.05 if by == "displacement" else 2e-3, "under": "sealed", "outside": "drained"}
+    one = pressed(SPHERE | given, newton={"tolerance": 1e-11}, time=RAMP | {"end": 1.2})
+    found = []
+    for kind in ("direct", "iterative"):
+        make = registry().get("macro solver", backend)(solver=kind)
+        found.append(make.solve(make.prepare(one), LINEAR))
+    a, b = (each.contact["indenter"] for each in found)
+    np.testing.assert_allclose(b, a, rtol=0, atol=1e-8 * np.abs(a).max(axis=0))
+    work = found[1].work
+    assert work["iterations"][1:].all()
+    assert work["iterations"].sum() < 40 * work["systems"].sum()
+
+
 def test_a_turned_section_has_the_turned_answer():
     """By a quarter turn of plane strain, against x+ in place of y+."""
     wheel = {"shape": {"kind": "cylinder", "radius": 0.8}, "displacement": 0.05, "outside": "drained"}
@@ -306,6 +325,31 @@ def test_a_cylinder_on_a_layer_is_one_in_plane_strain():
 
 
 @pytest.mark.slow
+def test_the_jump_of_the_pressure_at_the_edge_converges():
+    """Sealed under a rounded punch and drained beside it: the force of the pressure below, and what is left beside."""
+    punch = {"shape": {"kind": "punch", "radius": 0.5, "edge": 0.25}, "place": (0, 1, 0), "surfaces": ["y+"]}
+    punch |= {"displacement": 0.02, "under": "sealed", "outside": "drained"}
+    below, beside = [], []
+    for n in (8, 16, 32):
+        one = pressed(
+            punch,
+            body={"kind": "axisymmetric", "radius": 1, "height": 1, "elements": (n, n // 2)},
+            boundary={"y-": {"normal": 0}, "side": {"normal": 0}},
+            time={"end": 0.06, "step": 0.01, "ramp_increments": 4, "ramp_step": 0.01, "profiles": ()},
+        )
+        found = solved(one, isotropic_law(0.1, 0.15, 0.7, 0.1, 1.0))
+        x, y = found.points[:, :2].T
+        top = np.flatnonzero(y == 1)
+        top = top[x[top].argsort()]
+        r, p = x[top], found.profiles[-1].p[top]
+        below.append(float(((p * r)[1:] + (p * r)[:-1]) @ np.diff(r)))
+        beside.append(np.abs(p[r > 1.02 * found.contact["indenter"][-1, 3]]).max() / p[0])
+    assert abs(below[2] - below[1]) < 0.3 * abs(below[1] - below[0])
+    assert beside[2] < beside[1] < beside[0]
+    assert beside[1] < 2e-3
+
+
+@pytest.mark.slow
 def test_a_sphere_follows_hertz():
     """Drained, on a body much larger than the contact: F = 4/3 E/(1 − ν²) √R δ^(3/2) and a = √(R δ)."""
     lame, shear, radius, depth = 0.1, 0.15, 1.0, 1e-3
@@ -347,6 +391,9 @@ def test_what_a_run_tells_of_indenters():
     assert not far.contact["indenter"][:, [0, 2, 3, 4, 5, 6]].any()
     near = solved(pressed(MOVED))
     assert not list(untouched(near))
+    (said,) = rough_contacts(near, pressed(MOVED))
+    assert "'indenter' touches" in said
+    assert not list(rough_contacts(far, pressed(MOVED)))
     figures = contacts(near)["indenter"]
     assert figures["largest_displacement"] == 0.05
     assert 0 < figures["largest_penetration"] < 1e-3

@@ -21,12 +21,14 @@ from porocore.interfaces.law import CellLaw
 from porocore.interfaces.solution import MacroSolution
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.body.kinds import Box
+from porocore.macro.boundary.contact import united
 from porocore.macro.boundary.drainage import diffusion_time, undrained, unresolved
 from porocore.macro.composition.regions import regions_of_cell
 from porocore.macro.laws.closure import CLOSURES, Closure, ClosureError, closure_error
 from porocore.macro.laws.direct import direct_records
 from porocore.macro.laws.linear import LinearCoefficients, RestCoefficients, coefficients_of_elements
 from porocore.macro.laws.macro_law import ClosedLaw
+from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.report.context import (
     AdaptiveSurrogateCost,
     CellSummary,
@@ -196,14 +198,38 @@ def untouched(solution: MacroSolution) -> Iterator[str]:
             )
 
 
+#: Facets below an indenter in three dimensions from which a contact area is read no better than to some fifth.
+FEW = 8
+
+
+def rough_contacts(solution: MacroSolution, problem: MacroProblem) -> Iterator[str]:
+    """Yield a warning for each indenter whose contact area is that of a few facets, where its edge crosses them."""
+    mesh = body_mesh(problem)
+    for name, indenter in problem.contact.items():
+        if mesh.flat or indenter.shape.kind not in ("sphere", "cone", "surface"):
+            continue
+        surfaces = [mesh.surface(each, f"macro.contact.{name}.surfaces") for each in indenter.surfaces]
+        nodes = united(mesh, surfaces).nodes
+        counts = [int((each.contact_pressure[nodes] > 0).all(axis=1).sum()) for each in solution.profiles]
+        most = max(counts, default=0)
+        if 0 < most <= FEW:
+            yield (
+                f"Load {solution.load:g}, law {solution.law}: the indenter '{name}' touches {most} facets of the body "
+                f"at most, from which its contact area and radius are read no better than to some fifth. Take smaller "
+                f"elements below macro.contact.{name}.place where these matter; its force is more accurate."
+            )
+
+
 def _overshoots(results: RunResults, rest: LinearCoefficients | RestCoefficients) -> Iterator[str]:
     """Yield warnings of largest pressures that the mesh does not resolve, and of indenters that touch nothing."""
     limit = diffusion_time(results.config.macro, rest)
     for solution in results.all_solutions:
-        warning = unresolved(results.config.macro.problem(solution.load), limit, solution)
+        problem = results.config.macro.problem(solution.load)
+        warning = unresolved(problem, limit, solution)
         if warning is not None:
             yield warning
         yield from untouched(solution)
+        yield from rough_contacts(solution, problem)
 
 
 def _surrogate_summary(results: RunResults, closure: str) -> SurrogateSummary:
