@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 from porocore.core.units import units_now, using_units
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.kinds import sections
-from porocore.report.figures import PROFILE_FIELDS, body_figure, png_bytes, series_figure
+from porocore.report.figures import PROFILE_FIELDS, body_figure, plane_figure, png_bytes, series_figure
 from porocore.report.figures.body import axes_in_section
 from porocore.report.figures.curves import ColumnAxis, panels
 from porocore.report.figures.style import DASHED, TIME_COLOURS, axis_label, new_figure, styled
@@ -26,6 +26,9 @@ from porocore.study.run.folder import RunFolder
 SHOWN = {
     "cartilage-confined": (1, ("pressure at the probes", "forces of held or moved surfaces")),
     "cartilage-unconfined": (1, ("pressure at the probes", "displacement of the probes")),
+    "gel-indentation": (0, ("forces of indenters", "contact radius of indenters")),
+    "gel-creep": (0, ("displacement of indenters", "contact radius of indenters")),
+    "cartilage-indentation": (0, ("forces of indenters", "pressure at the probes")),
     "brain-indentation": (0, ("pressure at the probes", "forces of held or moved surfaces")),
     "soil-strip": (0, ("pressure at the probes", "displacement of the probes")),
     "layered-soil": (1, ("pressure at the probes", "displacement of the probes")),
@@ -51,7 +54,10 @@ def example_picture(folder: RunFolder, name: str) -> Figure:
     known = {panel.plain for panel in panels(nonlinear)}
     with using_units(config.result_units):
         parts = field_parts(nonlinear, linear, name)
-        parts.append(body_figure(nonlinear, nonlinear.after_rest[which]))
+        profile = nonlinear.after_rest[which]
+        if nonlinear.contact and nonlinear.revolved:
+            parts.append(plane_figure(nonlinear, profile, config.macro.contact))
+        parts.append(body_figure(nonlinear, profile, config.macro.contact))
         parts += [series_figure(nonlinear, linear, kind) for kind in kinds if kind in known]
     pictures = [_pixels(part) for part in parts]
     rows = 2 if len(parts) > 3 else 1
