@@ -24,6 +24,7 @@ SCRIPTS = (
     "macro_size",
     "sensitivities",
     "start_up",
+    "meridian",
 )
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
 

@@ -509,7 +509,7 @@ def _scales(matrix: sparse.csr_matrix) -> Array:
     """Return the roots (n,) of one over the largest entry of each row, as powers of two, which leave no round-off."""
     largest = np.zeros(matrix.shape[0])
     np.maximum.at(largest, np.repeat(np.arange(len(largest)), np.diff(matrix.indptr)), np.abs(matrix.data))
-    return np.exp2(np.round(-0.5 * np.log2(np.where(largest > 0, largest, 1.0))))
+    return np.asarray(np.exp2(np.round(-0.5 * np.log2(np.where(largest > 0, largest, 1.0)))))
 
 
 def _scaled(matrix: sparse.csr_matrix, scales: Array) -> sparse.csr_matrix:
