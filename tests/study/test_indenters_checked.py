@@ -2,6 +2,7 @@
 
 import pytest
 
+from porocore.errors import ConfigurationError
 from porocore.study.config.loading import load_config
 from porocore.study.notes.outline import outline
 from tests.helpers.invoked import BENCHMARK
@@ -44,3 +45,17 @@ def test_the_body_line_of_a_hollow_body_has_its_radii(tmp_path):
     )
     (line,) = (each for each in told if each.startswith("body: "))
     assert "radii 1 to 4, height 3 mm" in line
+
+
+@pytest.mark.parametrize(
+    ("radius", "part"),
+    [
+        ("2 kPa", "expected a length, such as 5 mm, got '2 kPa'"),
+        ("-1 mm", "expected a number with 0 < radius"),
+    ],
+)
+def test_a_wrong_radius_is_told_once_with_its_key(tmp_path, radius, part):
+    with pytest.raises(ConfigurationError) as caught:
+        lines(tmp_path, ("kind: sphere, radius: 2 mm", f"kind: sphere, radius: {radius}"))
+    assert str(caught.value).count("macro.contact.ball.shape") == 1
+    assert f"macro.contact.ball.shape.radius: {part}" in str(caught.value)

@@ -458,7 +458,8 @@ def _is_tag(location: Location, i: int) -> bool:
     by_name = i > 1 and location[i - 2] in OF_KINDS_BY_NAME
     if i == 2 and location[0] == "cells":  # whatever the name of the cell is
         return False
-    return i > 0 and (by_name or location[i - 1] in OF_KINDS or location[i] in FORMS)
+    shape = i == 4 and location[:2] == ("macro", "contact") and location[3] == "shape"
+    return i > 0 and (by_name or shape or location[i - 1] in OF_KINDS or location[i] in FORMS)
 
 
 def _with_tags(at: Location, error: ErrorDetails) -> Location:
