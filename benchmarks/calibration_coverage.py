@@ -1,8 +1,9 @@
 """Share of noises for which the 95 % intervals of a calibration cover the truth.
 
-    python benchmarks/calibration_coverage.py --study twin|coarse|confined --out DIR [--repeats N --processes 2]
+    python benchmarks/calibration_coverage.py --study STUDY --out DIR [--repeats N --processes 2]
 
-The cells are solved and learned once. Each repeat makes up data by the model at the truth with noise of its own,
+The studies stand in ``coverage_studies.py``. The cells are solved and learned once.
+Each repeat makes up data by the model at the truth with noise of its own,
 searches the unknowns from a guess that does not know the truth, and takes all intervals, by the classes that ``porocore
 calibrate`` uses; plane and report are left out. ``viscosity/conductivity`` is no unknown; its interval is the profile
 of the same curves with this ratio in place of the viscosity. DIR keeps everything, one line for each repeat, and an
