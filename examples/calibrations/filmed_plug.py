@@ -1,13 +1,15 @@
 """Writes filmed-plug.csv and plug-curves.csv: a plug with a graded stiffness that settles, seen at many points.
 
 A plug of height h stands in a sealed ring. A porous piston presses it with the stress P since time 0, and fluid leaves
-through the piston. Both constituents are incompressible, and strains are small. With the displacement u along the
-height y, the aggregate modulus H(y) and the permeability k,
+through the piston. Strains are small, the fluid is incompressible, and the solid is slightly compressible. With the
+displacement u along the height y, the aggregate modulus H(y), the permeability k, Biot's coefficient α and the storage
+coefficient S at constant strain,
 
-    p = H u' + P,    du/dt = k p',    u(0) = 0,    p(h) = 0,
+    H u' = α p − P,    α du'/dt + S dp/dt = (k p')',    p' = 0 at y = 0,    p(h) = 0,
 
-(Terzaghi; Mow, Kuei, Lai & Armstrong 1980, J. Biomech. Eng. 102:73-84). Finite volumes in y and a stiff solver in time
-solve them. Nothing of porocore is used.
+(Biot 1941, J. Appl. Phys. 12:155-164). For a porous body of one solid with the bulk modulus K_s and the porosity φ,
+α = 1 − K/K_s and S = (α − φ)/K_s, with the drained bulk modulus K: neither α nor S H changes with the stiffness of the
+solid. Finite volumes in y and the eigenvectors in time solve them. Nothing of porocore is used.
 
     .venv/bin/python examples/calibrations/filmed_plug.py
 """
@@ -23,6 +25,8 @@ from scipy.linalg import eigh_tridiagonal
 #: Height [mm], stress [kPa], permeability [mm⁴/(N s)], and moduli H [kPa] at some heights [mm], linear between.
 HEIGHT, STRESS, PERMEABILITY = 3.0, 0.5, 1e-2
 HEIGHTS, MODULI = (0.0, 1.0, 2.0, 3.0), (350.0, 250.0, 140.0, 180.0)
+#: Biot's coefficient, and storage coefficient by 1/H: porosity 0.5427, K_s = 52.5 H and K = 0.525 H, as in the cell.
+BIOT, STORAGE = 0.99, 0.00852
 #: Standard deviations of a displacement [µm] and a pressure [Pa].
 DEVIATION, OF_PRESSURE = 0.1, 5.0
 #: Times of the frames and of the curves [s].
@@ -38,22 +42,20 @@ Floats = NDArray[np.float64]
 def column(times: Floats) -> tuple[Floats, Floats, Floats]:
     """Return heights (n,) [mm], displacements (times, n) [mm] there, and pressures (times,) [MPa] on the base.
 
-    Unknown are the displacements at the upper ends of n cells; strains and pressures belong to their middles. The
-    equations M du/dt = K (u∞ − u), with the lengths in M, decay along the eigenvectors of the symmetric pencil.
+    Unknown are the pressures in the middles of n cells. The equations C dp/dt = −K p, with the capacities in C, decay
+    along the eigenvectors of the symmetric pencil from the pressure at which no fluid has left.
     """
     d = HEIGHT / CELLS
     ends = d * np.arange(1, CELLS + 1)
-    modulus = 1e-3 * np.interp(ends - d / 2, HEIGHTS, MODULI) / d
-    final = -np.cumsum(1e-3 * STRESS / modulus)
-    # The last node stands for half a cell, at whose upper end the pressure is zero.
-    mass = np.r_[np.full(CELLS - 1, d), d / 2]
-    scale = np.sqrt(PERMEABILITY / mass)
-    diagonal = np.r_[modulus[:-1] + modulus[1:], modulus[-1]] * scale**2
-    values, vectors = eigh_tridiagonal(diagonal, -modulus[1:] * scale[:-1] * scale[1:])
-    first = vectors.T @ (final / scale)
-    decayed = np.exp(-np.outer(times, values)) * first
-    u = final - (decayed @ vectors.T) * scale
-    return ends, u, modulus[0] * u[:, 0] + 1e-3 * STRESS
+    modulus, load = 1e-3 * np.interp(ends - d / 2, HEIGHTS, MODULI), 1e-3 * STRESS
+    scale = np.sqrt(modulus / ((BIOT**2 + STORAGE) * d))
+    # The base is sealed; on the piston, half a cell away, the pressure is zero.
+    flow = PERMEABILITY / d * np.r_[1.0, np.full(CELLS - 2, 2.0), 3.0]
+    beside = -PERMEABILITY / d * scale[:-1] * scale[1:]
+    values, vectors = eigh_tridiagonal(flow * scale**2, beside)
+    first = vectors.T @ (BIOT / (BIOT**2 + STORAGE) * load / scale)
+    p = (np.exp(-np.outer(times, values)) * first) @ vectors.T * scale
+    return ends, np.cumsum((BIOT * p - load) / modulus * d, axis=1), p[:, 0]
 
 
 def main() -> None:
