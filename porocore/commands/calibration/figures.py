@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from porocore.commands.calibration.clouds import FilmComponent
+from porocore.commands.calibration.clouds import PRESSURE, FilmComponent
 from porocore.commands.calibration.infer import Inference
 from porocore.commands.calibration.plan import FittedField
 from porocore.commands.calibration.posterior import Posterior
@@ -169,6 +169,8 @@ def grid_figure(done: Calibration, field: FittedField) -> Figure:
 DARKEST = 4.0
 #: Area of all points of a picture, in squared points of type.
 INK = 9000.0
+#: Values that differ by less than this share of the largest one, or of the deviation, have one colour.
+ROUNDING = 1e-9
 
 
 def _shown_times(times: Array, largest: float) -> Array:
@@ -176,6 +178,17 @@ def _shown_times(times: Array, largest: float) -> Array:
     ends = {float(times[0]), float(times[-1])}
     between = largest if largest not in ends else float(times[len(times) // 2])
     return np.array(sorted({*ends, between}))
+
+
+def _colour_ends(values: Array, deviation: float) -> tuple[float, float]:
+    """Return the ends of a scale of colours: those of the values, a deviation to either side where they are constant.
+
+    Rounding errors have no colours of their own.
+    """
+    low, high = float(values.min()), float(values.max())
+    if high - low > ROUNDING * max(deviation, high, -low):
+        return low, high
+    return low - deviation, high + deviation
 
 
 @styled
@@ -202,7 +215,7 @@ def film_figure(done: Calibration, curve: int) -> Figure:
     high = min(2.4 * tall, 2.9)
     figure = new_figure(max(3 * high / tall + 3.4, 6.0), 0.6 + (high + 0.4) * len(shown))
     panels = figure.subplots(len(shown), 3, squeeze=False, sharex=True, sharey=True)
-    ends = float(min(measured.min(), fitted.min())), float(max(measured.max(), fitted.max()))
+    ends = _colour_ends(np.concatenate([measured, fitted]), float(done.data.deviations[rows].max()))
     images: list[Any] = []
     for row, time in zip(panels, shown, strict=True):
         here = observed.displayed_times == time
@@ -227,7 +240,9 @@ def film_figure(done: Calibration, curve: int) -> Figure:
         row[0].set_ylabel(_labelled("xyz"[second], unit))
     for axes in panels[-1]:
         axes.set_xlabel(_labelled("xyz"[first], unit))
-    words = _labelled(done.data.names[curve], observed.unit)
+    turned = series.cloud.axes is not None and series.component != PRESSURE
+    along = f" along camera axis {series.component + 1}" if turned else ""
+    words = _labelled(done.data.names[curve] + along, observed.unit)
     figure.colorbar(images[0], ax=panels[:, :2], shrink=0.8, aspect=40).set_label(words)
     figure.colorbar(images[2], ax=panels[:, 2:], shrink=0.8, aspect=40).set_label("residual [standard dev.]")
     return figure

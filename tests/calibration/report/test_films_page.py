@@ -55,6 +55,27 @@ def test_a_film_is_shown_beside_fit_and_residuals(done: Any) -> None:
     assert (panels[-1].get_xlabel(), panels[0].get_ylabel()) == ("x [–]", "y [–]")
 
 
+def test_a_constant_field_has_one_colour(done: Any) -> None:
+    """Rounding errors of the fit have none of their own."""
+    rows, values = done.data.rows(0), done.data.values.copy()
+    fitted = done.inference.best.prediction.values.copy()
+    for constant in (0.0, 5.0):
+        values[rows], fitted[rows] = constant, constant * (1 + 1e-15)
+        fitted[rows[0]] += 1e-17
+        prediction = SimpleNamespace(prediction=SimpleNamespace(values=fitted))
+        inference = SimpleNamespace(**{**vars(done.inference), "best": prediction})
+        one = SimpleNamespace(
+            **{**vars(done), "data": replace(done.data, values=values), "inference": inference}
+        )
+        figure = film_figure(one, 0)
+        figure.canvas.draw()
+        panels = [axes.collections[0] for axes in figure.axes[:9]]
+        colours = np.concatenate(
+            [each.to_rgba(each.get_array()) for k, each in enumerate(panels) if k % 3 < 2]
+        )
+        assert np.ptp(colours, axis=0).max() < 0.01
+
+
 def test_the_frame_of_the_largest_value_is_shown() -> None:
     times = np.arange(1.0, 8.0)
     assert [_shown_times(times, each).tolist() for each in (3.0, 7.0)] == [[1, 3, 7], [1, 4, 7]]
