@@ -232,6 +232,35 @@ def test_a_film_of_a_meridian_may_show_both_sides_of_the_axis(tmp_path: Path) ->
     )
 
 
+@pytest.mark.parametrize("kind", ["axisymmetric", "plane-strain"])
+def test_a_body_of_two_dimensions_has_no_third_displacement(tmp_path: Path, kind: str) -> None:
+    """Its zeros are no data; a turned camera may see them along another axis."""
+    size = {"radius": 0.5, "height": 1.5} if kind == "axisymmetric" else {"size": [0.5, 1.5]}
+    flat = MACRO.model_validate({**MACRO.model_dump(), "body": {"kind": kind, "elements": [2, 3], **size}})
+
+    def components(**keys: Any) -> tuple[list[str], str]:
+        given = PointsSettings(**{"file": "film.csv", **KEYS, **keys})
+        with using_units(ResultUnits(SCALES)):
+            found, _ = read_film("film", given, tmp_path, flat, SCALES)
+        return [curve.name for curve in found], " ".join(note for curve in found for note in curve.notes)
+
+    every = {name: values for name, values in rows().items() if name != "z"}
+    (tmp_path / "film.csv").write_text(csv_of({**every, "u3": 0 * every["u1"]}), encoding="utf-8")
+    for keys in ({}, {"quantities": ["u1", "u2", "u3"]}, {"camera": {"unknown": ["rz"]}}):
+        names, notes = components(**keys)
+        assert names == ["film: u1", "film: u2"]
+        assert "u3 is left out, since a body in two dimensions" in notes
+    assert len(components(camera={"unknown": ["rx"]})[0]) == 3
+    with pytest.raises(
+        ConfigurationError, match=r"quantities: u3 .* cannot move that way; name other components"
+    ):
+        components(quantities=["u3"])
+    (tmp_path / "film.csv").write_text(csv_of({**every, "u3": 1 + every["u1"]}), encoding="utf-8")
+    assert components()[0] == ["film: u1", "film: u2"]
+    with pytest.raises(ConfigurationError, match=r"quantities: u3 .* cannot move that way; leave u3 out"):
+        components(quantities=["u1", "u3"])
+
+
 def test_points_beyond_a_symmetry_plane_are_their_mirror_images(tmp_path: Path) -> None:
     """A film of the whole width of a specimen of which a half is solved."""
     half = MacroSetup(
