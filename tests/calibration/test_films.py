@@ -152,6 +152,18 @@ FAULTS: dict[str, tuple[dict[str, Any], str]] = {
         {"camera": {"offset": [-0.4, 0.0, 0.0]}},
         r"beyond x-: name that symmetry plane in 'macro.body.symmetry: \[x-\]'",
     ),
+    "both sides, with a turned camera": (
+        {"camera": {"offset": [-0.4, 0.0, 0.0], "rotation": [0.0, 0.0, 1e-6]}},
+        r"as mirror images beyond x-, which do not count with a camera that is turned: keep one side, or give 'camera",
+    ),
+    "both sides, with an unknown camera": (
+        {"camera": {"offset": [-0.4, 0.0, 0.0], "unknown": ["x"]}},
+        r"camera that is unknown: keep one side, or .*; where the others count, raise 'outside:', which is 0.05$",
+    ),
+    "points too far": (
+        {"camera": {"offset": [0.0, 0.25, 0.0]}},
+        r"\[y\+\]', or keep one side, or give 'camera.offset:', the origin of their axes in the body$",
+    ),
     "axes exchanged": (
         {"columns": {"x": "y", "y": "x"}},
         "would fit with other axes: check the columns",

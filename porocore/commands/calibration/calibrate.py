@@ -215,7 +215,7 @@ def _with_points_inside(
             with using_units(one.config.result_units):
                 for name, cloud in clouds.items():
                     outside = ~views[name].counting
-                    require_few_outside(cloud.outside, outside, cloud.places, mesh, f"'{name}'", "")
+                    require_few_outside(cloud, outside, mesh, f"'{name}'", "")
                     lost[name] = np.flatnonzero(outside).tolist()
             known[one.name] = lost
             write_json(file, known)

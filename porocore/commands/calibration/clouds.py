@@ -89,6 +89,8 @@ class PointCloud:
         Largest share of the points that may lie outside the body.
     origin : (3,)
         Place of the origin of the camera's axes, as far as it is known; None: that of the body.
+    unknown
+        Whether parts of the place of the camera are unknowns.
     """
 
     name: str
@@ -98,9 +100,15 @@ class PointCloud:
     axes: Array | None = None
     outside: float = 1.0
     origin: Array | None = None
+    unknown: bool = False
 
     def __len__(self) -> int:
         return len(self.times)
+
+    @property
+    def hindrance(self) -> str:
+        """Why points beyond a symmetry plane are no mirror images: what the camera is; empty where they are."""
+        return "unknown" if self.unknown else "turned" if self.axes is not None else ""
 
     @cached_property
     def identity(self) -> str:

@@ -45,6 +45,8 @@ POINT: tuple[Column, ...] = (*COORDINATES, "t")
 COMPONENTS: tuple[Column, ...] = ("u1", "u2", "u3", "p")
 #: Names under which VTU and NPZ files may have vectors of the displacement.
 VECTORS = ("u", "displacement", "Displacement")
+#: Share of the points outside below which they may well be those at the edges of an image.
+FEW = 0.2
 #: Share of the body's size within which two places are one, and planes are met.
 SAME_PLACE = 1e-9
 #: Share of the points that lie in the body in other axes or units, which are then proposed.
@@ -165,16 +167,19 @@ def read_film(
     if camera.is_plain and not settings.camera.unknown:
         places, signs, said = _mirrored(places, macro, mesh)
         notes += said
-    if settings.place == "reference":
-        kept, said = _inside(settings, mesh, places, film, units.place)
-        notes += said
-        rows, places, times, signs = rows[kept], places[kept], times[kept], signs[kept]
     order = np.argsort(times, kind="stable")
-    rows, places, times, signs = rows[order], places[order], times[order], signs[order]
+    rows, signs = rows[order], signs[order]
     axes = None if camera.is_plain else camera.turn
     title = f"{experiment}: {name}" if experiment else name
     origin = camera.offset if settings.file is not None else np.zeros(3)
-    whole = PointCloud(title, places, times, settings.place, axes, settings.outside, origin)
+    whole = PointCloud(
+        title, places[order], times[order], settings.place, axes, settings.outside, origin,
+        bool(settings.camera.unknown),
+    )  # fmt: skip
+    if settings.place == "reference":
+        kept, said = _inside(whole, mesh, film, units.place)
+        notes += said
+        rows, signs, whole = rows[kept], signs[kept], whole.kept(kept)
     cloud, sets, said = _without_twins(whole, mesh)
     notes += said
     curves = []
@@ -457,23 +462,22 @@ def _mirrored(places: Array, macro: MacroSetup, mesh: BodyMesh) -> tuple[Array, 
     return places, signs, said if count else []
 
 
-def _inside(
-    settings: PointsSettings, mesh: BodyMesh, places: Array, film: Film, unit: StudyUnit
-) -> tuple[IntArray, list[str]]:
-    """Return the rows whose places lie in the body, and a note on the others.
+def _inside(cloud: PointCloud, mesh: BodyMesh, film: Film, unit: StudyUnit) -> tuple[IntArray, list[str]]:
+    """Return the points whose places lie in the body, and a note on the others.
 
     Raises
     ------
     ConfigurationError
         The share of the others is too large.
     """
-    distinct, of = np.unique(places, axis=0, return_inverse=True)
+    distinct, of = np.unique(cloud.places, axis=0, return_inverse=True)
     inside = (BodyPoints.at(mesh, distinct).beyond <= EDGE)[of.reshape(-1)]
     count = int((~inside).sum())
     if not count:
         return np.flatnonzero(inside), []
-    require_few_outside(settings.outside, ~inside, places, mesh, film.path.name, unit.name)
-    return np.flatnonzero(inside), [outside_note(count, len(places))]
+    require_few_outside(cloud, ~inside, mesh, film.path.name, unit.name)
+    given = " at the given place of the camera, and others may lie there at the fitted one" * cloud.unknown
+    return np.flatnonzero(inside), [f"{outside_note(count, len(cloud))}{given}"]
 
 
 def outside_note(count: int, of: int) -> str:
@@ -482,27 +486,30 @@ def outside_note(count: int, of: int) -> str:
 
 
 def require_few_outside(
-    share: float, outside: npt.NDArray[np.bool_], places: Array, mesh: BodyMesh, name: str, unit: str
+    cloud: PointCloud, outside: npt.NDArray[np.bool_], mesh: BodyMesh, name: str, unit: str
 ) -> None:
-    """Refuse a film many of whose places (n, 3) lie outside the body, with the likely reason.
+    """Refuse a film many of whose points lie outside the body, with the likely reason.
 
     Raises
     ------
     ConfigurationError
-        More than ``share`` of them do, those that are ``outside`` (n,).
+        More than the share that may do, those that are ``outside`` (n,).
     """
-    count = int(outside.sum())
-    if count <= share * len(places):
+    count, places = int(outside.sum()), cloud.places
+    if count <= cloud.outside * len(places):
         return
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
 
     def texts(point: Array) -> str:
         return units_now().texts(point, "displacement", 4)
 
+    advice = _likely(places, low, high, unit, cloud.hindrance)
+    if cloud.unknown or count < FEW * len(places):
+        advice += f"; where the others count, raise 'outside:', which is {cloud.outside:g}"
     raise ConfigurationError(
-        f"outside: {count} of {len(places)} values of {name} lie outside the body, more than the share {share:g}: the "
-        f"points reach from {texts(places.min(axis=0))} to {texts(places.max(axis=0))}, the body from {texts(low)} to "
-        f"{texts(high)}; {_likely(places, low, high, unit)}"
+        f"outside: {count} of {len(places)} values of {name} lie outside the body, more than the share "
+        f"{cloud.outside:g}: the points reach from {texts(places.min(axis=0))} to {texts(places.max(axis=0))}, the "
+        f"body from {texts(low)} to {texts(high)}; {advice}"
     )
 
 
@@ -513,8 +520,11 @@ def _fits(points: Array, low: Array, high: Array) -> bool:
     return bool(inside.mean() >= FITS) and bool((np.ptp(points, axis=0) > LARGE * (high - low)).any())
 
 
-def _likely(places: Array, low: Array, high: Array, unit: str) -> str:
-    """Return the advice on places outside the box of a body."""
+def _likely(places: Array, low: Array, high: Array, unit: str, hindrance: str) -> str:
+    """Return the advice on places outside the box of a body; ``hindrance`` is that of mirror images."""
+    extent, margin = np.ptp(places, axis=0), 0.02 * float((high - low).max())
+    small = bool((extent <= high - low + margin).all())
+    offset = "'camera.offset:', the origin of their axes in the body"
 
     def fits(points: Array) -> bool:
         return _fits(points, low, high)
@@ -539,14 +549,19 @@ def _likely(places: Array, low: Array, high: Array, unit: str) -> str:
             beyond = places[:, axis] < low[axis] if side == "-" else places[:, axis] > high[axis]
             mirrored[beyond, axis] = 2 * plane[axis] - places[beyond, axis]
             if high[axis] > low[axis] and fits(mirrored):
+                where = f"beyond {'xyz'[axis]}{side}"
+                other = f", or give {offset}" * small
+                if hindrance:
+                    return (
+                        f"they would fit as mirror images {where}, which do not count with a camera that is "
+                        f"{hindrance}: keep one side{other}"
+                    )
                 return (
-                    f"they would fit if the body had its mirror image beyond {'xyz'[axis]}{side}: name that symmetry "
-                    f"plane in 'macro.body.symmetry: [{'xyz'[axis]}{side}]', or keep one side; images count where the "
-                    "axes of the camera are those of the body"
+                    f"they would fit if the body had its mirror image {where}: name that symmetry plane in "
+                    f"'macro.body.symmetry: [{'xyz'[axis]}{side}]', or keep one side{other}"
                 )
-    moved = places - places.mean(axis=0) + (low + high) / 2
-    if fits(moved):
-        return "they would fit at another place: give 'camera.offset:', the origin of their axes in the body"
+    if small:
+        return f"they would fit at another place: give {offset}"
     return "check 'unit:', the columns of the places, and 'camera:'"
 
 
