@@ -29,7 +29,7 @@ SHOWN = {
     "gel-indentation": (0, ("forces of indenters", "contact radius of indenters")),
     "gel-creep": (0, ("displacement of indenters", "contact radius of indenters")),
     "cartilage-indentation": (0, ("forces of indenters", "pressure at the probes")),
-    "brain-indentation": (0, ("pressure at the probes", "forces of held or moved surfaces")),
+    "brain-indentation": (0, ("forces of indenters", "pressure at the probes")),
     "soil-strip": (0, ("pressure at the probes", "displacement of the probes")),
     "layered-soil": (1, ("pressure at the probes", "displacement of the probes")),
     "swelling-gel": (1, ("pressure at the probes", "displacement of the probes")),

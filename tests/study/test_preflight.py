@@ -37,11 +37,10 @@ def test_check_tells_what_a_run_would_do():
         "; of the fluid's mesh 0.41",
         "macro-driven, ",
         "p in [-20 Pa, 200 Pa]; ",
-        "body: box, 10 × 10 × 10 mm, volume 1000 mm³, 216 hexahedron elements",
+        "body: axisymmetric, 10 × 10 mm, volume 3141.6 mm³, 126 quadrilateral elements",
         " unknowns with those that are prescribed",
-        "surface punch",
-        "u_2 = 0 to -0.6 mm until t = 20 s",
-        "probe beneath the punch at 0, 8, 0 mm",
+        "indenter ball, a sphere, on y+: displacement = 0 to 0.6 mm until t = 20 s",
+        "probe beneath the ball at 0, 8, 0 mm",
         "up to t = 2000 s",
         "not given in macro.time, so at the defaults, multiples of the scales: smallest_step ",
         "no faults; next: porocore run",
@@ -309,7 +308,7 @@ def test_check_notes_a_course_that_goes_on_beyond_the_end(tmp_path):
         lines = [
             line
             for line in outline(load_config(path))
-            if "the function of time on the surface punch goes on" in line
+            if "the function of time of macro.contact.ball goes on" in line
         ]
         assert len(lines) == noted
     assert "beyond the end, 2000 s" in lines[0]

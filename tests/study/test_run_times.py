@@ -24,7 +24,8 @@ def times_of(config):
 
 #: Time steps that the examples took whose steps are chosen by their error.
 @pytest.mark.parametrize(
-    ("name", "taken"), [("cartilage-confined", 115), ("soil-strip", 102), ("brain-indentation", 87)]
+    ("name", "taken"),
+    [("cartilage-confined", 115), ("soil-strip", 102), ("brain-indentation", 222), ("gel-indentation", 219)],
 )
 def test_the_steps_of_a_tolerance_are_known_about(name, taken):
     """A forecast from the time plan alone told 25, 31 and 23."""
@@ -47,7 +48,6 @@ MEASURED = {
     "filter": (3 * 0.38, 33),
     "dehghani2022": (15.2, 65),  # the body by the clock of a busy machine
     "soil-strip": (25.8, 104),
-    "brain-indentation": (47.2, 136),
 }
 
 
@@ -59,7 +59,7 @@ def test_the_time_of_a_run_is_told_within_a_factor_of_two(name):
     assert run / 2 < times.total < 2 * run
 
 
-@pytest.mark.parametrize(("name", "measured"), [("soil-strip", 4.7), ("brain-indentation", 8.3)])
+@pytest.mark.parametrize(("name", "measured"), [("soil-strip", 4.7)])
 def test_exploring_by_macro_runs_takes_the_time_of_their_bodies(name, measured):
     """It was told to take 2.4 s, whatever the body."""
     config = example(name)

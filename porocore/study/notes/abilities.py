@@ -463,6 +463,12 @@ def late_functions(setup: MacroSetup, units: ResultUnits) -> Iterator[str]:
         for name, entry in entries.items()
         if not isinstance(entry, float | str)
     }
+    courses |= {
+        f"of macro.contact.{name}": list(course.corners)
+        for name, indenter in setup.contact.items()
+        for course in (indenter.displacement, indenter.force)
+        if isinstance(course, TimeFunction)
+    }
     for where, corners in courses.items():
         last = max(corners, default=0.0)
         if last > end:

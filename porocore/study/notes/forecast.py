@@ -327,7 +327,8 @@ def expected_steps(problem: MacroProblem) -> float:
     if plan.tolerance is None:
         return planned
     kinks = {kink for kink in Stepper(plan, problem.corners).kinks if kink < plan.end}
-    return max(planned, cost.STEPS * len(kinks) / math.sqrt(plan.tolerance))
+    found = cost.STEPS * len(kinks) / math.sqrt(plan.tolerance)
+    return max(planned, found * (cost.STEPS_OF_CONTACT if problem.contact else 1.0))
 
 
 def decision_time(macro: MacroSettings, closure: str, sampler: Sampler) -> float:
