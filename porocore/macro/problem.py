@@ -152,14 +152,19 @@ class TimePlan(StrictModel):
         return self
 
     @property
+    def end_of_ramp(self) -> float:
+        """Time at which the common ramp has risen."""
+        return self.ramp_increments * self.ramp_step
+
+    @property
     def least_steps(self) -> int:
         """Number of steps, if none is shortened."""
-        after = self.end - self.ramp_increments * self.ramp_step
+        after = self.end - self.end_of_ramp
         return self.ramp_increments + int(after / self.step) + 1
 
     def share(self, time: float) -> float:
         """Return the share of the load that acts at ``time``."""
-        ramp_end = self.ramp_increments * self.ramp_step
+        ramp_end = self.end_of_ramp
         if not self.load_curve:
             return min(1.0, time / ramp_end)
         times, shares = zip((0.0, 0.0), *self.load_curve, strict=True)

@@ -83,6 +83,14 @@ def collected(indenter, **settings):
             },
             "pressed in its plane alone",
         ),
+        (
+            MOVED | {"place": (0, 1, 0), "shape": {"kind": "cylinder", "radius": 1, "axis": (1, 0, 0)}},
+            {
+                "body": {"kind": "plane-strain", "size": (1, 1), "elements": (2, 2)},
+                "boundary": {"y-": {"normal": 0}, "x-": {"normal": 0}},
+            },
+            r"macro\.contact\.indenter\.shape\.axis: expected \[0, 0, 1\].*got \[1\.0, 0\.0, 0\.0\]",
+        ),
     ],
 )
 def test_what_is_refused_has_its_key(indenter, settings, said):
@@ -147,11 +155,17 @@ def solved(problem, law=LINEAR):
     return one.solve(one.prepare(problem), law)
 
 
-@pytest.mark.parametrize("force", [-1e-3, {"expression": "1e-3*cos(2*pi*t)"}])
-def test_a_force_that_pulls_is_refused(force):
-    with pytest.raises(
-        ConfigurationError, match=r"macro\.contact\.indenter\.force: the indenter cannot pull"
-    ):
+@pytest.mark.parametrize(
+    ("force", "when"),
+    [
+        (-1e-3, "t = 0.4;"),
+        ({"expression": "1e-3*cos(2*pi*t)"}, "t = "),
+        ({"table": [[0, 0], [0.3, -1]]}, "t = 0.3;"),
+    ],
+)
+def test_a_force_that_pulls_is_refused(force, when):
+    told = rf"macro\.contact\.indenter\.force: the indenter cannot pull.*{when}"
+    with pytest.raises(ConfigurationError, match=told):
         collected(SPHERE | {"force": force})
 
 

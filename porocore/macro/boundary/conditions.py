@@ -18,7 +18,7 @@ from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import BodyMesh, Facets
 from porocore.macro.boundary.contact import Contact, ContactScales, IndenterChanges, NoContact, inside, united
 from porocore.macro.boundary.reactions import Share, Support, shares
-from porocore.macro.boundary.rigid import RigidIndenter
+from porocore.macro.boundary.rigid import CylindricalIndenter, RigidIndenter
 from porocore.macro.problem import Boundary, MacroProblem
 from porocore.states import Array, BoolArray, IntArray
 
@@ -556,10 +556,12 @@ class Collector:
     def _require_push(self, key: str, contact: Contact) -> None:
         """Refuse a force that pulls at some time of the run."""
         problem, said = self.problem, units_now()
-        times = sorted({*np.linspace(0, problem.time.end, TIMES).tolist(), *problem.corners})
+        # Those of the study come first, and a later one must be worse by more than round-off.
+        own = (*problem.corners, problem.time.end_of_ramp, problem.time.end)
+        times = [*own, *np.linspace(0, problem.time.end, TIMES).tolist()]
         function = self.time_functions[contact.function]
         forces = np.array([contact.factor * problem.load * problem.factor(function, t) for t in times])
-        worst = int(forces.argmin())
+        worst = int((forces <= forces.min() + SAME * np.abs(forces).max()).argmax())
         if forces[worst] < -SAME * np.abs(forces).max():
             raise ConfigurationError(
                 f"{key}.force: the indenter cannot pull, but its force is {said.text(forces[worst], 'force', 3)} at "
@@ -588,6 +590,11 @@ class Collector:
             raise ConfigurationError(
                 f"{key}: a body of kind '{kind}' is pressed in its plane alone; give 0 as third component of place and "
                 "direction"
+            )
+        if isinstance(indenter.shape, CylindricalIndenter) and any(indenter.shape.axis[:2]):
+            raise ConfigurationError(
+                f"{key}.shape.axis: expected [0, 0, 1], along which a body of kind '{kind}' is long, got "
+                f"{list(indenter.shape.axis)}; leave the axis out, or mesh the body in three dimensions"
             )
 
     def _require_free_surfaces(self, key: str, indenter: RigidIndenter, facets: Facets) -> None:

@@ -186,13 +186,7 @@ class Contact:
         values = None if force > 0 else self.touching
         arms = self.arms(whole, values).reshape(-1, 3)
         reach = 1.0 + np.linalg.norm(arms, axis=1).max()
-        motion = -reach
-        for _ in range(SEARCH):
-            # No gap is larger than the way to the surface.
-            gap = self.distance(arms, motion).gap.min()
-            motion += gap
-            if gap <= 1e-14 * reach or motion > reach:
-                break
+        motion = self.indenter.way_to(arms)
         if motion > reach:
             raise NoContact(
                 f"macro.contact.{self.name}: the indenter goes past the body, which bears no force"

@@ -25,6 +25,8 @@ from porocore.states import Array
 Length = Annotated[float, Field(gt=0), Dimension("displacement")]
 #: Least distance from an axis or a centre of curvature that is divided by.
 NEAR = 1e-300
+#: Steps at most toward the points that an indenter comes upon.
+SEARCH = 200
 
 
 @dataclass(frozen=True, eq=False)
@@ -361,6 +363,24 @@ class RigidIndenter(StrictModel):
     def along(self) -> Array:
         """Unit vector (3,) of the direction."""
         return np.asarray(np.array(self.direction) / np.linalg.norm(self.direction))
+
+    def way_to(self, arms: Array) -> float:
+        """Return the displacement at which the indenter comes upon the first of some points; infinite if upon none.
+
+        Parameters
+        ----------
+        arms : (n, 3)
+            Ways from its place to the points.
+        """
+        reach = 1.0 + float(np.linalg.norm(arms, axis=1).max())
+        motion = -reach
+        for _ in range(SEARCH):
+            # No gap is larger than the way to a point.
+            gap = float(self.shape.distance(arms - motion * self.along, -self.along).gap.min())
+            motion += gap
+            if gap <= 1e-14 * reach or motion > reach:
+                break
+        return motion if motion <= reach else np.inf
 
     @property
     def motion(self) -> Value:

@@ -467,7 +467,8 @@ def indentation_figure(nonlinear: MacroSolution, linear: MacroSolution | None) -
 
     for i, (name, values) in enumerate(nonlinear.contact.items()):
         colour = style.TIME_COLOURS[i % len(style.TIME_COLOURS)]
-        line(values, color=colour, label=named(name))
+        # Of what happens within a step nothing is known, so that the steps are marked.
+        line(values, color=colour, marker=".", ms=3.5, label=named(name))
         if linear is not None and name in linear.contact:
             line(linear.contact[name], color=colour, ls=style.DASHED, lw=1.3)
     if linear is not None:

@@ -53,6 +53,12 @@ from porocore.study.notes.magnitudes import (
 )
 from porocore.study.run.composition import make_backend
 
+#: Round shapes of indenters as a section has them.
+IN_A_SECTION = {
+    "sphere": "a cylinder of that radius",
+    "cone": "a wedge of that angle",
+    "punch": "a strip of twice that radius",
+}
 #: Points of a table that are shown.
 MOST_POINTS = 4
 
@@ -188,30 +194,47 @@ def _cell_solver(backend: str) -> type[CellSolver] | None:
 
 
 def unreached(config: RunConfig, mesh: BodyMesh, name: str, indenter: RigidIndenter) -> Iterator[str]:
-    """Yield a warning of an indenter whose displacement never brings it to the undeformed body."""
-    if indenter.displacement is None:
-        return
+    """Yield a warning of an indenter whose displacement never brings it to the undeformed body.
+
+    One under a force is at the body from the beginning; if that is not its place, a note tells how far it goes.
+    """
     macro, units = config.macro, config.result_units
     times = np.linspace(0.0, macro.time.end, 400)
     surfaces = [Facets(mesh, mesh.surface(each, "macro.contact")) for each in indenter.surfaces]
     nodes = np.unique(np.concatenate([each.nodes.ravel() for each in surfaces]))
+    way, small = (
+        indenter.way_to(mesh.points[nodes] - np.array(indenter.place)),
+        1e-9 * np.ptp(mesh.points, axis=0).max(),
+    )
+    if indenter.displacement is None:
+        if small < way < np.inf:
+            yield (
+                f"note: macro.contact.{name}.place lies {units.text(way, 'displacement', 3)} before the undeformed "
+                "body; the indenter is under a force, rests on the body from t = 0 on, and its displacement begins "
+                "with that way"
+            )
+        return
     for load in macro.loads:
         problem = macro.problem(load)
         size = 1.0 if isinstance(indenter.displacement, TimeFunction) else indenter.displacement
         motions = np.array([load * size * problem.factor(indenter.displacement, float(t)) for t in times])
         far = float(motions.max())
-        arms = mesh.points[nodes] - np.array(indenter.place) - far * indenter.along
-        gap = float(indenter.shape.distance(arms, -indenter.along).gap.min())
         if motions.min() < 0 and not far > 0:
             yield (
                 f"warning: macro.contact.{name}.displacement moves the indenter against its direction under the load "
                 f"{load:g}, away from the body; turn the sign round"
             )
-        elif gap > 1e-9 * np.ptp(mesh.points, axis=0).max():
+        elif way == np.inf:
+            yield (
+                f"warning: macro.contact.{name}: the indenter goes past the undeformed body; move its place, or turn "
+                "its direction"
+            )
+        elif way - far > small:
             yield (
                 f"warning: macro.contact.{name}.displacement: the indenter does not reach the undeformed body under "
                 f"the load {load:g}; at its largest displacement, {units.text(far, 'displacement', 3)}, "
-                f"{units.text(gap, 'displacement', 3)} are left. Move its place, or let it move further"
+                f"{units.text(way - far, 'displacement', 3)} are left along its direction. Move its place, or let it "
+                "move further"
             )
 
 
@@ -259,6 +282,11 @@ def _body(config: RunConfig) -> Iterator[str]:
         ]
         said = ", ".join([f"{quantity} = {_value(indenter.motion, quantity, units)}", *drained])
         yield f"  indenter {name}, a {indenter.shape.kind}, on {' and '.join(indenter.surfaces)}: {said}"
+        if mesh.flat and not mesh.revolved and indenter.shape.kind in IN_A_SECTION:
+            yield (
+                f"note: macro.contact.{name}.shape: in a section the {indenter.shape.kind} is "
+                f"{IN_A_SECTION[indenter.shape.kind]}, infinitely long along z"
+            )
         yield from unreached(config, mesh, name, indenter)
     for name, at in macro.probes.items():
         yield f"  probe {name} at {', '.join(f'{x * length:.4g}' for x in at)}{name_of_length}"
