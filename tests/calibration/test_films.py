@@ -138,6 +138,8 @@ def test_lost_points_duplicates_and_points_outside_are_counted(tmp_path: Path) -
     assert "1 of 12 values lie outside the body and were left out" in notes
     assert "1 values have the place and the time of another one; the means of such values count" in notes
     assert "1 of 11 values of u1 are missing, and were left out" in notes
+    unknown = read(tmp_path, csv_of(every), outside=0.1, camera={"unknown": ["x"]})[0].notes
+    assert "1 of 12 values lie outside the body at the given place of the camera and were left out" in unknown
     first = found[0]
     assert first.measured[0] == pytest.approx(rows()["u1"][0] + 1.0)
     assert first.deviations[0] == pytest.approx(1 / np.sqrt(2))
@@ -226,6 +228,18 @@ def test_files_that_are_no_arrays_are_refused(tmp_path: Path) -> None:
     np.savez(tmp_path / "b.npz", x=np.zeros(3), y=np.zeros(4))
     with pytest.raises(ConfigurationError, match=r"arrays of .* that have one shape"):
         read(tmp_path, file="b.npz")
+
+
+def test_places_of_the_deformed_body_are_doubted_by_the_measured_displacements(tmp_path: Path) -> None:
+    """Displacements of 20 µm bring points there from just outside the body, or from just inside."""
+    every = rows()
+    every["u1"] = np.full(12, -20.0)
+    every["x"], every["u2"] = np.where(every["x"] < 0.5, every["x"], 1.04), every["u2"] / 10
+    doubted = read(tmp_path, csv_of(every), place="deformed")[0].notes
+    assert "6 of 12 values of film.csv lie outside the body, more than the share 0.05" in doubted[0]
+    assert doubted[0].endswith("is refused if it is so at the start values")
+    every["u1"] = np.full(12, 20.0)
+    assert not read(tmp_path, csv_of(every), place="deformed")[0].notes
 
 
 def test_a_film_of_a_meridian_may_show_both_sides_of_the_axis(tmp_path: Path) -> None:

@@ -28,6 +28,7 @@ from porocore.commands.calibration.plan import CalibrationPlan
 from porocore.commands.calibration.problem import Misfit
 from porocore.commands.calibration.settings import FitSettings
 from porocore.core.console import Console
+from porocore.core.files.yaml_document import YamlDocument
 from porocore.errors import ConfigurationError
 from porocore.macro.laws.composed import BoundLaw
 from tests.helpers.curve_experiment import ACCURACY, MACRO, UNKNOWNS, law, model_of, planned, starts
@@ -269,7 +270,10 @@ def test_points_outside_the_deformed_body_are_left_out(tmp_path: Path) -> None:
     plan, told = filmed(film, RADIUS), StringIO()
     measured = [replace(curve, measured=np.arange(1.0, len(curve) + 1)) for curve in plan.curves]
     plan = replace(plan, experiments=(replace(plan.experiments[0], curves=tuple(measured)),))
-    found = _with_points_inside(plan, [Known()], tmp_path, Console(told))
+    file = tmp_path / "study.yaml"
+    file.write_text("calibration:\n  points:\n    film:\n      outside: 0.01\n", encoding="utf-8")
+    document = YamlDocument.read(file)
+    found = _with_points_inside(plan, [Known()], tmp_path, Console(told), document)
     cloud, before = found.curves[0].series.cloud, plan.curves[0].series.cloud
     assert 0 < len(before) - len(cloud) < 0.2 * len(before)
     last = cloud.places[cloud.times == cloud.times[-1]]
@@ -279,15 +283,15 @@ def test_points_outside_the_deformed_body_are_left_out(tmp_path: Path) -> None:
         assert len(curve) == len(curve.measured) == len(curve.deviations) == len(cloud)
         np.testing.assert_array_equal(curve.measured, np.searchsorted(_numbers(before), kept) + 1)
     assert "values lie outside the body and were left out" in told.getvalue()
-    again = _with_points_inside(plan, [], tmp_path, Console(StringIO()))
+    again = _with_points_inside(plan, [], tmp_path, Console(StringIO()), document)
     assert again.curves[0].series.cloud.identity == cloud.identity
     few = replace(plan.experiments[0], curves=tuple(_less(curve) for curve in plan.curves))
     with pytest.raises(
         ConfigurationError,
-        match=r"outside: .* values of 'film' lie outside the body",
+        match=r"study.yaml:4: calibration.points.film.outside: .* values of 'film' lie outside the body",
     ):
         _with_points_inside(
-            replace(plan, experiments=(few,)), [Known()], tmp_path / "other", Console(StringIO())
+            replace(plan, experiments=(few,)), [Known()], tmp_path / "other", Console(StringIO()), document
         )
 
 

@@ -27,7 +27,7 @@ from porocore.commands.calibration.fit import (
     fit,
 )
 from porocore.commands.calibration.infer import Inference, infer
-from porocore.commands.calibration.loading import read_plan
+from porocore.commands.calibration.loading import at_points, read_document, read_plan
 from porocore.commands.calibration.observations import ObservedCurve, by_curve, curve_data
 from porocore.commands.calibration.plan import CalibrationFolder, CalibrationPlan
 from porocore.commands.calibration.posterior import Posterior, sample_posterior
@@ -47,6 +47,7 @@ from porocore.core.echo import joined
 from porocore.core.files.plain_data import json_hash, json_ready, write_json
 from porocore.core.files.reading import complete, read_json
 from porocore.core.files.store import ResultStore
+from porocore.core.files.yaml_document import YamlDocument
 from porocore.core.parallel.calls import CallProcesses
 from porocore.core.parallel.memory import one_blas_thread
 from porocore.core.units import using_units
@@ -98,7 +99,8 @@ def calibrate(
     """
     began = time.monotonic()
     console = Console.shown(progress)
-    plan = read_plan(source, synthetic=synthetic)
+    document = read_document(source)
+    plan = read_plan(document, synthetic=synthetic)
     for experiment in plan.experiments:
         check_backends(experiment.config)
     folder = CalibrationFolder(Path(out), _identity(plan, synthetic), resume=resume)
@@ -109,7 +111,7 @@ def calibrate(
         for family in cells:
             family.learn()
         if not synthetic:
-            plan = _with_points_inside(plan, cells, folder.path, console)
+            plan = _with_points_inside(plan, cells, folder.path, console, document)
         count = min(len(plan.experiments), plan.experiments[0].config.sampling.worker_count())
         processes = stack.enter_context(CallProcesses(count)) if count > 1 else None
         rounds = FitRounds(plan, folder, cells, console, processes)
@@ -191,7 +193,7 @@ def _with_made_up_data(plan: CalibrationPlan, model: CurveModel) -> CalibrationP
 
 
 def _with_points_inside(
-    plan: CalibrationPlan, cells: Sequence[FamilyCells], path: Path, console: Console
+    plan: CalibrationPlan, cells: Sequence[FamilyCells], path: Path, console: Console, document: YamlDocument
 ) -> CalibrationPlan:
     """Return the plan without points that lie outside the deformed body at the start values of the unknowns.
 
@@ -215,14 +217,15 @@ def _with_points_inside(
             with using_units(one.config.result_units):
                 for name, cloud in clouds.items():
                     outside = ~views[name].counting
-                    require_few_outside(cloud, outside, mesh, f"'{name}'", "")
+                    with at_points(document, one.name, name.removeprefix(f"{one.name}: ")):
+                        require_few_outside(cloud, outside, mesh, f"'{name}'", "")
                     lost[name] = np.flatnonzero(outside).tolist()
             known[one.name] = lost
             write_json(file, known)
         curves = one.curves
         for name, cloud in clouds.items():
             if rows := known[one.name][name]:
-                console.note(f"{name}: {outside_note(len(rows), len(cloud))}")
+                console.note(f"{name}: {outside_note(len(rows), cloud)}")
                 curves = tuple(_without_points(curve, cloud, rows) for curve in curves)
         experiments.append(replace(one, curves=curves))
     return replace(plan, experiments=tuple(experiments))

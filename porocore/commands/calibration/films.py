@@ -180,6 +180,10 @@ def read_film(
         kept, said = _inside(whole, mesh, film, units.place)
         notes += said
         rows, signs, whole = rows[kept], signs[kept], whole.kept(kept)
+    elif settings.file is not None:
+        moved = [np.nan_to_num(film.columns.get(c, np.zeros(len(film)))[rows]) for c in COMPONENTS[:PRESSURE]]
+        u = np.stack(moved, axis=1) * signs / units.displacement.factor @ camera.turn.T
+        notes += _deformed_notes(whole, u, mesh, film, units.place)
     cloud, sets, said = _without_twins(whole, mesh)
     notes += said
     curves = []
@@ -476,13 +480,13 @@ def _inside(cloud: PointCloud, mesh: BodyMesh, film: Film, unit: StudyUnit) -> t
     if not count:
         return np.flatnonzero(inside), []
     require_few_outside(cloud, ~inside, mesh, film.path.name, unit.name)
-    given = " at the given place of the camera, and others may lie there at the fitted one" * cloud.unknown
-    return np.flatnonzero(inside), [f"{outside_note(count, len(cloud))}{given}"]
+    return np.flatnonzero(inside), [outside_note(count, cloud)]
 
 
-def outside_note(count: int, of: int) -> str:
-    """Return the note on points outside the body."""
-    return f"{count} of {of} values lie outside the body and were left out"
+def outside_note(count: int, cloud: PointCloud) -> str:
+    """Return the note on points of a cloud outside the body."""
+    where = " at the given place of the camera" * cloud.unknown
+    return f"{count} of {len(cloud)} values lie outside the body{where} and were left out"
 
 
 def require_few_outside(
@@ -495,9 +499,17 @@ def require_few_outside(
     ConfigurationError
         More than the share that may do, those that are ``outside`` (n,).
     """
+    if told := _complaint(cloud, outside, mesh, name, unit):
+        raise ConfigurationError(f"outside: {told}")
+
+
+def _complaint(
+    cloud: PointCloud, outside: npt.NDArray[np.bool_], mesh: BodyMesh, name: str, unit: str
+) -> str:
+    """Return how many points lie outside the body, and the likely reason; empty where as many may."""
     count, places = int(outside.sum()), cloud.places
     if count <= cloud.outside * len(places):
-        return
+        return ""
     low, high = mesh.points.min(axis=0), mesh.points.max(axis=0)
 
     def texts(point: Array) -> str:
@@ -506,11 +518,22 @@ def require_few_outside(
     advice = _likely(places, low, high, unit, cloud.hindrance)
     if cloud.unknown or count < FEW * len(places):
         advice += f"; where the others count, raise 'outside:', which is {cloud.outside:g}"
-    raise ConfigurationError(
-        f"outside: {count} of {len(places)} values of {name} lie outside the body, more than the share "
-        f"{cloud.outside:g}: the points reach from {texts(places.min(axis=0))} to {texts(places.max(axis=0))}, the "
-        f"body from {texts(low)} to {texts(high)}; {advice}"
+    return (
+        f"{count} of {len(places)} values of {name} lie outside the body, more than the share {cloud.outside:g}: the "
+        f"points reach from {texts(places.min(axis=0))} to {texts(places.max(axis=0))}, the body from {texts(low)} to "
+        f"{texts(high)}; {advice}"
     )
+
+
+def _deformed_notes(
+    cloud: PointCloud, u: Array, mesh: BodyMesh, film: Film, unit: StudyUnit
+) -> Iterator[str]:
+    """Yield that too many places less measured displacements (n, 3), small ones, lie outside the undeformed body."""
+    if np.abs(u).max() > SMALL * float(np.ptp(mesh.points, axis=0).max()):
+        return
+    outside = BodyPoints.at(mesh, cloud.places - u).beyond > EDGE
+    if told := _complaint(cloud, outside, mesh, film.path.name, unit.name):
+        yield f"{told}; this is so by the measured displacements, and is refused if it is so at the start values"
 
 
 def _fits(points: Array, low: Array, high: Array) -> bool:
@@ -529,6 +552,8 @@ def _likely(places: Array, low: Array, high: Array, unit: str, hindrance: str) -
     def fits(points: Array) -> bool:
         return _fits(points, low, high)
 
+    if fits(places):
+        return f"most of them fit: check {offset}"
     for power in (-3, 3, -6, 6):
         if fits(places * 10.0**power):
             told = f"got {echo(unit)}" if unit else "which is not given"

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -42,6 +43,26 @@ class _Section(StrictModel):
     calibration: CalibrationSettings
 
 
+def read_document(source: Path | str | Mapping[str, Any] | YamlDocument) -> YamlDocument:
+    """Return the document of a calibration from a file, or from settings nested as in one."""
+    if isinstance(source, YamlDocument):
+        return source
+    return (
+        YamlDocument.of(source, Path.cwd())
+        if isinstance(source, Mapping)
+        else YamlDocument.read(Path(source))
+    )
+
+
+@contextmanager
+def at_points(document: YamlDocument, experiment: str, film: str) -> Iterator[None]:
+    """Put file, line and key of a measured field before a complaint that the block raises."""
+    within = (SECTION,) if SECTION in document.data else ()
+    of = ("experiments", experiment) if experiment else ()
+    with located(document), keyed(_key(within, *of, "points", film)):
+        yield
+
+
 def read_plan(
     source: Path | str | Mapping[str, Any] | YamlDocument, *, synthetic: bool = False, planned: bool = False
 ) -> CalibrationPlan:
@@ -61,12 +82,7 @@ def read_plan(
     ConfigurationError
         Each fault on a line of its own: file, line, key, what was expected and what came.
     """
-    if isinstance(source, YamlDocument):
-        document = source
-    elif isinstance(source, Mapping):
-        document = YamlDocument.of(source, Path.cwd())
-    else:
-        document = YamlDocument.read(Path(source))
+    document = read_document(source)
     settings, at = _settings(document)
     with located(document):
         experiments = _experiments(settings, document)
