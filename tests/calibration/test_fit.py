@@ -199,6 +199,9 @@ def test_data_that_nothing_explains_are_told_in_one_sentence() -> None:
     assert "no values of the unknowns explain the data" in quality.complaint
     assert "units, signs and zero of its columns ('offset:' is subtracted)" in quality.complaint
     assert "the curve 'force' is off by" in quality.complaint
+    film = replace(quality, films=frozenset({"force"})).complaint
+    assert "the film 'force' is off by" in film
+    assert "offset:" not in film
 
 
 def test_deviations_that_are_too_large_are_told_with_their_factor() -> None:
@@ -210,6 +213,9 @@ def test_deviations_that_are_too_large_are_told_with_their_factor() -> None:
     assert quality.reduced == pytest.approx(1 / 400, rel=0.5)
     assert "the standard deviations are too large: the reduced chi-square is 0.00" in quality.complaint
     assert f"by its root, {quality.reduced**0.5:.2g}" in quality.complaint
+    assert "Multiply 'deviation:', 'deviation_share:' or the deviations" in quality.complaint
+    film = replace(quality, films=frozenset({"force"})).complaint
+    assert "Multiply 'deviation:', 'pressure_deviation:' or the deviations" in film
     assert not replace(quality, freedom=9, chi_square=9 * quality.reduced).complaint
 
 

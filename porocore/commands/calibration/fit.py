@@ -187,12 +187,15 @@ class FitQuality:
         Root mean square of (predicted − measured)/deviation of each curve, by its name.
     chance
         Probability of a chi-square at least as large, if the model is right and the standard deviations are.
+    films
+        Names of the curves that are measured fields.
     """
 
     chi_square: float
     freedom: int
     deviations_off: dict[str, float]
     chance: float
+    films: frozenset[str] = frozenset()
 
     @classmethod
     def of_fit(cls, misfit: Misfit, best: Fitted) -> FitQuality:
@@ -207,7 +210,7 @@ class FitQuality:
             for k, name in enumerate(data.names)
         }
         total = float(residuals @ residuals)
-        return cls(total, freedom, off, float(chi2.sf(total, freedom)))
+        return cls(total, freedom, off, float(chi2.sf(total, freedom)), data.films)
 
     @property
     def reduced(self) -> float:
@@ -223,20 +226,29 @@ class FitQuality:
     def complaint(self) -> str:
         """One sentence where the data are not explained, or too well; empty where neither is so."""
         if self.reduced < SMALL and self.freedom >= ENOUGH:
+            keys = "'deviation:'"
+            keys += ", 'deviation_share:'" * bool(self.deviations_off.keys() - self.films)
+            keys += ", 'pressure_deviation:'" * bool(self.films)
             return (
                 f"the standard deviations are too large: the reduced chi-square is {self.reduced:.3g}, expected about "
-                "1, so that all intervals are too wide. Multiply 'deviation:', 'deviation_share:' or the deviations in "
-                f"the file by its root, {np.sqrt(self.reduced):.2g}, which makes them the scatter that was found, and "
+                f"1, so that all intervals are too wide. Multiply {keys} or the deviations in the file by its root, "
+                f"{np.sqrt(self.reduced):.2g}, which makes them the scatter that was found, and "
                 "check their units"
             )
         if self.explains:
             return ""
         name, off = max(self.deviations_off.items(), key=lambda each: each[1])
+        kind, columns = "curve", "units, signs and zero of its columns ('offset:' is subtracted)"
+        if name in self.films:
+            kind = "film"
+            columns = (
+                "units and signs of its columns, its first image (displacements are since t = 0), 'camera:'"
+            )
         return (
             f"no values of the unknowns explain the data: the reduced chi-square is {self.reduced:.3g}, expected about "
-            f"1; the curve '{name}' is off by {off:.3g} standard deviations (root mean square). Check its clock (at "
-            "t = 0 the load of the study begins; an unknown 'of: time_shift' moves the data), units, signs and zero of "
-            "its columns ('offset:' is subtracted), the standard deviations, the bounds, and what the study leaves out"
+            f"1; the {kind} '{name}' is off by {off:.3g} standard deviations (root mean square). Check its clock (at "
+            "t = 0 the load of the study begins; an unknown 'of: time_shift' moves the data), "
+            f"{columns}, the standard deviations, the bounds, and what the study leaves out"
         )
 
 

@@ -422,6 +422,7 @@ def curve_data(curves: Sequence[ObservedCurve]) -> CurveData:
         tuple(curve.name for curve in curves),
         tuple(curve.unit for curve in curves),
         tuple(curve.time_unit for curve in curves),
+        frozenset(curve.name for curve in curves if isinstance(curve.series, FilmComponent)),
     )
 
 

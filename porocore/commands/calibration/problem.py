@@ -150,6 +150,8 @@ class CurveData:
         Names of the curves.
     units, time_units
         Units of the values and of the times of each curve, for words; empty: they have none.
+    films
+        Names of those curves that are measured fields, for words.
     """
 
     values: Array
@@ -159,6 +161,7 @@ class CurveData:
     names: tuple[str, ...]
     units: tuple[str, ...] = ()
     time_units: tuple[str, ...] = ()
+    films: frozenset[str] = frozenset()
 
     def rows(self, curve: int) -> IntArray:
         """Return the rows of a curve in the order of time."""
