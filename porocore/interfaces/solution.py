@@ -370,6 +370,7 @@ CONTACT = (
     ("force", "force", "force of the indenter along its direction"),
     ("displacement", "displacement", "displacement of the indenter along its direction"),
     ("area", "area", "reference area that the indenter touches"),
+    # NaN where the contact is not round; no output has it then.
     ("radius", "displacement", "radius of a circle of the area that the indenter touches"),
     ("largest pressure", "pressure", "largest contact pressure, per reference area"),
     ("penetration", "displacement", "largest penetration of the indenter into the body"),
@@ -430,6 +431,8 @@ def all_series(solution: MacroSolution) -> Iterator[Series]:
         yield Series(f"{name}: inflow", "flow", words, values, "+ into the body")
     for name, values in solution.contact.items():
         for i, (column, quantity, words) in enumerate(CONTACT):
+            if np.isnan(values[:, i]).all():
+                continue
             yield Series(f"{name}: {column}", quantity, f"{words}, {name}", values[:, i])
 
 

@@ -138,12 +138,17 @@ def no_relaxation(force: dict[str, Any]) -> str:
 
 
 def contacts(solution: MacroSolution) -> dict[str, dict[str, Any]]:
-    """Return for each indenter its largest values, and the :func:`relaxation` of its force, ready for JSON."""
+    """Return for each indenter its largest values, and the :func:`relaxation` of its force, ready for JSON.
+
+    A contact that is not round has no ``largest_radius``.
+    """
     names = {1: "largest_displacement", 2: "largest_area", 3: "largest_radius", 5: "largest_penetration"}
     return {
         name: {
             **relaxation(solution.history.time, series[:, 0]),
-            **{key: float(series[:, i].max()) for i, key in names.items()},
+            **{
+                key: float(series[:, i].max()) for i, key in names.items() if not np.isnan(series[:, i]).all()
+            },
             "largest_contact_pressure": float(series[:, 4].max()),
         }
         for name, series in solution.contact.items()

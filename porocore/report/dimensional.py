@@ -86,7 +86,9 @@ def dimensional_rows(
             (f"peak force of the indenter {name}", "force", each["peak"]),
             (f"final force of the indenter {name}", "force", each["final"]),
             (f"largest displacement of the indenter {name}", "displacement", each["largest_displacement"]),
-            (f"largest contact radius of the indenter {name}", "displacement", each["largest_radius"]),
+            (f"largest contact radius of the indenter {name}", "displacement", each["largest_radius"])
+            if "largest_radius" in each
+            else (f"largest contact area of the indenter {name}", "area", each["largest_area"]),
             (
                 f"largest contact pressure of the indenter {name}",
                 "pressure",

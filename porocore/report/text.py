@@ -112,8 +112,14 @@ def indenter_sentences(case: LoadCase) -> list[str]:
             sentences.append(f"The {whose} is {measured(found['peak'], 'force')} at most.")
         else:
             sentences.append(_force_sentence(whose, found))
+        radius = found.get("largest_radius")
+        touched = (
+            f"of {measured(found['largest_area'], 'area', 3)}"
+            if radius is None
+            else f"with the radius {measured(radius, 'displacement', 3)}"
+        )
         sentences.append(
-            f"It touches an area with the radius {measured(found['largest_radius'], 'displacement', 3)} at most, under "
+            f"It touches an area {touched} at most, under "
             f"a contact pressure of {measured(found['largest_contact_pressure'], 'pressure', 3)} at most; its largest "
             f"displacement is {measured(found['largest_displacement'], 'displacement', 3)}."
         )

@@ -5,7 +5,9 @@ import pytest
 from pydantic import ValidationError
 
 from porocore.commands.verify.linear_cases import isotropic_law
+from porocore.core.units import ResultUnits
 from porocore.errors import ConfigurationError, SolveError
+from porocore.interfaces.solution import write_series
 from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.boundary.contact import ContactScales, covered
 from porocore.macro.boundary.symmetry import part_problem
@@ -13,6 +15,7 @@ from porocore.macro.integration.newton import newton_step
 from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.plugins.registry import registry
 from porocore.report.context import contacts
+from porocore.report.figures.curves import panels
 from porocore.study.run.summary import rough_contacts, untouched
 from porocore.testing.macro_checks.contact import PLANES, RAMP, SPHERE, pressed
 from porocore.testing.macro_checks.runs import LINEAR, NONLINEAR
@@ -413,3 +416,22 @@ def test_what_a_run_tells_of_indenters():
     assert figures["largest_displacement"] == 0.05
     assert 0 < figures["largest_penetration"] < 1e-3
     assert figures["peak"] == near.contact["indenter"][:, 0].max() > 0
+    assert figures["largest_radius"] == pytest.approx((figures["largest_area"] / np.pi) ** 0.5)
+
+
+@pytest.mark.parametrize("shape", [{"kind": "plane"}, {"kind": "sphere", "radius": 1}])
+def test_a_contact_that_is_not_round_has_no_radius(shape, tmp_path):
+    section = {"kind": "plane-strain", "size": (1, 1), "elements": (2, 2)}
+    held = {"x-": {"normal": 0}, "y-": {"normal": 0}}
+    found = solved(pressed(MOVED | {"shape": shape}, body=section, boundary=held))
+    figures = contacts(found)["indenter"]
+    assert figures["largest_area"] > 0
+    assert "largest_radius" not in figures
+    table = write_series(tmp_path / "history.csv", found, ResultUnits()).read_text(encoding="utf-8")
+    assert "indenter: area" in table
+    assert "indenter: radius" not in table
+    assert "nan" not in table
+    assert "-0," not in table
+    plain = [panel.plain for panel in panels(found)]
+    assert "forces of indenters" in plain
+    assert "contact radius of indenters" not in plain

@@ -13,7 +13,6 @@ import numpy as np
 from porocore.commands.calibration.experiment import ExperimentModel
 from porocore.commands.calibration.observations import (
     OF_INDENTERS,
-    ROUND,
     MeasuredSeries,
     ObservedCurve,
     by_curve,
@@ -350,6 +349,7 @@ def _quantities(model: ExperimentModel) -> Iterator[tuple[MeasuredSeries, str]]:
     for name, indenter in model.config.macro.contact.items():
         given = "displacement" if indenter.force is None else "force"
         for kind in OF_INDENTERS:
-            if kind != given and (kind != "contact_radius" or indenter.shape.kind in ROUND):
+            is_round = indenter.touches_circle(section=model.config.macro.body.is_section)
+            if kind != given and (kind != "contact_radius" or is_round):
                 series = MeasuredSeries(kind, indenter=name)
                 yield series, f"the {kind.replace('_', ' ')} of the indenter '{name}'"

@@ -66,8 +66,6 @@ _LISTED = {
 }
 
 
-#: Shapes of indenters whose contact is round.
-ROUND = ("sphere", "punch", "cone")
 #: Standard deviations that no value of a film reaches by chance.
 BY_CHANCE = 6.0
 
@@ -209,11 +207,11 @@ class MeasuredSeries:
         place = self.place
         if place.group == "contact":
             place.require_among(macro.contact)
-            kind = macro.contact[place.name].shape.kind
-            if self.kind == "contact_radius" and kind not in ROUND:
+            indenter, section = macro.contact[place.name], macro.body.is_section
+            if self.kind == "contact_radius" and not indenter.touches_circle(section=section):
                 raise ConfigurationError(
-                    f"quantity: expected an indenter whose contact is a circle, got the {kind} {echo(place.name)}; fit "
-                    "its contact_area"
+                    "quantity: expected an indenter whose contact is a circle, got the "
+                    f"{indenter.shape.kind} {echo(place.name)}{' on a section' * section}; fit its contact_area"
                 )
         if place.group == "probes":
             place.require_among(macro.probes)

@@ -50,7 +50,7 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[Any]]) 
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)
     for row in rows:
-        writer.writerow([f"{x:.8g}" if isinstance(x, float) else x for x in row])
+        writer.writerow([f"{x + 0.0:.8g}" if isinstance(x, float) else x for x in row])  # no -0
     write_text(path, text.getvalue())
     return path
 

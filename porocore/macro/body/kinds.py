@@ -49,6 +49,11 @@ class Body(StrictModel, ABC):
     those of the whole; null: the planes of a quarter-cylinder or a wedge that have ``normal: 0`` alone; []: none."""
 
     @property
+    def is_section(self) -> bool:
+        """True for a section of a long body, in plane strain."""
+        return False
+
+    @property
     def symmetry_planes(self) -> tuple[str, ...]:
         """Surfaces that may be symmetry planes."""
         return self.cuts if self.symmetry is None else self.symmetry
@@ -208,6 +213,10 @@ class PlaneStrain(Body):
     grading: tuple[Grading, Grading] = (1.0, 1.0)
     """Length of the last element along each axis over that of the first."""
 
+    @property
+    def is_section(self) -> bool:
+        return True
+
     def make(self) -> BodyMesh:
         """Return a mesh of biquadratic quadrilaterals."""
         x, y = (graded(*each) for each in zip(self.size, self.elements, self.grading, strict=True))
@@ -237,6 +246,10 @@ class MeshedBody(FromFile, Body):
         if "depth" in self.model_fields_set and self.flat != "plane-strain":
             raise ValueError("depth belongs to 'flat: plane-strain' alone; leave it out")
         return self
+
+    @property
+    def is_section(self) -> bool:
+        return self.flat == "plane-strain"
 
     def make(self) -> BodyMesh:
         """Quadratic or triquadratic elements; linear ones get straight edges with a node on them."""

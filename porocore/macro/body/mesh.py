@@ -310,6 +310,11 @@ class BodyMesh:
         """True for a body in two dimensions."""
         return self.element.dimension == 2
 
+    @property
+    def is_section(self) -> bool:
+        """True for a section of a long body, in plane strain."""
+        return self.flat and not self.revolved
+
     def measure(self, places: Array) -> Array:
         """Return the length (...) across the plane that places (..., 3) of a body in two dimensions stand for."""
         return 2 * np.pi * places[..., 0] if self.revolved else np.full(places.shape[:-1], self.depth)

@@ -444,7 +444,7 @@ class IndenterContact:
             area = touched_area(contact, self.whole, self.motion)
             for row, factor in (
                 (AREA, 1.0),
-                (AREA + 1, 0.5 / np.sqrt(np.pi * area.value) if area.value else 0.0),
+                (AREA + 1, 0.5 / np.sqrt(np.pi * area.value) if area.value and self._is_round else 0.0),
             ):
                 unknowns[row] = factor * area.unknowns
                 motion[row], radius[row] = factor * area.motion, factor * area.radius
@@ -487,6 +487,10 @@ class IndenterContact:
             found[FLOW] += own.conductance * self._seepage[0].sum()
         return found
 
+    @property
+    def _is_round(self) -> bool:
+        return self.contact.indenter.touches_circle(section=self.contact.facets.mesh.is_section)
+
     def measured(self) -> Array:
         """Return the values of :data:`porocore.interfaces.solution.CONTACT`, of this part of the body."""
         area = touched_area(self.contact, self.whole, self.motion).value if self.touched.any() else 0.0
@@ -495,7 +499,7 @@ class IndenterContact:
                 self.force,
                 self.motion,
                 area,
-                np.sqrt(area / np.pi),
+                np.sqrt(area / np.pi) if self._is_round else np.nan,
                 self.pressure.max(initial=0.0),
                 max(-float(self.gap.min(initial=0.0)), 0.0),
                 self._seepage[0].sum() if self.contact.indenter.drains else 0.0,

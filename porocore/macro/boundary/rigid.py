@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field, Tag, model_validator
@@ -60,6 +60,9 @@ class IndenterShape(StrictModel, ABC):
     A new kind derives this class, has a field ``kind`` with one allowed text, and stands in :data:`AnyShape`.
     """
 
+    #: True for a body of revolution about the direction in which it is pressed.
+    of_revolution: ClassVar[bool] = False
+
     @property
     def has_radius(self) -> bool:
         """True if the shape has a radius, by which a run has derivatives."""
@@ -104,6 +107,7 @@ def _about_centre(places: Array, across: Array, radius: float, axis: Array) -> S
 class SphericalIndenter(IndenterShape):
     """A sphere, such as the ball of an indenter."""
 
+    of_revolution = True
     kind: Literal["sphere"] = "sphere"
     """A sphere, such as the ball of an indenter."""
     radius: Length
@@ -195,6 +199,7 @@ def _radial(places: Array, axis: Array) -> tuple[Array, Array]:
 class FlatPunch(IndenterShape):
     """A round punch with a flat face and a rounded edge."""
 
+    of_revolution = True
     kind: Literal["punch"]
     """A round punch with a flat face and a rounded edge."""
     radius: Length
@@ -240,6 +245,7 @@ class FlatPunch(IndenterShape):
 class ConicalIndenter(IndenterShape):
     """A cone with a rounded tip."""
 
+    of_revolution = True
     kind: Literal["cone"]
     """A cone with a rounded tip."""
     angle: Annotated[float, Field(gt=0, lt=90)]
@@ -363,6 +369,10 @@ class RigidIndenter(StrictModel):
     def along(self) -> Array:
         """Unit vector (3,) of the direction."""
         return np.asarray(np.array(self.direction) / np.linalg.norm(self.direction))
+
+    def touches_circle(self, *, section: bool) -> bool:
+        """Return if its contact is round and has a radius; that with a section in plane strain is a strip."""
+        return self.shape.of_revolution and not section
 
     def way_to(self, arms: Array) -> float:
         """Return the displacement at which the indenter comes upon the first of some points; infinite if upon none.

@@ -451,7 +451,11 @@ def _indenters(solution: MacroSolution) -> Iterator[list[Panel]]:
         ),
         (4, "largest contact pressure", "pressure", "largest contact pressure of indenters", ""),
     ):
-        curves = {named(name): values[:, column] for name, values in solution.contact.items()}
+        curves = {
+            named(name): values[:, column]
+            for name, values in solution.contact.items()
+            if not np.isnan(values[:, column]).all()
+        }
         if curves:
             yield [Panel(label, quantity, plain, curves, sign)]
 

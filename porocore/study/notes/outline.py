@@ -282,7 +282,7 @@ def _body(config: RunConfig) -> Iterator[str]:
         ]
         said = ", ".join([f"{quantity} = {_value(indenter.motion, quantity, units)}", *drained])
         yield f"  indenter {name}, a {indenter.shape.kind}, on {' and '.join(indenter.surfaces)}: {said}"
-        if mesh.flat and not mesh.revolved and indenter.shape.kind in IN_A_SECTION:
+        if mesh.is_section and indenter.shape.of_revolution:
             yield (
                 f"note: macro.contact.{name}.shape: in a section the {indenter.shape.kind} is "
                 f"{IN_A_SECTION[indenter.shape.kind]}, infinitely long along z"

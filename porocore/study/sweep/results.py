@@ -254,4 +254,5 @@ def _of_indenters(solution: MacroSolution) -> dict[str, float | None]:
         f"{name}: {figure}": found[figure]
         for name, found in contacts(solution).items()
         for figure in (*OF_FORCES, *OF_INDENTERS)
+        if figure in found
     }
