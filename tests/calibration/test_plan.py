@@ -160,6 +160,15 @@ def test_a_field_has_an_unknown_for_each_control_value(tmp_path: Path) -> None:
     ]
 
 
+def test_control_values_far_outside_the_body_are_noted(tmp_path: Path) -> None:
+    """The last of these has 1 % of the weight at the top of the body."""
+    found = read_plan(write(tmp_path, radius(field={**DEPTH, "at": [0, 0.5, 50.5], "smoothing": 0.01})))
+    (note,) = [each for each in found.notes if "of the weight at every point" in each]
+    assert note.startswith(
+        f"unknowns {found.unknowns[-1].unknown.name}: these values of a field have less than 5 %"
+    )
+
+
 def test_an_experiment_has_one_load(two: dict[str, Any], tmp_path: Path) -> None:
     del two["experiments"]["slow"]["load"]
     with pytest.raises(
@@ -253,6 +262,11 @@ REFUSED: dict[str, tuple[dict[str, Any], str, str]] = {
         radius(field={**DEPTH, "at": [0, 1, 3, "4 mm"]}),
         "unknowns.radius.field.at",
         "no point of the body has the value at 3; the body reaches from 0 to 1 along y",
+    ),
+    "far above the body": (
+        radius(field={**DEPTH, "at": [0, 1, "7 mm", "8 mm"]}),
+        "unknowns.radius.field.at",
+        "no point of the body has the value at 7 mm; the body reaches from 0 to 0.001 m along y, and each",
     ),
     "unit of a place": (
         radius(field={**DEPTH, "at": [0, "1 kPa"]}),

@@ -24,7 +24,13 @@ from porocore.commands.calibration.posterior import require_emcee
 from porocore.commands.calibration.problem import MANY_VALUES
 from porocore.commands.calibration.reading import read_curve
 from porocore.commands.calibration.settings import CalibrationSettings, ExperimentSettings
-from porocore.commands.calibration.unknowns import bounds_notes, camera_unknowns, keyed, planned_unknowns
+from porocore.commands.calibration.unknowns import (
+    bounds_notes,
+    camera_unknowns,
+    keyed,
+    planned_unknowns,
+    reach_notes,
+)
 from porocore.core.files.reading import read_text
 from porocore.core.files.yaml_document import Location, YamlDocument, dotted
 from porocore.core.models.strict import StrictModel
@@ -180,6 +186,7 @@ def _plan(
     experiments, notes = [], dict[str, None]()
     for each in unknowns:
         notes |= dict.fromkeys(bounds_notes(each, plain))
+    notes |= dict.fromkeys(reach_notes(unknowns, plain))
     refused: list[str] = []
     for name, (config, load, experiment) in studies.items():
         family, said = _family(config, plain[name], unknowns, at)

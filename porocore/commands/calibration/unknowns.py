@@ -37,7 +37,7 @@ from porocore.commands.calibration.settings import (
     SyntheticTimes,
     UnknownSettings,
 )
-from porocore.core.echo import echo, suggestion
+from porocore.core.echo import echo, joined, suggestion
 from porocore.core.files.yaml_document import Location, dotted
 from porocore.core.formulas import TimeFunction
 from porocore.core.models.strict import walk
@@ -91,6 +91,8 @@ _KEYS = {
 }
 #: Factors of one number in two experiments that are the same.
 SAME = 1e-9
+#: Largest weight in the body below which a control value hardly counts.
+SLIGHT = 0.05
 
 
 @contextmanager
@@ -624,7 +626,7 @@ def control_numbers(number: StudyNumber, given: ControlSettings, config: RunConf
     """
     lines, mesh = _lines(given, config), body_mesh(config.macro)
     hats = HatFunction.grid(lines)
-    _require_points(given, hats, mesh)
+    _require_points(given, hats, mesh, config)
     values = _values_of_study(number, hats, mesh, config)
     return [replace(number, hat=hat, value=float(value)) for hat, value in zip(hats, values, strict=True)]
 
@@ -660,25 +662,57 @@ def _text(coordinate: float | str) -> str:
     return echo(coordinate) if isinstance(coordinate, str) else f"{coordinate:g}"
 
 
-def _require_points(given: ControlSettings, hats: list[HatFunction], mesh: BodyMesh) -> None:
+def _require_points(
+    given: ControlSettings, hats: list[HatFunction], mesh: BodyMesh, config: RunConfig
+) -> None:
     """Refuse a control value that holds at no point of the body."""
     points = mesh.quadrature_points.reshape(-1, 3)
     for hat in hats:
         if hat.values(points).any():
             continue
         rows = [(AXES[axis], given.lines[AXES[axis]][i]) for axis, i in zip(hat.axes, hat.index, strict=True)]
-        place = (
-            _text(rows[0][1]) if len(rows) == 1 else ", ".join(f"{axis} = {_text(at)}" for axis, at in rows)
-        )
-        reach = ", ".join(
-            f"from {mesh.points[:, axis].min():.6g} to {mesh.points[:, axis].max():.6g} along {AXES[axis]}"
-            for axis in hat.axes
-        )
+        named = [(axis, at if isinstance(at, str) else f"{at:g}") for axis, at in rows]
+        place = named[0][1] if len(named) == 1 else ", ".join(f"{axis} = {at}" for axis, at in named)
         key = _key_of_line(given, rows[0][0]) if len(rows) == 1 else "field.grid"
-        raise ConfigurationError(
-            f"{key}: no point of the body has the value at {place}; the body reaches {reach}, dimensionless, and each "
-            "value needs an element beside it; give fewer coordinates, or others"
+        flat = [AXES[axis] for axis in hat.axes if not np.ptp(mesh.points[:, axis])]
+        advice = (
+            f"the body reaches {_reach(mesh, hat.axes, rows, config)}, and each value needs an element beside it; "
+            "give fewer coordinates, or others"
         )
+        if flat:
+            advice = f"the body has no extent along {flat[0]}; leave out this axis"
+        raise ConfigurationError(f"{key}: no point of the body has the value at {place}; {advice}")
+
+
+def _reach(
+    mesh: BodyMesh, axes: Sequence[int], rows: Sequence[tuple[str, float | str]], config: RunConfig
+) -> str:
+    """Return from where to where a body reaches along some axes, in units where coordinates have one."""
+    in_units = any(isinstance(number_or_quantity(at), str) for _, at in rows)
+
+    def text(value: float) -> str:
+        return config.result_units.text(value, "displacement", 6) if in_units else f"{value:.6g}"
+
+    ends = [(mesh.points[:, axis].min(), mesh.points[:, axis].max(), AXES[axis]) for axis in axes]
+    found = ", ".join(f"from {text(low)} to {text(high)} along {axis}" for low, high, axis in ends)
+    return found if in_units else f"{found}, dimensionless"
+
+
+def reach_notes(planned: Sequence[PlannedUnknown], experiments: Mapping[str, Experiment]) -> Iterator[str]:
+    """Yield notes on control values that hardly count anywhere in the body, since they stand far outside it."""
+    for name, experiment in experiments.items():
+        hats = {each.unknown.name: each.numbers[name].hat for each in planned if name in each.numbers}
+        if not any(hats.values()):
+            continue
+        mesh = body_mesh(experiment.config.macro)
+        points = np.concatenate([mesh.points, mesh.quadrature_points.reshape(-1, 3)])
+        few = [one for one, hat in hats.items() if hat is not None and hat.values(points).max() < SLIGHT]
+        if few:
+            of = f" of the experiment '{name}'" if name else ""
+            yield (
+                f"unknowns {joined(few)}: these values of a field have less than {100 * SLIGHT:g} % of the weight at "
+                f"every point of the body{of}; check the coordinates of the field and their unit"
+            )
 
 
 def _values_of_study(
