@@ -1,5 +1,7 @@
 """Contact of rigid indenters: what is refused, small helpers, a wheel and a sphere on bodies of other kinds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from pydantic import ValidationError
@@ -417,6 +419,21 @@ def test_what_a_run_tells_of_indenters():
     assert 0 < figures["largest_penetration"] < 1e-3
     assert figures["peak"] == near.contact["indenter"][:, 0].max() > 0
     assert figures["largest_radius"] == pytest.approx((figures["largest_area"] / np.pi) ** 0.5)
+
+
+@pytest.mark.parametrize(("elements", "warned"), [(4, True), (24, False)])
+def test_few_elements_below_a_ball_in_a_meridian_are_told(elements, warned):
+    body = {"kind": "axisymmetric", "radius": 1, "height": 1, "elements": (elements, 4)}
+    problem = pressed(MOVED, body=body, boundary={"y-": {"normal": 0}})
+    found = solved(problem)
+    told = list(rough_contacts(found, problem))
+    assert bool(told) == warned
+    if warned:
+        assert "contact area and radius" in told[0]
+        none = found.contact["indenter"].copy()
+        none[:, 2:4] = 0
+        (told,) = rough_contacts(replace(found, contact={"indenter": none}), problem)
+        assert "its contact area is told as 0" in told
 
 
 @pytest.mark.parametrize("shape", [{"kind": "plane"}, {"kind": "sphere", "radius": 1}])

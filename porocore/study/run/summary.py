@@ -200,22 +200,38 @@ def untouched(solution: MacroSolution) -> Iterator[str]:
 
 #: Facets below an indenter in three dimensions from which a contact area is read no better than to some fifth.
 FEW = 8
+#: Elements below one in two dimensions from which it is read no better than to some tenth, or some twentieth.
+FEW_OF_CONE, FEW_OF_ROUND = 5, 3
 
 
 def rough_contacts(solution: MacroSolution, problem: MacroProblem) -> Iterator[str]:
     """Yield a warning for each indenter whose contact area is that of a few facets, where its edge crosses them."""
     mesh = body_mesh(problem)
     for name, indenter in problem.contact.items():
-        if mesh.flat or indenter.shape.kind not in ("sphere", "cone", "surface"):
+        kind, series = indenter.shape.kind, solution.contact[name]
+        at = int(series[:, 0].argmax())
+        none = series[at, 0] > 0 and series[at, 2] == 0
+        if kind not in ("sphere", "cone", "cylinder" if mesh.flat else "surface") and not none:
             continue
         surfaces = [mesh.surface(each, f"macro.contact.{name}.surfaces") for each in indenter.surfaces]
         nodes = united(mesh, surfaces).nodes
         counts = [int((each.contact_pressure[nodes] > 0).all(axis=1).sum()) for each in solution.profiles]
         most = max(counts, default=0)
-        if 0 < most <= FEW:
+        few, share = FEW, "fifth"
+        if mesh.flat:
+            few, share = (FEW_OF_CONE, "tenth") if kind == "cone" else (FEW_OF_ROUND, "twentieth")
+        if none:
             yield (
-                f"Load {solution.load:g}, law {solution.law}: the indenter '{name}' touches {most} facets of the body "
-                f"at most, from which its contact area and radius are read no better than to some fifth. Take smaller "
+                f"Load {solution.load:g}, law {solution.law}: the indenter '{name}' touches the body at the rim of an "
+                f"element alone, and its contact area is told as 0. Take smaller elements below macro.contact.{name}"
+                ".place; its force is not accurate either."
+            )
+        elif 0 < most <= few:
+            radius = " and radius" * indenter.touches_circle(section=mesh.is_section)
+            touched = f"{most} facet{'s' * (most > 1)}"
+            yield (
+                f"Load {solution.load:g}, law {solution.law}: the indenter '{name}' touches {touched} of the body at "
+                f"most, from which its contact area{radius} is read no better than to some {share}. Take smaller "
                 f"elements below macro.contact.{name}.place where these matter; its force is more accurate."
             )
 
