@@ -164,9 +164,7 @@ def test_control_values_far_outside_the_body_are_noted(tmp_path: Path) -> None:
     """The last of these has 1 % of the weight at the top of the body."""
     found = read_plan(write(tmp_path, radius(field={**DEPTH, "at": [0, 0.5, 50.5], "smoothing": 0.01})))
     (note,) = [each for each in found.notes if "of the weight at every point" in each]
-    assert note.startswith(
-        f"unknowns {found.unknowns[-1].unknown.name}: these values of a field have less than 5 %"
-    )
+    assert note.startswith("control value radius[2]: less than 5 % of the weight at every point of the body;")
 
 
 def test_an_experiment_has_one_load(two: dict[str, Any], tmp_path: Path) -> None:

@@ -709,9 +709,10 @@ def reach_notes(planned: Sequence[PlannedUnknown], experiments: Mapping[str, Exp
         few = [one for one, hat in hats.items() if hat is not None and hat.values(points).max() < SLIGHT]
         if few:
             of = f" of the experiment '{name}'" if name else ""
+            values = "control values" if len(few) > 1 else "control value"
             yield (
-                f"unknowns {joined(few)}: these values of a field have less than {100 * SLIGHT:g} % of the weight at "
-                f"every point of the body{of}; check the coordinates of the field and their unit"
+                f"{values} {joined(few)}: less than {100 * SLIGHT:g} % of the weight at every "
+                f"point of the body{of}; check the coordinates of the field and their unit"
             )
 
 
