@@ -92,6 +92,13 @@ def test_a_file_of_each_time_is_read_in_the_order_of_numbers(tmp_path: Path) -> 
     check(read(tmp_path, file="frame_*.csv", frames=[1.0, "4 s"]))
 
 
+def test_a_single_file_may_have_one_time(tmp_path: Path) -> None:
+    part = {name: values[:6] for name, values in rows().items() if name != "t"}
+    found = read(tmp_path, csv_of(part), frames=["1 s"])
+    np.testing.assert_allclose(found[0].displayed_times, 1.0)
+    np.testing.assert_allclose(found[0].measured, part["u1"])
+
+
 def test_arrays_of_an_image_correlation_are_read(tmp_path: Path) -> None:
     """A grid of places, and times before it."""
     x, y, _ = PLACES.reshape(3, 2, 3).transpose(2, 0, 1)
@@ -181,11 +188,12 @@ FAULTS: dict[str, tuple[dict[str, Any], str]] = {
     "behind the end": ({"time_unit": "h"}, r"film.csv:2: t: the time 1 h lies behind the end"),
     "a pattern of nothing": ({"file": "none*.csv"}, "file: no file is called 'none\\*.csv'"),
     "no such file": ({"file": "none.csv"}, "none.csv cannot be read"),
-    "too many frames": ({"frames": [1.0]}, "frames: expected a pattern of files"),
+    "too many frames": ({"frames": [1.0, 2.0]}, "frames: expected 1 time for film.csv, got 2"),
+    "a time twice": ({"frames": [1.0]}, "frames: the files have a column of times"),
     "times twice": ({"file": "fil*.csv", "frames": [1.0]}, "frames: the files have a column of times"),
     "too few frames": (
         {"file": "fil*.csv", "frames": [1.0, 2.0]},
-        "frames: expected 1 times, one for each file from film.csv to film.csv, got 2",
+        "frames: expected 1 time for film.csv, got 2",
     ),
     "a wrong unit": ({"displacement_unit": "kPa"}, "displacement_unit: "),
     "nothing in time": ({"since": 5.0}, "file: no row of .* has a finite place and a time that counts"),
@@ -254,7 +262,7 @@ def test_a_film_of_a_meridian_may_show_both_sides_of_the_axis(tmp_path: Path) ->
     np.testing.assert_allclose(found[0].series.places[:, 0], every["x"] / 2)
     np.testing.assert_array_equal(found[0].series.places[:, 2], 0.0)
     assert (
-        "6 of 12 points lie beyond the axis of revolution and count as their mirror images" in found[0].notes
+        "6 of 12 values lie beyond the axis of revolution and count as their mirror images" in found[0].notes
     )
 
 
@@ -300,7 +308,7 @@ def test_points_beyond_a_symmetry_plane_are_their_mirror_images(tmp_path: Path) 
     with using_units(ResultUnits(SCALES)):
         found, _ = read_film("film", PointsSettings(file="film.csv", **KEYS), tmp_path, half, SCALES)
     check(found)
-    assert "6 of 12 points lie beyond a symmetry plane and count as their mirror images" in found[0].notes
+    assert "6 of 12 values lie beyond a symmetry plane and count as their mirror images" in found[0].notes
 
 
 @pytest.mark.parametrize(
@@ -308,7 +316,19 @@ def test_points_beyond_a_symmetry_plane_are_their_mirror_images(tmp_path: Path) 
     [
         (
             "x;y;z;t;u1\n0,1;0,2;1;1;5,5\n0,2;0.25;1;1;5,6\n",
-            "film.csv:2: x: expected decimal points, as in '0.25' in line 3",
+            "film.csv:3: y: expected decimal commas, as in '0,1' in line 2, got '0.25'",
+        ),
+        (
+            "x;y;z;t;u1\n1;2;1;1;1,234.5\n",
+            "film.csv:2: u1: expected decimal points, got '1,234.5'; write all",
+        ),
+        (
+            "x;y;z;t;u1\n1;2;1;1;1,234.5\n1;3;1;1;2.5\n",
+            "film.csv:2: u1: expected decimal points, as in '2.5' in line 3, got '1,234.5'",
+        ),
+        (
+            "x;y;z;t;u1\n0,1;0,2;1;1;5,5\n0,2;0,25;1;1;5,6\n0,2;0,3;1;1;1.234,5\n",
+            "film.csv:4: u1: expected decimal commas, as in '0,1' in line 2, got '1.234,5'",
         ),
         (
             "x;y;z;t;u1\n1;2;1;1;1,234\n1;3;1;1;2,500\n",

@@ -462,7 +462,7 @@ def _mirrored(places: Array, macro: MacroSetup, mesh: BodyMesh) -> tuple[Array, 
         turned |= beyond
     count = int(turned.sum())
     beyond_what = "the axis of revolution" if mesh.revolved else "a symmetry plane"
-    said = [f"{count} of {len(places)} points lie beyond {beyond_what} and count as their mirror images"]
+    said = [f"{count} of {len(places)} values lie beyond {beyond_what} and count as their mirror images"]
     return places, signs, said if count else []
 
 
@@ -734,35 +734,14 @@ def _measured(settings: PointsSettings, folder: Path, scales: Scales | None) -> 
     assert settings.file is not None
     path = folder / settings.file
     if not re.search(r"[*?\[]", settings.file):
-        if settings.frames:
-            raise ConfigurationError(
-                "frames: expected a pattern of files such as 'frames/*.csv', each of one time, got one file; "
-                "remove the key"
-            )
-        film = _read(path, settings)
+        (film,) = _with_frames([_read(path, settings)], [path], settings, scales)
         return film, DataFile.of(path, settings.file, len(film))
     paths = sorted(folder.glob(settings.file), key=_natural)
     if not paths:
         raise ConfigurationError(
             f"file: no file is called {echo(settings.file)} in {folder}; check the pattern"
         )
-    films = [_read(each, settings) for each in paths]
-    if settings.frames:
-        if len(settings.frames) != len(paths):
-            raise ConfigurationError(
-                f"frames: expected {len(paths)} times, one for each file from {paths[0].name} to {paths[-1].name}, got "
-                f"{len(settings.frames)}"
-            )
-        if "t" in films[0].columns:
-            raise ConfigurationError(
-                f"frames: the files have a column of times, as {paths[0].name} has; remove the key or the column"
-            )
-        unit = StudyUnit.at_key("time_unit", settings.time_unit or "", "time", scales)
-        times = [unit.converted("frames", value) for value in settings.frames]
-        films = [
-            replace(film, columns={**film.columns, "t": np.full(len(film), time)})
-            for film, time in zip(films, times, strict=True)
-        ]
+    films = _with_frames([_read(each, settings) for each in paths], paths, settings, scales)
     names = set(films[0].columns)
     for film, each in zip(films, paths, strict=True):
         if set(film.columns) != names or dict(film.units) != dict(films[0].units):
@@ -775,6 +754,29 @@ def _measured(settings: PointsSettings, folder: Path, scales: Scales | None) -> 
     film = Film(path, columns, films[0].units)
     size = sum(each.stat().st_size for each in paths)
     return film, DataFile(settings.file, len(film), size, total.hexdigest())
+
+
+def _with_frames(
+    films: list[Film], paths: Sequence[Path], settings: PointsSettings, scales: Scales | None
+) -> list[Film]:
+    """Return the columns of files with the time that the settings give for each."""
+    if not settings.frames:
+        return films
+    if len(settings.frames) != len(paths):
+        named = f"each file from {paths[0].name} to {paths[-1].name}" if len(paths) > 1 else paths[0].name
+        raise ConfigurationError(
+            f"frames: expected {len(paths)} time{'s, one' * (len(paths) > 1)} for {named}, got {len(settings.frames)}"
+        )
+    if "t" in films[0].columns:
+        raise ConfigurationError(
+            f"frames: the files have a column of times, as {paths[0].name} has; remove the key or the column"
+        )
+    unit = StudyUnit.at_key("time_unit", settings.time_unit or "", "time", scales)
+    times = [unit.converted("frames", value) for value in settings.frames]
+    return [
+        replace(film, columns={**film.columns, "t": np.full(len(film), time)})
+        for film, time in zip(films, times, strict=True)
+    ]
 
 
 def _natural(path: Path) -> list[tuple[int, int | str]]:
@@ -869,11 +871,17 @@ def _has_commas(
         return False
     i, k = comma
     if point is not None:
-        other = rows[point[0]][point[1]].strip()
+        # The mark of fewer numbers is the odd one; a number with both is no example of the other.
+        many, few = sorted(
+            ".,", key=lambda m: -sum(m in row[c] for row in rows for c in read if _is_number(row[c]))
+        )
+        (i, k), wanted = (comma, "points") if few == "," else (point, "commas")
+        every = ((j, c) for j, row in enumerate(rows) for c in read if many in row[c] and few not in row[c])
+        others = ((rows[j][c].strip(), lines[j]) for j, c in every if _is_number(rows[j][c]))
+        example = next((f", as in {echo(text)} in line {line}" for text, line in others), "")
         raise ConfigurationError(
-            f"{at}{lines[i]}: {names[k]}: expected decimal points, as in {echo(other)} in line {lines[point[0]]}, got "
-            f"{echo(rows[i][k].strip())}; write all numbers of the file with points, or all with commas, and none "
-            "between groups of digits"
+            f"{at}{lines[i]}: {names[k]}: expected decimal {wanted}{example}, got {echo(rows[i][k].strip())}; write "
+            "all numbers of the file with points, or all with commas, and none between groups of digits"
         )
     if all(_GROUPED.fullmatch(row[c].strip()) for row in rows for c in read if "," in row[c]):
         raise ConfigurationError(

@@ -295,7 +295,7 @@ class PointsSettings(StrictModel):
     quantities: Annotated[tuple[Component, ...], Field(max_length=4)] = ()
     """Components that are fitted; empty: all in the file."""
     frames: Annotated[tuple[Value, ...], Field(max_length=MOST_POINTS)] = ()
-    """Times of the files of a pattern, in the order of their names."""
+    """Times of the files of a pattern, in the order of their names; or the only one of a single file."""
     fixed: dict[Axis, Value] = Field(default={})
     """Coordinates that all points have, such as ``{z: 0}`` for a film of that plane."""
     unit: Annotated[str, Field(max_length=60)] | None = None
@@ -309,7 +309,8 @@ class PointsSettings(StrictModel):
     encoding: Annotated[str, Field(max_length=60), AfterValidator(_encoding)] | None = None
     """Encoding of a CSV file; null: UTF-8 or UTF-16 if the file is valid as such, else Windows-1252."""
     missing: Annotated[tuple[Annotated[str, Field(max_length=60)], ...], Field(max_length=20)] = ()
-    """Further texts that mark a missing number, beside empty cells, ``NaN`` and ``---``."""
+    """Further texts that mark a missing number, beside empty cells, ``NaN``, ``NA``, ``n/a``,
+    ``null``, ``none`` and ``---`` in capital or small letters."""
     deviation: Value | None = None
     """Standard deviation of each displacement, in the unit of the displacements or with a unit of its own."""
     pressure_deviation: Value | None = None
