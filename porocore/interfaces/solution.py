@@ -188,8 +188,8 @@ class MacroSolution:
         through its images in the whole specimen too.
     contact : name → (steps, 7)
         Of each rigid indenter: force along its direction; displacement; reference area
-        that it touches, and the radius of a circle of that area; largest contact pressure; penetration; rate of fluid
-        that leaves through its surfaces.
+        that it touches, and the radius of a circle of that area, 0 where it is not round; largest contact pressure;
+        penetration; rate of fluid that leaves through its surfaces.
     work : name → (steps,)
         Fields of :class:`StepWork` against the history's time, where they are known; zero at rest.
     linear_solver
@@ -370,7 +370,7 @@ CONTACT = (
     ("force", "force", "force of the indenter along its direction"),
     ("displacement", "displacement", "displacement of the indenter along its direction"),
     ("area", "area", "reference area that the indenter touches"),
-    # NaN where the contact is not round; no output has it then.
+    # 0 where the contact is not round; no output has it then.
     ("radius", "displacement", "radius of a circle of the area that the indenter touches"),
     ("largest pressure", "pressure", "largest contact pressure, per reference area"),
     ("penetration", "displacement", "largest penetration of the indenter into the body"),
@@ -410,6 +410,12 @@ class Series:
         return f"{self.name} ({self.sign})" if self.sign else self.name
 
 
+def has_radius(values: Array) -> bool:
+    """Return if the contact of an indenter is round, by its columns (steps, 7): no area of it is without radius."""
+    area, radius = values[:, 2], values[:, 3]
+    return bool(radius.any() or not area.any())
+
+
 def all_series(solution: MacroSolution) -> Iterator[Series]:
     """Yield the history, then probes, forces and inflows; time comes first."""
     for f in fields(History):
@@ -431,7 +437,7 @@ def all_series(solution: MacroSolution) -> Iterator[Series]:
         yield Series(f"{name}: inflow", "flow", words, values, "+ into the body")
     for name, values in solution.contact.items():
         for i, (column, quantity, words) in enumerate(CONTACT):
-            if np.isnan(values[:, i]).all():
+            if column == "radius" and not has_radius(values):
                 continue
             yield Series(f"{name}: {column}", quantity, f"{words}, {name}", values[:, i])
 

@@ -14,7 +14,7 @@ from porocore.cell.level_sets.grey_values import Parting
 from porocore.core.formulas import TimeFunction, Value
 from porocore.core.inputs import InputSpace
 from porocore.core.units import ResultUnits, Scales
-from porocore.interfaces.solution import History, MacroSolution
+from porocore.interfaces.solution import History, MacroSolution, has_radius
 from porocore.macro.boundary.rigid import RigidIndenter
 from porocore.macro.laws.closure import ClosureError, ConductivityLaw
 from porocore.macro.laws.linear import EffectiveProperties, LinearCoefficients
@@ -146,9 +146,7 @@ def contacts(solution: MacroSolution) -> dict[str, dict[str, Any]]:
     return {
         name: {
             **relaxation(solution.history.time, series[:, 0]),
-            **{
-                key: float(series[:, i].max()) for i, key in names.items() if not np.isnan(series[:, i]).all()
-            },
+            **{key: float(series[:, i].max()) for i, key in names.items() if i != 3 or has_radius(series)},
             "largest_contact_pressure": float(series[:, 4].max()),
         }
         for name, series in solution.contact.items()

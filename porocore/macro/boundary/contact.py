@@ -499,7 +499,7 @@ class IndenterContact:
                 self.force,
                 self.motion,
                 area,
-                np.sqrt(area / np.pi) if self._is_round else np.nan,
+                np.sqrt(area / np.pi) if self._is_round else 0.0,
                 self.pressure.max(initial=0.0),
                 max(-float(self.gap.min(initial=0.0)), 0.0),
                 self._seepage[0].sum() if self.contact.indenter.drains else 0.0,

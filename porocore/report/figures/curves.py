@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from porocore.core.units import units_now
-from porocore.interfaces.solution import History, MacroSolution, Profile
+from porocore.interfaces.solution import History, MacroSolution, Profile, has_radius
 from porocore.report.figures import style
 from porocore.report.figures.style import axis_label, legend_above, lighter, named, new_figure, styled
 from porocore.report.metrics import solution_metrics, time_within
@@ -454,7 +454,7 @@ def _indenters(solution: MacroSolution) -> Iterator[list[Panel]]:
         curves = {
             named(name): values[:, column]
             for name, values in solution.contact.items()
-            if not np.isnan(values[:, column]).all()
+            if column != 3 or has_radius(values)
         }
         if curves:
             yield [Panel(label, quantity, plain, curves, sign)]
