@@ -403,7 +403,9 @@ ROWS = [
         "calibration.points.film.outside: 3 of 3 values of film.csv lie outside the body, more than the share 0.05",
         "x,y,z,t,u2\n10,1000,10,1,-0.1\n50,3000,10,1,-0.2\n90,5000,10,2,-0.3\n",
     ),
-    film("of words", "film.csv:3: u2: expected a number, got 'much'", FILM_CSV.replace("-0.2", "much")),
+    film(
+        "of words", "film.csv:3: u2: expected a finite number, got 'much'", FILM_CSV.replace("-0.2", "much")
+    ),
     film("without deviations", "calibration.points.film.deviation: missing", deviation=None),
     film("of pressures it has not", "calibration.points.film.quantities: ", quantities=["p"]),
     film(
@@ -411,7 +413,7 @@ ROWS = [
         "film.csv:2: t: expected a time from 0",
         FILM_CSV.replace("0.01,1,0.01,1", "0.01,1,0.01,-1"),
     ),
-    film("with a frame", "calibration.points.film.frames: expected a pattern of files", frames=[1.0]),
+    film("with a frame", "calibration.points.film.frames: film.csv has a column of times", frames=[1.0]),
     film(
         "of a camera twice",
         "calibration.points.film.camera.unknown: a part is there twice",

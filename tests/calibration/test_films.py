@@ -189,8 +189,8 @@ FAULTS: dict[str, tuple[dict[str, Any], str]] = {
     "a pattern of nothing": ({"file": "none*.csv"}, "file: no file is called 'none\\*.csv'"),
     "no such file": ({"file": "none.csv"}, "none.csv cannot be read"),
     "too many frames": ({"frames": [1.0, 2.0]}, "frames: expected 1 time for film.csv, got 2"),
-    "a time twice": ({"frames": [1.0]}, "frames: the files have a column of times"),
-    "times twice": ({"file": "fil*.csv", "frames": [1.0]}, "frames: the files have a column of times"),
+    "a time twice": ({"frames": [1.0]}, "frames: film.csv has a column of times"),
+    "times twice": ({"file": "fil*.csv", "frames": [1.0]}, "frames: film.csv has a column of times"),
     "too few frames": (
         {"file": "fil*.csv", "frames": [1.0, 2.0]},
         "frames: expected 1 time for film.csv, got 2",

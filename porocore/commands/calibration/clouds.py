@@ -107,7 +107,7 @@ class PointCloud:
 
     @property
     def hindrance(self) -> str:
-        """Why points beyond a symmetry plane are no mirror images: what the camera is; empty where they are."""
+        """Reason for which points beyond a symmetry plane are no mirror images, in one word; empty: they are images."""
         return "unknown" if self.unknown else "turned" if self.axes is not None else ""
 
     @cached_property

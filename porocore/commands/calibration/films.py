@@ -769,7 +769,7 @@ def _with_frames(
         )
     if "t" in films[0].columns:
         raise ConfigurationError(
-            f"frames: the files have a column of times, as {paths[0].name} has; remove the key or the column"
+            f"frames: {paths[0].name} has a column of times; remove the key or the column"
         )
     unit = StudyUnit.at_key("time_unit", settings.time_unit or "", "time", scales)
     times = [unit.converted("frames", value) for value in settings.frames]

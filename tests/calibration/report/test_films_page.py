@@ -76,6 +76,16 @@ def test_a_constant_field_has_one_colour(done: Any) -> None:
         assert np.ptp(colours, axis=0).max() < 0.01
 
 
+def test_the_displacements_of_a_turned_camera_are_named_by_its_axes(done: Any) -> None:
+    (experiment,) = done.plan.experiments
+    cloud = replace(experiment.curves[1].series.cloud, axes=np.eye(3)[[1, 0, 2]])
+    curves = tuple(replace(one, series=replace(one.series, cloud=cloud)) for one in experiment.curves)
+    plan = replace(done.plan, experiments=(replace(experiment, curves=curves),))
+    turned = SimpleNamespace(**{**vars(done), "plan": plan})
+    labels = [film_figure(turned, c).axes[-2].get_ylabel() for c in (1, 2)]
+    assert labels == ["film: u2 along camera axis 2 [–]", "film: p [–]"]
+
+
 def test_the_frame_of_the_largest_value_is_shown() -> None:
     times = np.arange(1.0, 8.0)
     assert [_shown_times(times, each).tolist() for each in (3.0, 7.0)] == [[1, 3, 7], [1, 4, 7]]
