@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from porocore.commands.verify.linear_cases import isotropic_law
 from porocore.core.units import ResultUnits
 from porocore.errors import ConfigurationError, SolveError
-from porocore.interfaces.solution import write_series
+from porocore.interfaces.solution import CONTACT, write_series
 from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.boundary.contact import ContactScales, covered
 from porocore.macro.boundary.symmetry import part_problem
@@ -315,6 +315,25 @@ def test_a_turned_section_has_the_turned_answer():
     )
     a, b = (solved(each).contact["indenter"] for each in (one, other))
     np.testing.assert_allclose(b, a, rtol=1e-7, atol=1e-12)
+
+
+@pytest.mark.parametrize("law", [LINEAR, NONLINEAR], ids=["linear", "nonlinear"])
+def test_what_leaves_beside_an_indenter_is_what_the_body_has_lost(law):
+    """The drained volume from the state of the body, and the outflow of every step, beside a wheel that is lifted."""
+    course = {"table": [[0, 0], [1, 0.05], [1.4, 0.02]]}
+    wheel = {"shape": {"kind": "cylinder", "radius": 0.8}, "place": (0, 1, 0), "surfaces": ["y+"]}
+    problem = pressed(
+        wheel | {"displacement": course, "under": "sealed", "outside": "drained"},
+        body={"kind": "plane-strain", "size": (1, 1), "elements": (3, 2)},
+        boundary={"x-": {"normal": 0}, "y-": {"normal": 0}},
+        newton={"tolerance": 1e-12},
+        time=RAMP | {"end": 1.6},
+    )
+    found = solved(problem, law)
+    outflow = found.contact["indenter"][:, [name for name, *_ in CONTACT].index("outflow")]
+    lost = np.cumsum(outflow[1:] * np.diff(found.history.time))
+    assert np.ptp(lost) > 1e-3
+    np.testing.assert_allclose(found.history.drained[1:], lost, rtol=0, atol=1e-9 * np.abs(lost).max())
 
 
 def test_a_cylinder_on_a_layer_is_one_in_plane_strain():
