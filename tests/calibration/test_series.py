@@ -24,6 +24,10 @@ SERIES = [
     MeasuredSeries("force", surface="y-"),
     MeasuredSeries("force", surface="y-", component=1),
     MeasuredSeries("inflow", surface="y+"),
+    MeasuredSeries("force", indenter="ball"),
+    MeasuredSeries("displacement", indenter="ball"),
+    MeasuredSeries("contact_area", indenter="ball"),
+    MeasuredSeries("contact_radius", indenter="ball"),
 ]
 
 
@@ -42,6 +46,7 @@ def sensitivities() -> MacroSensitivities:
         reactions={"y-": of_shape(3), "x+": of_shape(3)},
         inflow={"y+": of_shape()},
         compression={"y-": of_shape()},
+        contact={"cone": of_shape(7), "ball": of_shape(7)},
     )
 
 
@@ -62,6 +67,7 @@ def test_series_lie_where_their_names_say(sensitivities: MacroSensitivities) -> 
         sensitivities.compression["y-"],
         sensitivities.reactions["y-"][:, 0],
         sensitivities.inflow["y+"],
+        *(sensitivities.contact["ball"][:, column] for column in range(4)),
     ]
     for one, each in zip(SERIES, wanted, strict=True):
         np.testing.assert_array_equal(one.slopes(sensitivities), each)
@@ -76,7 +82,7 @@ def test_weights_of_series_are_those_of_the_histories(sensitivities: MacroSensit
     total = np.zeros((2, UNKNOWNS))
     for name in HISTORY_SERIES:
         total += getattr(found, name).T @ getattr(sensitivities, name)
-    for group in ("probes", "reactions"):
+    for group in ("probes", "reactions", "contact"):
         for name, each in getattr(found, group).items():
             total += np.einsum("scf,sck->fk", each, getattr(sensitivities, group)[name])
     for group in ("inflow", "compression"):
