@@ -122,10 +122,9 @@ class TimePlan(StrictModel):
 
     @model_validator(mode="after")
     def _in_order(self) -> Self:
-        if self.end <= self.ramp_increments * self.ramp_step:
+        if self.end <= self.end_of_ramp:
             raise ValueError(
-                f"end = {_time(self.end)} does not lie behind the ramp, "
-                f"which takes {_time(self.ramp_increments * self.ramp_step)}"
+                f"end = {_time(self.end)} does not lie behind the ramp, which takes {_time(self.end_of_ramp)}"
             )
         if (steps := self.end / self.step) > MOST_STEPS:
             raise ValueError(

@@ -146,23 +146,19 @@ def _force_sentence(whose: str, force: dict[str, Any]) -> str:
 
 
 def force_warnings(case: LoadCase, moved: Sequence[str]) -> list[str]:
-    """Return warnings of forces on moved surfaces that still change at the end."""
-    found = []
-    for name, force in reactions(case.nonlinear).items():
-        if name in moved and force["drift"] is not None and force["equilibrium"] is None:
-            found.append(
-                f"Load {plain(case.load)}: the {force_name(force)} on {name} still changed by "
-                f"{100 * force['drift']:.1f} % of its final value in the last tenth of the time, so the final value is "
-                "not that of the equilibrium. Raise the end time."
-            )
-    for name, force in contacts(case.nonlinear).items():
-        if force["drift"] is not None and force["equilibrium"] is None:
-            found.append(
-                f"Load {plain(case.load)}: the force of the indenter {name} still changed by "
-                f"{100 * force['drift']:.1f} % of its final value in the last tenth of the time, so the final value is "
-                "not that of the equilibrium. Raise the end time."
-            )
-    return found
+    """Return warnings of forces on moved surfaces and of indenters that still change at the end."""
+    forces = [
+        (f"{force_name(force)} on {name}", force)
+        for name, force in reactions(case.nonlinear).items()
+        if name in moved
+    ]
+    forces += [(f"force of the indenter {name}", force) for name, force in contacts(case.nonlinear).items()]
+    return [
+        f"Load {plain(case.load)}: the {whose} still changed by {100 * force['drift']:.1f} % of its final value in the "
+        "last tenth of the time, so the final value is not that of the equilibrium. Raise the end time."
+        for whose, force in forces
+        if force["drift"] is not None and force["equilibrium"] is None
+    ]
 
 
 def _time(value: float | None) -> str:

@@ -345,7 +345,7 @@ def _begin(problem: MacroProblem, time: float) -> float:
         return [problem.ramp(t), *(function.at(t) for function in functions)]
 
     plan = problem.time
-    ramp = () if plan.load_curve else (plan.ramp_increments * plan.ramp_step,)
+    ramp = () if plan.load_curve else (plan.end_of_ramp,)
     kinks: list[float] = [t for t in sorted({0.0, *ramp, *problem.corners}) if t < time * (1 - SAME)]
     for before, kink in zip(reversed(kinks[:-1]), reversed(kinks[1:]), strict=True):
         if loads(before) == loads(kink):

@@ -76,7 +76,7 @@ class Stepper:
 
     def __post_init__(self) -> None:
         plan = self.plan
-        self._ramp_end = plan.ramp_increments * plan.ramp_step
+        self._ramp_end = plan.end_of_ramp
         increments = (k * plan.ramp_step for k in range(1, plan.ramp_increments + 1))
         stops: list[float] = []
         curve = (time for time, _ in plan.load_curve)
@@ -262,7 +262,7 @@ class Reached:
     def __init__(self, boundary: BoundaryData, problem: MacroProblem) -> None:
         self._boundary, self._problem = boundary, problem
         plan = problem.time
-        self._end = min(plan.ramp_increments * plan.ramp_step, *problem.corners, plan.end)
+        self._end = min(plan.end_of_ramp, *problem.corners, plan.end)
         self._times = np.linspace(0, self._end, SAMPLES + 1)[1:]
         self._sizes = np.abs([boundary.amplitudes(problem, time) for time in self._times.tolist()])
         self._peaks = self._sizes.max(axis=0)

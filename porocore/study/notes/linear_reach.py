@@ -95,7 +95,7 @@ def _plan(macro: MacroSettings) -> TimePlan:
 def _times(macro: MacroSettings, parts: int) -> tuple[float, ...]:
     """Return the ends of steps, ``parts`` from each kink to the next, but none shorter than steps that are given."""
     time = macro.time
-    ramp = time.ramp_increments * time.ramp_step
+    ramp = time.end_of_ramp
     stepper, times = Stepper(TimePlan.model_validate(_whole_segments(time)), macro.corners), [0.0]
     while not stepper.done:
         stepper.accept()
@@ -111,7 +111,7 @@ def _times(macro: MacroSettings, parts: int) -> tuple[float, ...]:
 
 def _whole_segments(time: TimePlan) -> dict[str, object]:
     """Return settings of time whose only stops are the kinks of what is prescribed, the end of the ramp and the end."""
-    ramp = time.ramp_increments * time.ramp_step
+    ramp = time.end_of_ramp
     settings = time.model_dump() | {"ramp_increments": 1, "ramp_step": ramp, "tolerance": None}
     return settings | {"step": time.end, "profiles": ()}
 

@@ -170,7 +170,7 @@ def require_right_side_out(macro: MacroSettings, mesh: BodyMesh, units: ResultUn
 def prescribed_times(macro: MacroSetup) -> Array:
     """Return times of a run (n,), with all kinks of what is prescribed."""
     plan = macro.time
-    kinks = [*macro.corners, plan.ramp_increments * plan.ramp_step]
+    kinks = [*macro.corners, plan.end_of_ramp]
     return np.asarray(np.unique(np.concatenate([kinks, np.linspace(0, plan.end, TIMES + 1)])))
 
 
@@ -461,7 +461,7 @@ def _ramps(macro: MacroSetup) -> Iterator[tuple[str, float]]:
             elif len(course.table) > 1:
                 yield f"the last time of a table under macro.boundary.{name}", course.table[-1][0]
     if any(value != 0 for value in plain) and not macro.time.load_curve:
-        time = macro.time.ramp_increments * macro.time.ramp_step
+        time = macro.time.end_of_ramp
         yield "the ramp of macro.time, ramp_increments times ramp_step,", time
 
 

@@ -46,6 +46,7 @@ from porocore.study.notes.magnitudes import (
     long_step,
     out_of_plane,
     part_as_it_is,
+    prescribed_times,
     separation,
     sideways,
     too_thin,
@@ -199,7 +200,7 @@ def unreached(config: RunConfig, mesh: BodyMesh, name: str, indenter: RigidInden
     One under a force is at the body from the beginning; if that is not its place, a note tells how far it goes.
     """
     macro, units = config.macro, config.result_units
-    times = np.linspace(0.0, macro.time.end, 400)
+    times = prescribed_times(macro)
     surfaces = [Facets(mesh, mesh.surface(each, "macro.contact")) for each in indenter.surfaces]
     nodes = np.unique(np.concatenate([each.nodes.ravel() for each in surfaces]))
     way, small = (

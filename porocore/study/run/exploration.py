@@ -132,7 +132,7 @@ def coarse_problem(problem: MacroProblem, elements: int, steps: int) -> MacroPro
     There are more elements where a region would have none.
     """
     time = problem.time
-    after = time.end - time.ramp_increments * time.ramp_step
+    after = time.end - time.end_of_ramp
     return problem.model_copy(
         update={
             "body": _coarse_body(problem, elements),
