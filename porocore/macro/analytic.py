@@ -1,4 +1,4 @@
-"""Closed forms: Terzaghi, Mandel, Armstrong, Lamé, layers, relaxation, a swelling layer, Xie & Leo's clay.
+"""Closed forms: Terzaghi, Mandel, Armstrong, Lamé, layers that relax, swelling, fixed charges, Xie & Leo's clay.
 
 A saturated layer is drained on top and loaded by q at t = 0 beyond the load and the self-weight under which it rests.
 In the Lagrangian coordinate a, the depth below the surface before q, the paper has
@@ -421,6 +421,8 @@ class SoilLayer:
         S = 1/M_B [1/E].
     conductivity
         K.
+    branches
+        Strength γ and time τ of each branch by which the solid relaxes, g(t) = 1 + Σ γ exp(−t/τ); none: it is elastic.
     """
 
     height: float
@@ -428,13 +430,24 @@ class SoilLayer:
     biot: float
     storage: float
     conductivity: float
+    branches: tuple[tuple[float, float], ...] = ()
 
     @classmethod
-    def from_coefficients(cls, coefficients: LinearCoefficients, height: float) -> SoilLayer:
+    def from_coefficients(
+        cls,
+        coefficients: LinearCoefficients,
+        height: float,
+        branches: Sequence[tuple[float, float]] = (),
+    ) -> SoilLayer:
         """A layer loaded along the second axis."""
         c = coefficients
         constants = (c.stiffness[1, 1, 1, 1], c.biot[1, 1], c.storage, c.conductivity[1, 1])
-        return cls(height, *map(float, constants))
+        stiffness, biot, storage, conductivity = map(float, constants)
+        return cls(height, stiffness, biot, storage, conductivity, tuple(branches))
+
+    def stiffening(self, rate: complex) -> complex:
+        """Factor s ĝ(s) = 1 + Σ γ s τ/(1 + s τ) of the moduli of the solid at the ``rate`` s of a transform."""
+        return 1 + sum(strength * rate * time / (1 + rate * time) for strength, time in self.branches)
 
     @property
     def capacity(self) -> float:
@@ -442,16 +455,19 @@ class SoilLayer:
         return self.storage + self.biot**2 / self.stiffness
 
     def initial_pressure(self, load: float) -> float:
-        """Pressure of the undrained layer under ``load``."""
+        """Pressure of the undrained layer under ``load``, however the solid relaxes."""
         return self.biot * load / self.stiffness / self.capacity
 
 
 class LayeredConsolidation:
-    """Layers on an impermeable rigid base, drained and loaded on top (Schiffman & Stein 1970).
+    """Layers on an impermeable rigid base, drained and loaded on top, elastic or relaxing (Schiffman & Stein 1970).
 
     In each layer s ∂p/∂t = K ∂²p/∂y² − (α/C) ∂σ/∂t with s = S + α²/C; p and K ∂p/∂y are continuous. Of a sudden load
     the Laplace transform is a sum of exponentials in each layer, whose factors solve a small linear system; it is
     inverted along Talbot's contour [Weideman 2006, SIAM J. Numer. Anal. 44, 2342].
+
+    Where the solid of a layer relaxes, its moduli are multiplied by s ĝ(s) in the transform: C → s ĝ C,
+    1/M_B → 1/(s ĝ M_B), α and K stay (correspondence principle; Biot 1956, J. Appl. Phys. 27, 459).
 
     Parameters
     ----------
@@ -469,37 +485,59 @@ class LayeredConsolidation:
     def pressure(self, y: npt.ArrayLike, t: float) -> Array:
         """p at heights ``y`` (k,) over the base at the time ``t`` > 0 [E]."""
         heights = np.atleast_1d(np.asarray(y, dtype=float))
-
-        def transform(rate: complex) -> Array:
-            values = np.empty(len(heights), dtype=complex)
-            base = 0.0
-            for layer, (up, down) in zip(self.layers, self._factors(rate), strict=True):
-                inside = (heights >= base) & (heights <= base + layer.height)
-                at, q = heights[inside] - base, self._root(layer, rate)
-                waves = up * np.exp(q * (at - layer.height)) + down * np.exp(-q * at)
-                values[inside] = layer.initial_pressure(self.load) / rate + waves
-                base += layer.height
-            return values
-
-        return after_ramp(transform, t, self.ramp)
+        return after_ramp(lambda rate: self._pressure(heights, rate), t, self.ramp)
 
     def settlement(self, t: float) -> float:
         """Settlement of the top at the time ``t`` > 0, positive downwards [L]."""
+        return float(after_ramp(lambda rate: np.array([self._settlement(rate)]), t, self.ramp)[0])
+
+    def held_load(self, settlement: float, t: float) -> float:
+        """Load that holds the top at a ``settlement`` [L], whatever ``load`` > 0 is, at the time ``t`` > 0 [E].
+
+        It is reached at once, or linearly along the ramp.
+        """
 
         def transform(rate: complex) -> Array:
-            total = 0.0 + 0.0j
-            for layer, (up, down) in zip(self.layers, self._factors(rate), strict=True):
-                q, h = self._root(layer, rate), layer.height
-                pressure = layer.initial_pressure(self.load) * h / rate
-                pressure += (up + down) * (1 - np.exp(-q * h)) / q
-                total += (self.load * h / rate - layer.biot * pressure) / layer.stiffness
-            return np.array([total])
+            return np.array([self.load * settlement / (rate**2 * self._settlement(rate))])
 
         return float(after_ramp(transform, t, self.ramp)[0])
 
+    def held_pressure(self, settlement: float, y: npt.ArrayLike, t: float) -> Array:
+        """p at heights ``y`` (k,) at the time ``t`` > 0 while the top is held at a ``settlement`` [E]."""
+        heights = np.atleast_1d(np.asarray(y, dtype=float))
+
+        def transform(rate: complex) -> Array:
+            return np.asarray(self._pressure(heights, rate) * (settlement / (rate * self._settlement(rate))))
+
+        return after_ramp(transform, t, self.ramp)
+
+    def _pressure(self, heights: Array, rate: complex) -> Array:
+        """Return the transform of p at heights (k,) under the sudden load."""
+        values = np.empty(len(heights), dtype=complex)
+        base = 0.0
+        for layer, (up, down) in zip(self.layers, self._factors(rate), strict=True):
+            inside = (heights >= base) & (heights <= base + layer.height)
+            at, q = heights[inside] - base, self._root(layer, rate)
+            waves = up * np.exp(q * (at - layer.height)) + down * np.exp(-q * at)
+            values[inside] = layer.initial_pressure(self.load) / rate + waves
+            base += layer.height
+        return values
+
+    def _settlement(self, rate: complex) -> complex:
+        """Return the transform of the settlement under the sudden load."""
+        total = 0.0 + 0.0j
+        for layer, (up, down) in zip(self.layers, self._factors(rate), strict=True):
+            q, h = self._root(layer, rate), layer.height
+            pressure = layer.initial_pressure(self.load) * h / rate
+            pressure += (up + down) * (1 - np.exp(-q * h)) / q
+            stiffness = layer.stiffness * layer.stiffening(rate)
+            total += (self.load * h / rate - layer.biot * pressure) / stiffness
+        return total
+
     @staticmethod
     def _root(layer: SoilLayer, rate: complex) -> complex:
-        return complex(np.sqrt(rate * layer.capacity / layer.conductivity))
+        capacity = layer.capacity / layer.stiffening(rate)
+        return complex(np.sqrt(rate * capacity / layer.conductivity))
 
     def _factors(self, rate: complex) -> npt.NDArray[np.complex128]:
         """Return the factors (layers, 2) of exp(q (y − h)) and exp(−q y), y from the bottom of each layer."""
