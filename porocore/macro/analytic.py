@@ -20,6 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -797,6 +798,139 @@ class SwellingLayer:
                 followed += change / length * share / rate
             before = (time, value)
         return m, self.sudden_pressure * shape * followed
+
+
+#: States at which an equilibrium is looked for on one side, before it is said that there is none.
+MOST_STRAINS = 60
+
+
+@dataclass(frozen=True)
+class ChargedCell:
+    """A cell with fixed charges in Donnan equilibrium with a bath, by scalar equations.
+
+    In the pores c₊ c₋ = c*² and c₊ − c₋ = c_F, so that c± = c* exp(± ψ) with sinh ψ = c_F/(2 c*), and by van 't Hoff
+    π = R T Φ (c₊ + c₋ − 2 c*) = 2 R T Φ c* (cosh ψ − 1) (Overbeek 1956; Lai, Hou & Mow 1991). The pressure of the fluid
+    is p = π + μ, with 0 for the effective pressure μ wherever nothing flows and a surface touches the bath.
+
+    Attributes
+    ----------
+    response
+        P_E (3, 3) [E] and φ of the cell at H (3, 3) and p.
+    charge
+        c_F0 φ_f0, fixed charges per reference volume.
+    bath
+        c* > 0.
+    osmotic
+        R T Φ, pressure per concentration [E].
+    """
+
+    response: Callable[[Array, float], tuple[Array, float]]
+    charge: float
+    bath: float
+    osmotic: float
+
+    def osmotic_pressure(self, fluid: float) -> float:
+        """Osmotic pressure π of the pores with the fluid volume φ [E]."""
+        potential = np.arcsinh(self.charge / fluid / (2 * self.bath))
+        return float(4 * self.osmotic * self.bath * np.sinh(potential / 2) ** 2)
+
+    def pressure(self, H: Array, effective: float = 0.0) -> float:
+        """p at H and the effective pressure μ, the root of p − π(φ(H, p)) = μ [E]."""
+        from scipy.optimize import brentq  # slow to import
+
+        def fault(p: float) -> float:
+            return p - self.osmotic_pressure(self.response(H, p)[1]) - effective
+
+        # φ grows with p, so that π is largest at the smallest p.
+        most = effective + self.osmotic_pressure(self.response(H, effective)[1])
+        return float(brentq(fault, effective, most, xtol=1e-16, rtol=1e-15)) if most > effective else most
+
+    def equilibrium(self, direction: Array, load: float = 0.0) -> tuple[float, float]:
+        """Strain e and pressure p of the cell in the bath, H = e N, where N : P_E = −``load`` [E].
+
+        N = I without a load is free swelling of an isotropic cell, N = e₂ ⊗ e₂ confined compression.
+
+        Raises
+        ------
+        ValueError
+            There is none between e = −0.9 and 2.
+        """
+        from scipy.optimize import brentq
+
+        def fault(strain: float) -> float:
+            H = strain * direction
+            return float(np.sum(direction * self.response(H, self.pressure(H))[0])) + load
+
+        at_zero = fault(0.0)
+        if at_zero == 0:
+            return 0.0, self.pressure(0.0 * direction)
+        ends = np.linspace(0.0, 2.0 if at_zero < 0 else -0.9, MOST_STRAINS + 1)
+        for before, strain in pairwise(ends):
+            if fault(strain) * at_zero <= 0:
+                found = float(brentq(fault, before, strain, xtol=1e-15, rtol=1e-14))
+                return found, self.pressure(found * direction)
+        raise ValueError(f"expected an equilibrium between 0 and {ends[-1]:g}, found none")
+
+
+@dataclass(frozen=True)
+class ChargedLayer:
+    """A layer with fixed charges on an impermeable rigid base, in a bath on top, near an equilibrium.
+
+    With δσ = C δε − α δp, δφ = α δε + S δp and δp = δμ + π′ δφ + π_c δc*, the sum m = δμ + π_c δc* is the pressure of
+    a layer without charges that has the constants
+
+        C_app = C − α² π′/(1 − π′ S),   α_app = α/(1 − π′ S),   S_app = S/(1 − π′ S).
+
+    A sudden change of the bath leaves the fluid where it is, m = 0, and then m rises to π_c δc* from the top.
+
+    Attributes
+    ----------
+    height
+        h [L].
+    stiffness
+        C, confined drained modulus at the equilibrium, at constant p [E].
+    biot
+        α [-].
+    storage
+        S = 1/M_B [1/E].
+    conductivity
+        K.
+    slope
+        π′ = dπ/dφ < 0 [E].
+    by_bath
+        π_c = ∂π/∂c* < 0 [E per concentration].
+    """
+
+    height: float
+    stiffness: float
+    biot: float
+    storage: float
+    conductivity: float
+    slope: float
+    by_bath: float
+
+    @property
+    def apparent(self) -> SoilLayer:
+        """The layer without charges that answers alike."""
+        less = 1 - self.slope * self.storage
+        stiffness = self.stiffness - self.biot**2 * self.slope / less
+        return SoilLayer(self.height, stiffness, self.biot / less, self.storage / less, self.conductivity)
+
+    def loaded(self, load: float) -> Terzaghi:
+        """The layer under a sudden ``load`` > 0 on top, whose pressure is the change of μ."""
+        a = self.apparent
+        return Terzaghi(a.height, load, a.stiffness, a.biot, a.storage, a.conductivity)
+
+    def effective_pressure(self, change: float, y: npt.ArrayLike, t: npt.ArrayLike) -> Array:
+        """μ at heights ``y`` over the base and times ``t`` > 0 after a sudden ``change`` of c* [E]."""
+        unit = self.loaded(1.0)
+        return -self.by_bath * change / unit.initial_pressure * unit.pressure(y, t)
+
+    def rise(self, change: float, t: npt.ArrayLike) -> Array:
+        """Rise of the top at times ``t`` after a sudden ``change`` of c*; the shape of ``t`` [L]."""
+        a = self.apparent
+        final = a.height * a.biot * self.by_bath * change / a.stiffness
+        return np.asarray(final * self.loaded(1.0).degree(t))
 
 
 @dataclass(frozen=True)
