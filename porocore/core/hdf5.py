@@ -504,10 +504,13 @@ class Contents:
             raise ValueError(f"'{name}' holds numbers that are not finite")
         return value.astype(np.int64 if whole else np.float64, copy=False)
 
+    def shape(self, name: str) -> tuple[int, ...]:
+        """Return the shape of an array; () where there is none."""
+        return self._structure.datasets[name].shape if name in self._structure.datasets else ()
+
     def array_of_any_shape(self, name: str) -> npt.NDArray[np.float64]:
         """Return an array of float64 of which the caller knows the shape."""
-        shape = self._structure.datasets[name].shape if name in self._structure.datasets else ()
-        return self.array(name, *shape, finite=False)
+        return self.array(name, *self.shape(name), finite=False)
 
     def rows(self, name: str, *shape: int | str) -> Any:
         """Return an array of float64 that is read by slices."""

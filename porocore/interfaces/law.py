@@ -17,7 +17,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from porocore.core.fields import Batch, provided
+from porocore.core.fields import Batch
 from porocore.core.files.plain_data import stable_hash
 from porocore.errors import ConfigurationError
 from porocore.states import Array, CellResponse, CellSlopes, IntArray, MacroState
@@ -42,29 +42,75 @@ class PointChanges(Batch):
     parameters: Array | None = None
 
 
+@dataclass(frozen=True)
+class Interval:
+    """Time step in which a law goes from its memory to the state that it is asked for; of no length: at once."""
+
+    begin: float
+    end: float
+
+    @property
+    def length(self) -> float:
+        """Length Δt of the step."""
+        return self.end - self.begin
+
+
+@dataclass(frozen=True)
+class InternalVariable:
+    """Quantity that a law remembers at each point, beside H, p and φ.
+
+    Attributes
+    ----------
+    name
+        As files have it.
+    shape
+        Of its value: () or (3, 3), a tensor in the axes of the body.
+    group
+        Variables of one group, such as stresses, share the largest value to which their errors in time are referred;
+        empty: the error does not decide on the step.
+    """
+
+    name: str
+    shape: tuple[()] | tuple[int, int] = ()
+    group: str = ""
+
+    @property
+    def size(self) -> int:
+        """Numbers of a value, 1 or 9."""
+        return 9 if self.shape else 1
+
+
+def columns_of(variables: Sequence[InternalVariable]) -> dict[str, slice]:
+    """Return the columns of each variable among the numbers of all, by its name."""
+    found, first = {}, 0
+    for each in variables:
+        found[each.name] = slice(first, first + each.size)
+        first += each.size
+    return found
+
+
 @dataclass(frozen=True, eq=False)
 class MemoryChanges(Batch):
-    """Derivatives of a :class:`~porocore.interfaces.law.LawMemory`, as far as the law's storage depends on it.
+    """Derivatives of a :class:`~porocore.interfaces.law.LawMemory` by k unknowns.
 
     Attributes
     ----------
     grad_u : (n, 3, 3, k)
-        Of H, for a law whose φ is no function of the state, but summed over the steps.
-    mean_grad : (n, 3, 3, k)
-        Of <∇u¹>_s, for such a law.
+        Of H.
     fluid_volume : (n, k)
-        Of φ, for any other.
+        Of φ.
+    internal : (n, v, k)
+        Of the numbers of the internal variables.
     """
 
     grad_u: Array
-    mean_grad: Array | None = None
-    fluid_volume: Array | None = None
+    fluid_volume: Array
+    internal: Array
 
     @classmethod
-    def zeros(cls, n: int, k: int) -> MemoryChanges:
-        """Return the changes of n points that nothing changes."""
-        tensors = np.zeros((n, 3, 3, k))
-        return cls(tensors, tensors, np.zeros((n, k)))
+    def zeros(cls, n: int, v: int, k: int) -> MemoryChanges:
+        """Return the changes of n points with v numbers of internal variables that nothing changes."""
+        return cls(np.zeros((n, 3, 3, k)), np.zeros((n, k)), np.zeros((n, v, k)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,29 +122,35 @@ class ResponseChanges(Batch):
     stress : (n, 3, 3, k)
         Of P_E.
     storage : (n, k)
-        Of the fluid taken up, less what the fluid at the memory's time changes.
+        Of the fluid taken up.
     flux : (n, 3, k)
         Of q.
-    fluid_volume : (n, k)
-        Of φ, for a law of which it is a function of the state; its derivatives by (H, p) are those of the storage.
-    mean_grad : (n, 3, 3, k)
-        Of <∇u¹>_s, for a law that sums φ over the steps.
-    mean_grad_grad_u : (n, 3, 3, 3, 3)
-        Derivative of <∇u¹>_s by H, for such a law.
-    mean_grad_p : (n, 3, 3)
-        Derivative of <∇u¹>_s by p, for such a law.
+    internal : (n, v, k)
+        Of the numbers of the internal variables at the end.
+    internal_grad_u : (n, v, 3, 3)
+        Derivatives of these by H.
+    internal_p : (n, v)
+        Derivatives of these by p.
+    internal_grad_p : (n, v, 3)
+        Derivatives of these by ∇p; None: zero.
     """
 
     stress: Array
     storage: Array
     flux: Array
-    fluid_volume: Array | None = None
-    mean_grad: Array | None = None
-    mean_grad_grad_u: Array | None = None
-    mean_grad_p: Array | None = None
+    internal: Array
+    internal_grad_u: Array
+    internal_p: Array
+    internal_grad_p: Array | None = None
+
+    @classmethod
+    def forgetful(cls, stress: Array, storage: Array, flux: Array) -> ResponseChanges:
+        """Return the derivatives for a law without internal variables."""
+        n, k = storage.shape
+        return cls(stress, storage, flux, np.zeros((n, 0, k)), np.zeros((n, 0, 3, 3)), np.zeros((n, 0)))
 
     def moved(
-        self, tangent: MacroTangent, grad_u: Array, p: Array, grad_p: Array
+        self, tangent: MacroTangent, before: MemoryChanges, grad_u: Array, p: Array, grad_p: Array
     ) -> tuple[ResponseChanges, MemoryChanges]:
         """Return the total derivatives of response and memory, where the state moves too.
 
@@ -106,29 +158,32 @@ class ResponseChanges(Batch):
         ----------
         tangent
             Of the response.
+        before
+            Derivatives of the memory from which the step began.
         grad_u, p, grad_p : (n, 3, 3, k), (n, k), (n, 3, k)
             Derivatives of H, p and ∇p.
         """
         n, k = p.shape
         H = grad_u.reshape(n, 9, k)
 
-        def along(by_H: Array, by_p: Array, *shape: int) -> Array:
+        def along(by_H: Array, by_p: Array, by_grad_p: Array | None, *shape: int) -> Array:
             slopes: Array = np.matmul(by_H.reshape(n, -1, 9), H)
             add_scaled(slopes, by_p.reshape(n, -1), p)
+            if by_grad_p is not None:
+                slopes += np.matmul(by_grad_p.reshape(n, -1, 3), grad_p)
             return slopes.reshape(n, *shape, k)
 
-        stored = along(tangent.storage_grad_u, tangent.storage_p)
-        mean_grad = self.mean_grad
-        if mean_grad is not None:
-            mean_grad = mean_grad + along(provided(self.mean_grad_grad_u), provided(self.mean_grad_p), 3, 3)
-        fluid = None if self.fluid_volume is None else self.fluid_volume + stored
-        flux = self.flux + along(tangent.flux_grad_u, tangent.flux_p, 3)
-        total = ResponseChanges(
-            self.stress + along(tangent.stress_grad_u, tangent.stress_p, 3, 3),
-            self.storage + stored,
-            flux + np.matmul(tangent.flux_grad_p, grad_p),
+        t, v = tangent, self.internal.shape[1]
+        total = replace(
+            self,
+            stress=self.stress + along(t.stress_grad_u, t.stress_p, t.stress_grad_p, 3, 3),
+            storage=self.storage + along(t.storage_grad_u, t.storage_p, t.storage_grad_p),
+            flux=self.flux + along(t.flux_grad_u, t.flux_p, t.flux_grad_p, 3),
         )
-        return total, MemoryChanges(grad_u, mean_grad, fluid)
+        internal = self.internal
+        if v:
+            internal = internal + along(self.internal_grad_u, self.internal_p, self.internal_grad_p, v)
+        return total, MemoryChanges(grad_u, before.fluid_volume + total.storage, internal)
 
 
 def add_scaled(total: Array, values: Array, factors: Array) -> None:
@@ -142,22 +197,27 @@ class LawMemory(Batch):
     """State of a law at the last accepted time, for n points.
 
     What a step takes up is the change of the fluid volume, a number that does not depend on the axes or the parameters
-    by which the next step sees the points.
+    by which the next step sees the points. Tensors are in the axes of the body.
 
     Attributes
     ----------
     states
         (H, p; θ) and places; a law that sees the points in the axes of their material sees the tensors in the present
         ones, and the cell stood in ``states.place.axes`` of these (None: it still does).
-    mean_grad : (n, 3, 3)
-        <∇_Y u¹>_s.
     fluid_volume : (n,)
         φ, fluid volume per reference volume, from which the storage of the next step is counted.
+    internal : (n, v)
+        Numbers of the internal variables that the law declares, in their order.
     """
 
     states: MacroState
-    mean_grad: Array
     fluid_volume: Array
+    internal: Array
+
+    @classmethod
+    def forgetful(cls, states: MacroState, fluid_volume: Array) -> LawMemory:
+        """Return the memory of a law without internal variables."""
+        return cls(states, fluid_volume, np.zeros((len(states), 0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +230,10 @@ class UndeformedCells(Batch):
 
 @dataclass(frozen=True, eq=False)
 class MacroTangent(Batch):
-    """Exact derivatives of a :class:`MacroResponse` with respect to (H, p, ∇_X p); response indices first."""
+    """Exact derivatives of a :class:`MacroResponse` with respect to (H, p, ∇_X p); response indices first.
+
+    Stress and storage depend on ∇_X p where the law has a memory that does; None: they do not.
+    """
 
     stress_grad_u: Array  #: (n, 3, 3, 3, 3)
     stress_p: Array  #: (n, 3, 3)
@@ -179,6 +242,8 @@ class MacroTangent(Batch):
     flux_grad_u: Array  #: (n, 3, 3, 3)  ∂q_i/∂H_kl
     flux_p: Array  #: (n, 3)
     flux_grad_p: Array  #: (n, 3, 3)
+    stress_grad_p: Array | None = None  #: (n, 3, 3, 3)  ∂P_E,ij/∂(∇_X p)_k
+    storage_grad_p: Array | None = None  #: (n, 3)
 
 
 class Integrand(Protocol):
@@ -218,6 +283,10 @@ class MacroResponse(Batch):
         det F̄, by which the drained volume is divided (1 in a linear law).
     transformed_conductivity : (n, 3, 3)
         K_t = K_ref/det F̄ with q = −K_ref ∇_X p (K in a linear law).
+    mean_grad : (n, 3, 3)
+        <∇_Y u¹>_s of the cell.
+    cell_p : (n,)
+        Pressure at which the cell is asked, which is p unless the law makes another one of it.
     doubt : (n,)
         Reasons not to rely on the cell law, :class:`~porocore.Doubt` as a number; 0: none.
     """
@@ -229,6 +298,8 @@ class MacroResponse(Batch):
     deformation: Array
     volume_ratio: Array
     transformed_conductivity: Array
+    mean_grad: Array
+    cell_p: Array
     doubt: IntArray
     tangent: MacroTangent | None = None
 
@@ -241,6 +312,10 @@ class MacroResponse(Batch):
 
 class MacroLaw(ABC):
     """Stress, fluid storage and flux as functions of (H, p, ∇_X p) and of the last accepted state.
+
+    A law may have a memory: internal variables (:attr:`internal`), of which the response depends, and which it hands
+    back in the response's memory. The answer belongs to a step in time; without one the state has stood for long, so
+    that nothing relaxes any more and nothing has evolved since the beginning.
 
     Examples
     --------
@@ -262,8 +337,15 @@ class MacroLaw(ABC):
     #: depend on the parameters and on the place of the point, and on nothing else. As long as these stay, a solver
     #: assembles and factorises once for each length of step, and need not ask for the tangent again.
     constant_tangent: bool = False
-    #: Names of the cell's parameters that ``states.parameters`` holds, in this order.
+    #: Names of the parameters that ``states.parameters`` holds, in this order: the cell's, then the law's own.
     parameters: tuple[str, ...] = ()
+    #: What the law remembers beside H, p and φ, in the order of the numbers in a memory.
+    internal: tuple[InternalVariable, ...] = ()
+
+    @property
+    def memory_size(self) -> int:
+        """Number v of the numbers of all internal variables."""
+        return sum(each.size for each in self.internal)
 
     @abstractmethod
     def initial(self, n: int) -> LawMemory:
@@ -282,15 +364,27 @@ class MacroLaw(ABC):
 
     @abstractmethod
     def respond(
-        self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
+        self,
+        states: MacroState,
+        grad_p: Array,
+        memory: LawMemory,
+        *,
+        step: Interval | None = None,
+        tangent: bool = True,
     ) -> MacroResponse:
-        """Return the response at n points; ``grad_p`` is ∇_X p (n, 3)."""
+        """Return the response at n points at the end of a step; ``grad_p`` is ∇_X p (n, 3)."""
 
     def respond_to_each(
-        self, states: MacroState, gradients: Sequence[Array], memory: LawMemory, *, tangent: bool = True
+        self,
+        states: MacroState,
+        gradients: Sequence[Array],
+        memory: LawMemory,
+        *,
+        step: Interval | None = None,
+        tangent: bool = True,
     ) -> list[MacroResponse]:
         """Return the responses at the same n points to several gradients of the pressure, each (n, 3)."""
-        return [self.respond(states, grad_p, memory, tangent=tangent) for grad_p in gradients]
+        return [self.respond(states, grad_p, memory, step=step, tangent=tangent) for grad_p in gradients]
 
     def respond_to_changes(
         self,
@@ -299,6 +393,8 @@ class MacroLaw(ABC):
         memory: LawMemory,
         changes: PointChanges,
         before: MemoryChanges,
+        *,
+        step: Interval | None = None,
     ) -> tuple[MacroResponse, ResponseChanges]:
         """Return the response with its tangent, and its derivatives by unknowns at fixed (H, p, ∇p).
 
@@ -401,6 +497,7 @@ class LawWrapper(MacroLaw):
         self.law = law
         self.name, self.identity, self.noise = law.name, law.identity, law.noise
         self.parameters, self.constant_tangent = law.parameters, law.constant_tangent
+        self.internal = law.internal
 
     def states_in(self, states: MacroState) -> MacroState:
         """Return states as the inner law sees them."""
@@ -447,18 +544,30 @@ class LawWrapper(MacroLaw):
         return self.memory_out(self.law.initial_at(self.states_in(points)), points.at_rest())
 
     def respond(
-        self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
+        self,
+        states: MacroState,
+        grad_p: Array,
+        memory: LawMemory,
+        *,
+        step: Interval | None = None,
+        tangent: bool = True,
     ) -> MacroResponse:
         """Return the response of the inner law; see :class:`~porocore.interfaces.law.MacroLaw`."""
-        return self.respond_to_each(states, [grad_p], memory, tangent=tangent)[0]
+        return self.respond_to_each(states, [grad_p], memory, step=step, tangent=tangent)[0]
 
     def respond_to_each(
-        self, states: MacroState, gradients: Sequence[Array], memory: LawMemory, *, tangent: bool = True
+        self,
+        states: MacroState,
+        gradients: Sequence[Array],
+        memory: LawMemory,
+        *,
+        step: Interval | None = None,
+        tangent: bool = True,
     ) -> list[MacroResponse]:
         """Return the responses of the inner law; see :class:`~porocore.interfaces.law.MacroLaw`."""
         seen = [self.gradient_in(grad_p, states) for grad_p in gradients]
         found = self.law.respond_to_each(
-            self.states_in(states), seen, self.memory_in(memory, states), tangent=tangent
+            self.states_in(states), seen, self.memory_in(memory, states), step=step, tangent=tangent
         )
         return [self.response_out(response, states) for response in found]
 
@@ -469,6 +578,8 @@ class LawWrapper(MacroLaw):
         memory: LawMemory,
         changes: PointChanges,
         before: MemoryChanges,
+        *,
+        step: Interval | None = None,
     ) -> tuple[MacroResponse, ResponseChanges]:
         """Return response and derivatives of the inner law; see :class:`~porocore.interfaces.law.MacroLaw`."""
         response, found = self.law.respond_to_changes(
@@ -477,6 +588,7 @@ class LawWrapper(MacroLaw):
             self.memory_in(memory, states),
             self.changes_in(changes),
             self.memory_changes_in(before, states),
+            step=step,
         )
         return self.response_out(response, states), self.changes_out(found, states)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +16,7 @@ from porocore.core.hdf5 import Contents, atomic_hdf5, link_to, name_of_link, num
 from porocore.core.units import ResultUnits
 from porocore.errors import DataError
 from porocore.interfaces.cell import ElementCells
-from porocore.states import Array, Doubt, MacroState
+from porocore.states import Array, Doubt, IntArray, MacroState
 
 #: Fields of a solution that map names to values against time, with the shape of one value.
 SERIES: dict[str, tuple[int, ...]] = {
@@ -59,8 +60,9 @@ class StepReport:
     displacement: float = 0.0
 
 
-#: Until version 4 the shares that are flagged were not told apart by their reason; until 5 there was no contact.
-FORMAT, VERSION = "porocore-solution", 6
+#: Until version 4 the shares that are flagged were not told apart by their reason; until 5 there was no contact; until
+#: 6 laws had no memory.
+FORMAT, VERSION = "porocore-solution", 7
 
 
 def _not_given() -> Array:
@@ -125,11 +127,35 @@ class Profile:
     flagged: Array  #: (elements,)  share of the element's points that are flagged
     #: (nodes,) contact pressure per reference area at the nodes that an indenter touches, else 0; zeros if not given.
     contact_pressure: Array = field(default_factory=_not_given)
+    #: (elements,) pressure at which the law asks the cell; ``element_p`` if not given.
+    cell_p: Array = field(default_factory=_not_given)
+    #: Name → (elements,) or (elements, 3, 3), internal variables of the law.
+    internal: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Fill a contact pressure that is not given with zeros."""
+        """Fill what is not given: a contact pressure with zeros, the pressure of the cell with that of the body."""
         if not len(self.contact_pressure):
             object.__setattr__(self, "contact_pressure", np.zeros(len(self.p)))
+        if not len(self.cell_p):
+            object.__setattr__(self, "cell_p", self.element_p)
+
+    def write(self, file: Any, group: str) -> None:
+        """Write it into a group of an open file."""
+        for name in ("time", *PROFILE_SHAPES):
+            file[f"{group}/{name}"] = getattr(self, name)
+        for name, values in self.internal.items():
+            file[f"{group}/internal/{link_to(name)}"] = values
+
+    def in_elements(self, elements: IntArray) -> Profile:
+        """Return the profile with the means over some elements; nodal fields are those of the whole."""
+        means = {
+            name: getattr(self, name)[elements]
+            for name, (at, *_) in PROFILE_SHAPES.items()
+            if at == "elements"
+        }
+        return replace(
+            self, **means, internal={name: values[elements] for name, values in self.internal.items()}
+        )
 
     @property
     def reference_conductivity(self) -> Array:
@@ -152,7 +178,7 @@ PROFILE_SHAPES: dict[str, tuple[str | int, ...]] = {
     "contact_pressure": ("nodes",),
     **{name: ("elements", 3, 3) for name in ("grad_u", "mean_grad", "deformation", "conductivity", "stress")},
     "flux": ("elements", 3),
-    **{name: ("elements",) for name in ("element_p", "flagged")},
+    **{name: ("elements",) for name in ("element_p", "cell_p", "flagged")},
 }
 
 
@@ -234,7 +260,7 @@ class MacroSolution:
     def cell_states(self, profile: int) -> MacroState:
         """Return the states of the elements at a profile, as their cells see them; see :class:`ElementCells`."""
         found = self.profiles[profile]
-        states = MacroState(found.grad_u, found.element_p)
+        states = MacroState(found.grad_u, found.cell_p)
         return states if self.element_cells is None else self.element_cells.given_to(states, profile)
 
     def of_regions(self, regions: Collection[int], parameters: Sequence[str]) -> MacroSolution:
@@ -244,15 +270,10 @@ class MacroSolution:
         """
         cells = provided(self.element_cells)
         elements = np.flatnonzero(np.isin(cells.region, list(regions)))
-        means = [name for name, (at, *_) in PROFILE_SHAPES.items() if at == "elements"]
-        profiles = (
-            replace(profile, **{name: getattr(profile, name)[elements] for name in means})
-            for profile in self.profiles
-        )
         return replace(
             self,
             cells=self.cells[elements],
-            profiles=tuple(profiles),
+            profiles=tuple(profile.in_elements(elements) for profile in self.profiles),
             element_cells=cells.of_elements(elements, parameters),
         )
 
@@ -276,8 +297,7 @@ class MacroSolution:
                 for name, values in getattr(self, kind).items():
                     file[f"{kind}/{link_to(name)}"] = values
             for i, profile in enumerate(self.profiles):
-                for f in fields(Profile):
-                    file[f"profiles/{i}/{f.name}"] = getattr(profile, f.name)
+                profile.write(file, f"profiles/{i}")
             if self.element_cells is not None:
                 self.element_cells.save(file)
 
@@ -338,7 +358,12 @@ def read_profile(file: Contents, group: str) -> Profile:
     arrays = {
         name: file.array(f"{group}/{name}", at, *shape) for name, (at, *shape) in PROFILE_SHAPES.items()
     }
-    return Profile(time=float(file.array(f"{group}/time")), **arrays)
+    internal = {}
+    for link in file.members(f"{group}/internal"):
+        name = f"{group}/internal/{link}"
+        tensor = (3, 3) if len(file.shape(name)) > 1 else ()
+        internal[name_of_link(link)] = file.array(name, "elements", *tensor)
+    return Profile(time=float(file.array(f"{group}/time")), **arrays, internal=internal)
 
 
 #: Words for each reason of :class:`~porocore.Doubt`.

@@ -17,7 +17,7 @@ from porocore.cell.geometry.channels import OrthogonalChannels
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.cell.meshing.mesh import MeshSettings
 from porocore.errors import ConfigurationError
-from porocore.interfaces.law import CellLaw
+from porocore.interfaces.law import CellLaw, Interval
 from porocore.macro.integration.newton import newton_step
 from porocore.macro.laws.closure import CLOSURES, make_closure
 from porocore.macro.laws.macro_law import ClosedLaw
@@ -229,7 +229,9 @@ def test_newtons_iteration_converges_quadratically(macro_solver, load, learned, 
     for cells in (learned, Dropped(learned)):
         law = ClosedLaw(cells, closed)
         start = np.zeros(d.mesh.size)
-        found.append(newton_step(d, law, law.initial(d.n_points), start, 20.0, d.loads(-0.05), settings))
+        found.append(
+            newton_step(d, law, law.initial(d.n_points), start, Interval(0, 20), d.loads(-0.05), settings)
+        )
     exact, dropped = ([m for m in step.misfits if 1e-13 < m < 1] for step in found)
     assert len(exact) >= 2
     assert (np.log(exact[1:]) / np.log(exact[:-1]))[-1] > 1.6

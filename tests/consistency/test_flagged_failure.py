@@ -18,12 +18,13 @@ class Departed(MacroLaw):
     """A law that is asked far from its states, and beyond H22 = −0.04 has no values."""
 
     name, identity, initial = "departed", "departed", staticmethod(NONLINEAR.initial)
+    internal = NONLINEAR.internal
 
     def __init__(self, flagged):
         self.flagged = flagged
 
-    def respond(self, states, grad_p, memory, *, tangent=True):
-        response = NONLINEAR.respond(states, grad_p, memory, tangent=tangent)
+    def respond(self, states, grad_p, memory, *, step=None, tangent=True):
+        response = NONLINEAR.respond(states, grad_p, memory, step=step, tangent=tangent)
         stress = np.where(states.grad_u[:, 1:2, 1:2] > -0.04, response.stress, np.nan)
         outside = np.full(len(states), self.flagged) & (np.abs(states.grad_u[:, 1, 1]) > 1e-3)
         return replace(response, stress=stress, doubt=outside.astype(np.int64))

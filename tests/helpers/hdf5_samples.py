@@ -19,7 +19,7 @@ from porocore.interfaces.records import SolvedState
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.integration.checkpoint import CheckpointFile, HistoryRecorder
 from porocore.macro.integration.newton import Predictor
-from porocore.macro.integration.stepping import ErrorControl
+from porocore.macro.integration.stepping import ErrorControl, TimeState
 from porocore.sampling.datasets.dataset import Block, Header, read_block, read_fields, write_block
 from porocore.states import MacroState, Status
 from porocore.surrogates.file import file as surrogate_file
@@ -82,21 +82,28 @@ def _discretisation() -> Any:
     return SimpleNamespace(
         communicator=Communicator(), mesh=mesh, problem=SimpleNamespace(probes={}, specification=dict),
         unknowns=np.arange(UNKNOWNS), boundary=SimpleNamespace(supports={}, drains={}, contacts=()), n_points=POINTS,
-        gathered=np.copy, contact_states=lambda x, loads: (), points_to_mesh=np.copy, points_from_mesh=np.copy,
+        is_force=np.ones(UNKNOWNS, bool), owned=UNKNOWNS, gathered=np.copy,
+        contact_states=lambda x, loads: (), points_to_mesh=np.copy, points_from_mesh=np.copy,
     )  # fmt: skip
 
 
 def _at_rest(n: int) -> LawMemory:
-    return LawMemory(MacroState.zeros(n), np.zeros((n, 3, 3)), np.zeros(n))
+    return LawMemory.forgetful(MacroState.zeros(n), np.zeros(n))
 
 
-#: A law whose answers are in its memory.
+def _response(memory: LawMemory) -> Any:
+    return SimpleNamespace(memory=memory, mean_grad=np.zeros((POINTS, 3, 3)))
+
+
+#: A law whose answers do not change.
 LAW: Any = SimpleNamespace(
     name="fake",
     identity="made-up",
     initial=_at_rest,
     initial_at=lambda points: _at_rest(len(points)),
-    respond=lambda s, g, memory, tangent: SimpleNamespace(memory=memory),
+    respond=lambda s, g, memory, step, tangent: _response(memory),
+    internal=(),
+    memory_size=0,
 )
 
 
@@ -108,19 +115,31 @@ def write_checkpoint(path: Path) -> None:
     d, column = _discretisation(), make_column(elements=(1, 1, 1), times=(), end=1.0)
     steps = HistoryRecorder(d)
     steps.rows, steps.profiles = [(0.5,) * len(steps.columns)] * 2, list(column.profiles)
-    control = ErrorControl(np.ones(UNKNOWNS), 0.1, (1.0, 2.0))
+    control = ErrorControl(_discretisation())
+    control.rate, control.length = TimeState(np.ones(UNKNOWNS), np.zeros((POINTS, 0))), 0.1
+    control.scales = (1.0, 2.0)
     predictor = Predictor([0.2, 0.5], [np.zeros(UNKNOWNS), np.arange(7.0)])
     CheckpointFile(path, d, LAW, 0.0).save_if_due(
-        _stepper(), control, predictor, np.arange(7.0), _at_rest(POINTS), steps
+        _stepper(), control, predictor, np.arange(7.0), _response(_at_rest(POINTS)), steps
     )
 
 
 def read_checkpoint(path: Path) -> Any:
-    stepper, control, predictor = _stepper(), ErrorControl(), Predictor()
+    stepper, control, predictor = _stepper(), ErrorControl(_discretisation()), Predictor()
     found = CheckpointFile(path, _discretisation(), LAW, 0.0).load(stepper, control, predictor)
     assert found is not None
     x, memory, steps = found
-    return vars(stepper), control, predictor, x, memory, steps.rows, steps.profiles
+    return (
+        vars(stepper),
+        control.rate,
+        control.length,
+        control.scales,
+        predictor,
+        x,
+        memory,
+        steps.rows,
+        steps.profiles,
+    )
 
 
 #: Name to a writer and a reader.

@@ -39,5 +39,5 @@ def test_a_file_of_an_older_version_is_solved_again(solution, tmp_path):
     solution.save(tmp_path / "s.h5")
     with h5py.File(tmp_path / "s.h5", "r+") as file:
         file.attrs["version"] = 4
-    with pytest.raises(DataError, match=r"expected a porocore solution of version 6; .* solve again"):
+    with pytest.raises(DataError, match=r"expected a porocore solution of version 7; .* solve again"):
         type(solution).load_file(tmp_path / "s.h5")

@@ -1,10 +1,13 @@
 """Time steps by their error: also the first after each bend of the load, of which no rate is known."""
 
+from itertools import pairwise, starmap
+
 import numpy as np
 import pytest
 
+from porocore.interfaces.law import InternalVariable, Interval
 from porocore.macro.integration.newton import newton_step
-from porocore.macro.integration.stepping import ErrorControl, Reached
+from porocore.macro.integration.stepping import ErrorControl, Reached, TimeState
 from porocore.testing.synthetic.response import confined_column, linear_law
 
 Solver = pytest.importorskip("porocore_fem_skfem.macro").SkfemMacroSolver
@@ -28,9 +31,9 @@ def end_of(d, law, x, begin, end, count):
     states, grad_p = d.states(x)
     memory = law.respond(states, grad_p, law.initial(d.n_points)).memory
     times = np.linspace(begin, end, count + 1)
-    for time in times[1:]:
-        loads = d.loads(d.boundary.amplitudes(d.problem, time))
-        step = newton_step(d, law, memory, x, (end - begin) / count, loads, d.problem.newton)
+    for interval in starmap(Interval, pairwise(times)):
+        loads = d.loads(d.boundary.amplitudes(d.problem, interval.end))
+        step = newton_step(d, law, memory, x, interval, loads, d.problem.newton)
         x, memory = step.x, step.response.memory
     return x
 
@@ -59,13 +62,33 @@ def test_two_half_steps_tell_the_error_of_one():
     """Of ẋ = −x, to a fifth, and half of it of a step of half the length squared."""
     problem = column(tolerance=1e-3)
     d = Solver().prepare(problem)
-    old, control = np.ones(d.mesh.size), ErrorControl()
+    old, control = at(np.ones(d.mesh.size)), ErrorControl(d)
     for dt in (0.1, 0.05):
-        one, two = old / (1 + dt), old / (1 + dt / 2) ** 2
-        error = control.error(d, old, one, dt, two)
+        one, two = old.x / (1 + dt), old.x / (1 + dt / 2) ** 2
+        error = control.error(old, at(one), dt, at(two))
         assert error == pytest.approx((one - np.exp(-dt))[0] / one[0], rel=0.2)
-    assert control.error(d, old, old, 0.1) is None
+    assert control.error(old, old, 0.1) is None
     assert control.scales == (0.0, 0.0)
+
+
+def at(x, internal=()):
+    return TimeState(x, np.array(internal, float).reshape(1, -1))
+
+
+def test_internal_variables_of_a_group_are_measured_by_its_largest():
+    """Of ẋ = −x beside a small one of the same group, one of another group, and one that does not count."""
+    d = Solver().prepare(column(tolerance=1e-3))
+    groups = [InternalVariable("a", (), "stress"), InternalVariable("b", (), "stress")]
+    groups += [InternalVariable("c", (), "pressure"), InternalVariable("d")]
+    control, still, dt = ErrorControl(d, groups), np.zeros(d.mesh.size), 0.1
+    found = {}
+    for name, row in {"small": (1, 2, 1, 1), "large": (2, 1, 1, 1), "free": (1, 1, 1, 2)}.items():
+        old = at(still, (1.0, 1e-3, 1e-3, 1.0))
+        factor = np.array(row, float)
+        one, two = old.internal / (1 + dt) ** factor, old.internal / (1 + dt / 2) ** (2 * factor)
+        found[name] = control.error(old, TimeState(still, one), dt, TimeState(still, two))
+    assert found["small"] == found["free"] == pytest.approx(0.1**2 / 2, rel=0.2)
+    assert found["large"] > 1.5 * found["small"]
 
 
 def test_the_share_of_the_first_load_never_falls_and_is_one_from_its_bend_on():

@@ -72,7 +72,7 @@ def test_uniform_pressure_on_solid_and_pore_compresses_the_solid_alone(coefficie
     law = LinearPoroelasticity(coefficients)
     response = law.respond(states, np.zeros((1, 3)), law.initial(1))
     np.testing.assert_allclose(response.stress[0], -p * np.eye(3), atol=1e-15)
-    np.testing.assert_allclose(response.memory.mean_grad[0], 0, atol=1e-16)
+    np.testing.assert_allclose(response.mean_grad[0], 0, atol=1e-16)
     assert response.storage[0] == pytest.approx(-(1 - PHI_S) * p / bulk, rel=1e-12)
 
 

@@ -44,6 +44,8 @@ def test_a_linear_law_says_that_its_tangent_is_constant_and_it_is():
         found.append(law.respond(later, rng.standard_normal((3, 3)), memory).tangent)
     assert law.constant_tangent
     for name, value in vars(found[0]).items():
+        if value is None:
+            continue
         np.testing.assert_array_equal(value, getattr(found[1], name))
         np.testing.assert_array_equal(value, np.broadcast_to(value[:1], value.shape))
 

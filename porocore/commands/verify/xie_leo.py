@@ -8,7 +8,7 @@ import numpy as np
 
 from porocore.commands.verify.case import Check, VerificationCase, observed_order, relative_check
 from porocore.core.tensors import cofactor, cofactor_tangent, determinant
-from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse, MacroTangent, fingerprint
+from porocore.interfaces.law import Interval, LawMemory, MacroLaw, MacroResponse, MacroTangent, fingerprint
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.analytic import XieLeo
@@ -44,10 +44,16 @@ class ClayLaw(MacroLaw):
 
     def initial(self, n: int) -> LawMemory:
         """Return the state at rest; the fluid volume is counted as J."""
-        return LawMemory(MacroState.zeros(n), np.zeros((n, 3, 3)), np.ones(n))
+        return LawMemory.forgetful(MacroState.zeros(n), np.ones(n))
 
     def respond(
-        self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
+        self,
+        states: MacroState,
+        grad_p: Array,
+        memory: LawMemory,
+        *,
+        step: Interval | None = None,
+        tangent: bool = True,
     ) -> MacroResponse:
         """See :class:`~porocore.interfaces.law.MacroLaw`; NaN where det F ≤ 0."""
         n = len(states)
@@ -84,10 +90,12 @@ class ClayLaw(MacroLaw):
             stress=self.G * F + (s - states.p)[:, None, None] * cof,
             storage=J - memory.fluid_volume,
             flux=flux,
-            memory=LawMemory(states, np.zeros((n, 3, 3)), J),
+            memory=LawMemory.forgetful(states, J),
             deformation=F,
             volume_ratio=J,
             transformed_conductivity=pulled / J[:, None, None],
+            mean_grad=np.zeros((n, 3, 3)),
+            cell_p=states.p,
             doubt=np.zeros(n, np.int64),
             tangent=slopes,
         )

@@ -7,6 +7,7 @@ what another one began: the equations are the same, and so is the solution up to
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import fields
 from functools import partial
 from operator import attrgetter
@@ -19,18 +20,25 @@ import numpy as np
 from porocore.core.files.plain_data import stable_hash
 from porocore.core.hdf5 import Contents, atomic_hdf5, numbered, opened
 from porocore.errors import DataError
-from porocore.interfaces.law import Integrand, LawMemory, MacroLaw, MacroResponse
+from porocore.interfaces.law import (
+    Integrand,
+    InternalVariable,
+    Interval,
+    LawMemory,
+    MacroLaw,
+    MacroResponse,
+    columns_of,
+)
 from porocore.interfaces.solution import CONTACT, History, MacroSolution, Profile, StepWork, read_profile
 from porocore.macro.boundary.conditions import Loads
 from porocore.macro.boundary.reactions import interpolation
 from porocore.macro.composition.regions import EVERYWHERE_ALIKE, BodyFields, CellsAtPoints, kept_cells
 from porocore.macro.integration.discretisation import Discretisation
 from porocore.macro.integration.newton import Predictor, Step
-from porocore.macro.integration.stepping import ErrorControl, Stepper
+from porocore.macro.integration.stepping import ErrorControl, Stepper, TimeState
 from porocore.states import Array, Doubt, MacroState
 
 HISTORY = tuple(f.name for f in fields(History))
-PROFILE = tuple(f.name for f in fields(Profile))
 #: Column of a contact that is the rate of fluid through its surfaces.
 OUTFLOW = [name for name, *_ in CONTACT].index("outflow")
 WORK = tuple(f.name for f in fields(StepWork))
@@ -38,6 +46,13 @@ WORK = tuple(f.name for f in fields(StepWork))
 
 class HistoryRecorder:
     """Recorder of history and profiles, the same on every process.
+
+    Parameters
+    ----------
+    d
+        Discretisation.
+    variables
+        Internal variables of the law, of which the profiles have the means over the elements.
 
     Attributes
     ----------
@@ -52,8 +67,8 @@ class HistoryRecorder:
         Sparse (4 probes, unknowns), from all unknowns to u_1, u_2, u_3 and p of each probe.
     """
 
-    def __init__(self, d: Discretisation) -> None:
-        self.d = d
+    def __init__(self, d: Discretisation, variables: Sequence[InternalVariable] = ()) -> None:
+        self.d, self._variables = d, tuple(variables)
         self.rows: list[tuple[float, ...]] = []
         self.profiles: list[Profile] = []
         self.probe = interpolation(d.mesh, d.problem.probes)
@@ -134,7 +149,8 @@ class HistoryRecorder:
     def add_profile(self, unknowns: Array, response: MacroResponse, time: float, loads: Loads) -> None:
         """Add the fields at ``time``: nodal values, and means over the elements."""
         d, x = self.d, self.d.to_mesh(unknowns)
-        states = response.memory.states
+        states, remembered = response.memory.states, response.memory.internal
+        columns = columns_of(self._variables)
         pressed = np.zeros(len(d.mesh.points))
         for contact in d.contact_states(x, loads):
             pressed += contact.nodal_pressure()
@@ -144,12 +160,17 @@ class HistoryRecorder:
                 u=x[: d.mesh.n_u].reshape(-1, 3),
                 p=d.mesh.pressure_everywhere(x[d.mesh.n_u :]),
                 grad_u=d.all_means(states.grad_u),
-                mean_grad=d.all_means(response.memory.mean_grad),
+                mean_grad=d.all_means(response.mean_grad),
                 deformation=d.all_means(response.deformation),
                 conductivity=d.all_means(response.transformed_conductivity),
                 stress=d.all_means(response.stress),
                 flux=d.all_means(response.flux),
                 element_p=d.all_means(states.p),
+                cell_p=d.all_means(response.cell_p),
+                internal={
+                    each.name: d.all_means(remembered[:, columns[each.name]].reshape(-1, *each.shape))
+                    for each in self._variables
+                },
                 flagged=d.all_means(response.flagged.astype(float)),
                 contact_pressure=pressed,
             )
@@ -223,11 +244,17 @@ def _spread(d: Discretisation, response: MacroResponse) -> float:
     return d.communicator.max(float(np.abs(means - mean).max(initial=0.0)))
 
 
-FORMAT, VERSION = "porocore-macro-checkpoint", 9
+FORMAT, VERSION = "porocore-macro-checkpoint", 10
 #: What is kept of the time stepping.
 STEPPER: dict[str, Any] = {"time": float, "halvings": int, "streak": int, "proposed": float}
-#: What is kept of a law's memory, with the shape of a point: all but parameters and places of its states.
-MEMORY = {"states/grad_u": (3, 3), "states/p": (), "mean_grad": (3, 3), "fluid_volume": ()}
+#: What is kept of a response, with the shape of a point: the memory but for internal variables, parameters and places
+#: of its states; and an answer of the law, by which it is known again.
+RESPONSE = {
+    "memory/states/grad_u": (3, 3),
+    "memory/states/p": (),
+    "memory/fluid_volume": (),
+    "mean_grad": (3, 3),
+}
 #: No step is halved more often: 2 to this power is still a number.
 MOST_HALVINGS = 1000
 #: A law whose answers moved by more than this is another one; machines differ by round-off only.
@@ -266,24 +293,24 @@ class CheckpointFile:
         d, law, path = self._d, self._law, self._path
         if path is None or not d.communicator.on_root(path.exists):
             return None
-        record = HistoryRecorder(d)
-        whole, memories, rows, profiles, step, rate, before, (times, earlier) = d.communicator.on_root(
+        record = HistoryRecorder(d, law.internal)
+        whole, known, rows, profiles, step, rate, before, (times, earlier) = d.communicator.on_root(
             partial(self._read, path, record.columns, len(control.scales))
         )
         control.length, control.scales = before
-        control.rate = None if rate is None else rate[d.unknowns]
+        if rate is not None:
+            control.rate = TimeState(rate.x[d.unknowns], d.points_from_mesh(rate.internal))
         x = whole[d.unknowns]
         predictor.times, predictor.states = times, [*(state[d.unknowns] for state in earlier), x]
         for name, value in step.items():
             setattr(stepper, name, value)
-        known = {name: d.points_from_mesh(values) for name, values in memories.items()}
-        states = MacroState(known["states/grad_u"], known["states/p"])
+        grad_u, p, fluid_volume, answer, internal = map(d.points_from_mesh, known)
         # Parameters and places follow from the time.
-        states = self._fields(stepper.time).given_to(states)
-        memory = LawMemory(states, known["mean_grad"], known["fluid_volume"])
-        answer = law.respond(memory.states, np.zeros((d.n_points, 3)), memory, tangent=False).memory.mean_grad
-        scale = max(float(np.abs(memories["mean_grad"]).max()), 1.0)
-        moved = float(np.abs(answer - memory.mean_grad).max(initial=0.0))
+        states = self._fields(stepper.time).given_to(MacroState(grad_u, p))
+        memory, at_once = LawMemory(states, fluid_volume, internal), Interval(stepper.time, stepper.time)
+        again = law.respond(states, np.zeros((d.n_points, 3)), memory, step=at_once, tangent=False).mean_grad
+        scale = max(d.communicator.max(float(np.abs(answer).max(initial=0.0))), 1.0)
+        moved = float(np.abs(again - answer).max(initial=0.0))
         if not d.communicator.max(np.inf if np.isnan(moved) else moved) <= SAME_LAW * scale:
             raise DataError(
                 f"{path}: the law '{law.name}' answers differently from when this was written; {OTHER}"
@@ -300,21 +327,22 @@ class CheckpointFile:
             if file.attribute("identity", str) != self._owner:
                 raise DataError(f"{path}: this checkpoint belongs to another macro problem or law; {OTHER}")
             whole = file.array("x", mesh.size)
-            memories = {
-                name: file.array(f"memory/{name}", mesh.weights.size, *shape)
-                for name, shape in MEMORY.items()
-            }
+            points, v = mesh.weights.size, self._law.memory_size
+            known = [file.array(name, points, *shape) for name, shape in RESPONSE.items()]
+            known.append(file.array("memory/internal", points, v))
             rows = file.array("history", "steps", len(columns))
             if not len(rows):
                 raise ValueError("'history' is empty")
-            rate = file.array("rate", mesh.size) if "rate" in file else None
+            rate = None
+            if "rate" in file:
+                rate = TimeState(file.array("rate/x", mesh.size), file.array("rate/internal", points, v))
             step = _read_stepping(file, float(rows[-1, columns.index("time")]))
             before = file.attribute("length", float), file.attribute("scales", float, scales)
             if min(before[0], *before[1]) < 0:
                 raise ValueError("attributes 'length' and 'scales' are those of no step")
             profiles = [read_profile(file, name) for name in numbered(file, "profiles")]
             earlier = _read_earlier(file, step["time"], mesh.size)
-            return whole, memories, rows, profiles, step, rate, before, earlier
+            return whole, known, rows, profiles, step, rate, before, earlier
 
     def save_if_due(
         self,
@@ -322,7 +350,7 @@ class CheckpointFile:
         control: ErrorControl,
         predictor: Predictor,
         x: Array,
-        memory: LawMemory,
+        response: MacroResponse,
         record: HistoryRecorder,
     ) -> None:
         """Write the state after an accepted step where it is due, atomically."""
@@ -332,11 +360,12 @@ class CheckpointFile:
             return
         arrays = {"x": d.gathered(x)}
         if control.rate is not None:
-            arrays["rate"] = d.gathered(control.rate)
+            arrays["rate/x"] = d.gathered(control.rate.x)
+            arrays["rate/internal"] = d.points_to_mesh(control.rate.internal)
         arrays["times"] = np.array(predictor.times)
         arrays["earlier"] = np.array([d.gathered(state) for state in predictor.states[:-1]])
-        for name in MEMORY:
-            arrays[f"memory/{name}"] = d.points_to_mesh(attrgetter(name.replace("/", "."))(memory))
+        for name in (*RESPONSE, "memory/internal"):
+            arrays[name] = d.points_to_mesh(attrgetter(name.replace("/", "."))(response))
 
         def write() -> None:
             with atomic_hdf5(path) as file:
@@ -347,8 +376,7 @@ class CheckpointFile:
                     file[name] = value
                 file["history"] = np.array(record.rows)
                 for i, profile in enumerate(record.profiles):
-                    for name in PROFILE:
-                        file[f"profiles/{i}/{name}"] = getattr(profile, name)
+                    profile.write(file, f"profiles/{i}")
 
         d.communicator.on_root(write)
         self._written = monotonic()

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from porocore.core.fields import provided
-from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
+from porocore.interfaces.law import Interval, LawMemory, MacroLaw, MacroResponse
 from porocore.macro.boundary.conditions import Loads
 from porocore.macro.composition.regions import EVERYWHERE_ALIKE, CellsAtPoints
 from porocore.macro.integration.discretisation import CoupledSystem, Discretisation, Residual, StepFailed
@@ -147,7 +147,7 @@ def newton_step(
     law: MacroLaw,
     memory: LawMemory,
     x: Array,
-    dt: float,
+    interval: Interval,
     loads: Loads,
     settings: NewtonSettings,
     *,
@@ -156,7 +156,7 @@ def newton_step(
     fields: CellsAtPoints = EVERYWHERE_ALIKE,
     before: Loads | None = None,
 ) -> Step:
-    """Solve one backward Euler step of length ``dt`` under ``loads`` from the unknowns ``x``.
+    """Solve one backward Euler step over ``interval`` under ``loads`` from the unknowns ``x``.
 
     The first iteration linearises at the old state and moves prescribed values as part of the linear system,
     so that a jump at the boundary does not fold the elements beside it.
@@ -182,8 +182,8 @@ def newton_step(
     pushes = before is not None and before.indenters != loads.indenters
     if guess is not None and not pushes:
         with suppress(StepFailed):
-            return _iterated(d, law, memory, guess, dt, loads, settings, linearisations, fields)
-    return _iterated(d, law, memory, x, dt, loads, settings, linearisations, fields, before)
+            return _iterated(d, law, memory, guess, interval, loads, settings, linearisations, fields)
+    return _iterated(d, law, memory, x, interval, loads, settings, linearisations, fields, before)
 
 
 def _iterated(
@@ -191,14 +191,14 @@ def _iterated(
     law: MacroLaw,
     memory: LawMemory,
     x: Array,
-    dt: float,
+    interval: Interval,
     loads: Loads,
     settings: NewtonSettings,
     linearisations: Linearisations,
     fields: CellsAtPoints,
     before: Loads | None = None,
 ) -> Step:
-    x = x.copy()
+    x, dt = x.copy(), interval.length
     loads = d.resting(x, loads, before)
     linear = linearisations.begin(dt, loads)
     misfits: list[float] = []
@@ -209,7 +209,7 @@ def _iterated(
         states, grad_p = d.states(x)
         states = fields.given_to(states)
         # Most iterates beyond the first are the last, whose tangent nobody needs.
-        response = law.respond(states, grad_p, memory, tangent=linear is None)
+        response = law.respond(states, grad_p, memory, step=interval, tangent=linear is None)
         _refuse_missing_values(d, response)
         residual = d.residual(response, dt, loads, x)
         linear = linear or linearisations.at(response, dt, x, loads)
@@ -226,7 +226,8 @@ def _iterated(
             return Step(x, response, residual, iteration, misfits)
         if iteration < settings.iterations:
             if iteration and not linearisations.serves(misfits, settings.tolerance):
-                linear = linearisations.at(law.respond(states, grad_p, memory), dt, x, loads)
+                response = law.respond(states, grad_p, memory, step=interval)
+                linear = linearisations.at(response, dt, x, loads)
             last = misfits[-2] if iteration else None
             accuracy = linearisations.accuracy(misfit, last, settings.tolerance, loads)
             free = stiffness <= 0

@@ -14,7 +14,7 @@ from porocore.core.fields import provided
 from porocore.core.models.bounds import LARGEST_NUMBER
 from porocore.core.parallel.memory import freed_memory_kept
 from porocore.errors import ConfigurationError
-from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
+from porocore.interfaces.law import Interval, LawMemory, MacroLaw, MacroResponse
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.sensitivities import HistoryWeights, MacroChange, MacroSensitivities
 from porocore.interfaces.solution import MacroSolution, StepReport, StepWork
@@ -24,7 +24,7 @@ from porocore.macro.composition.regions import BodyFields, CellsAtPoints
 from porocore.macro.integration.checkpoint import CheckpointFile, HistoryRecorder
 from porocore.macro.integration.discretisation import Discretisation, StepFailed
 from porocore.macro.integration.newton import Linearisations, Predictor, Step, newton_step
-from porocore.macro.integration.stepping import ErrorControl, Reached, Stepper
+from porocore.macro.integration.stepping import ErrorControl, Reached, Stepper, TimeState
 from porocore.macro.laws.composed import TurnedLaw
 from porocore.macro.sensitivities.adjoint import GradientPass, RunTape
 from porocore.macro.sensitivities.direct import SensitivityTracker
@@ -134,7 +134,8 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
         if d.boundary.contacts:
             d.contact_scales = _contact_scales(d, law, body)
         saved = CheckpointFile(checkpoint, d, law, self.checkpoint_seconds, body)
-        stepper, control, predictor = Stepper(problem.time, problem.corners), ErrorControl(), Predictor()
+        stepper, predictor = Stepper(problem.time, problem.corners), Predictor()
+        control = ErrorControl(d, law.internal)
         reached = Reached(d.boundary, problem) if problem.time.tolerance is not None else None
         x, memory, record = saved.load(stepper, control, predictor) or _at_rest(d, law, predictor, body)
         linearisations = Linearisations(d, law, varies=body.varies)
@@ -144,32 +145,35 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
             tracker.begin(x, memory, record)
         while not stepper.done:
             time = stepper.next()
-            dt, loads = time - stepper.time, d.loads(d.boundary.amplitudes(problem, time))
+            interval, loads = Interval(stepper.time, time), d.loads(d.boundary.amplitudes(problem, time))
             finer = None
             try:
                 here = {"guess": predictor.guess(time), "fields": _fields_at(d, body, time)}
                 before = d.loads(d.boundary.amplitudes(problem, stepper.time))
-                step = newton(memory, x, dt, loads, before=before, **here)
+                step = newton(memory, x, interval, loads, before=before, **here)
                 changed = law.before_accept(step.response, memory)
                 if changed is None and reached is not None and control.rate is None:
                     finer = _halved(newton, d, body, memory, x, stepper.time, time)
             except StepFailed as failure:
-                stepper.reject(str(failure), partial(_flagged_points, d, law, memory, x))
+                stepper.reject(str(failure), partial(_flagged_points, d, law, memory, x, stepper.time))
                 continue
             if changed is not None:
                 memory = changed
                 if tracker is not None:
-                    tracker.renew(memory)
+                    tracker.renew(memory, stepper.time)
                 continue
-            error = None if reached is None else control.error(d, x, step.x, dt, finer, reached(time))
+            old, new = TimeState(x, memory.internal), TimeState(step.x, step.response.memory.internal)
+            error = None
+            if reached is not None:
+                error = control.error(old, new, interval.length, finer, reached(time))
             if not stepper.tolerates(error):
                 continue
-            control.accept(x, step.x, dt)
+            control.accept(old, new, interval.length)
             if tracker is not None:
-                tracker.add(step, memory, time, dt, loads, linearisations)
+                tracker.add(step, memory, interval, loads, linearisations)
             x, memory = step.x, step.response.memory
             work, notes = d.linear.take()
-            record.add_step(step, time, dt, loads, work)
+            record.add_step(step, time, interval.length, loads, work)
             if stepper.is_profile(time):
                 record.add_profile(step.x, step.response, time, loads)
                 if tracker is not None:
@@ -178,7 +182,7 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
             if stepper.at_corner:
                 control.reset()
             predictor.add(time, x, stepper.at_corner)
-            saved.save_if_due(stepper, control, predictor, x, memory, record)
+            saved.save_if_due(stepper, control, predictor, x, step.response, record)
             if on_step is not None:
                 on_step(_report(record, step, time, work, notes))
         return record.solution(law.name, body)
@@ -221,15 +225,16 @@ def _halved(
     x: Array,
     begin: float,
     end: float,
-) -> Array:
-    """Return the unknowns at ``end`` after two steps of half the length from ``x`` at ``begin``."""
-    dt = (end - begin) / 2
+) -> TimeState:
+    """Return what is reached at ``end`` after two steps of half the length from ``x`` at ``begin``."""
+    middle = begin + (end - begin) / 2
     before = d.loads(d.boundary.amplitudes(d.problem, begin))
-    for time in (begin + dt, end):
-        loads = d.loads(d.boundary.amplitudes(d.problem, time))
-        step = newton(memory, x, dt, loads, fields=_fields_at(d, body, time), before=before)
+    for interval in (Interval(begin, middle), Interval(middle, end)):
+        loads = d.loads(d.boundary.amplitudes(d.problem, interval.end))
+        fields = _fields_at(d, body, interval.end)
+        step = newton(memory, x, interval, loads, fields=fields, before=before)
         x, memory, before = step.x, step.response.memory, loads
-    return x
+    return TimeState(x, memory.internal)
 
 
 def _at_rest(
@@ -239,7 +244,7 @@ def _at_rest(
 
     The predictor begins with it, too.
     """
-    start, mesh, record = d.problem.initial, d.mesh, HistoryRecorder(d)
+    start, mesh, record = d.problem.initial, d.mesh, HistoryRecorder(d, law.internal)
     whole = np.concatenate(
         [(mesh.points @ np.array(start.gradient).T).ravel(), np.full(len(mesh.p_nodes), start.pressure)]
     )
@@ -288,14 +293,14 @@ def _contact_scales(d: Discretisation, law: MacroLaw, body: BodyFields) -> Conta
     return ContactScales.rounded(*(d.communicator.max(float(each)) for each in largest))
 
 
-def _flagged_points(d: Discretisation, law: MacroLaw, memory: LawMemory, x: Array) -> str:
+def _flagged_points(d: Discretisation, law: MacroLaw, memory: LawMemory, x: Array, time: float) -> str:
     """Return how many points are flagged at the unknowns ``x``, and why one of them is; empty where none is.
 
     It is the one with the largest displacement gradient.
     """
     local, grad_p = d.states(x)
     local = replace(local, parameters=memory.states.parameters, place=memory.states.place)
-    flagged = law.respond(local, grad_p, memory, tangent=False).flagged
+    flagged = law.respond(local, grad_p, memory, step=Interval(time, time), tangent=False).flagged
     outside = d.points_to_mesh(flagged.astype(float)) > 0
     if not outside.any():
         return ""

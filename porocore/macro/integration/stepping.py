@@ -7,17 +7,18 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from porocore.core.units import units_now
 from porocore.errors import SolveError
+from porocore.interfaces.law import InternalVariable, columns_of
 from porocore.macro.boundary.conditions import BoundaryData
 from porocore.macro.integration.discretisation import Discretisation
 from porocore.macro.problem import MacroProblem, TimePlan
-from porocore.states import Array
+from porocore.states import Array, IntArray
 
 #: Of the step that the error of the last one asks for: on the safe side, and the largest changes.
 SAFETY, SHRINK, GROW = 0.9, 0.2, 2.0
@@ -188,35 +189,66 @@ class Stepper:
 SAMPLES = 100
 
 
-@dataclass
-class ErrorControl:
-    """Error estimate from the rate of the last accepted step and the largest displacement and pressure so far.
+@dataclass(frozen=True, eq=False)
+class TimeState:
+    """Quantities whose change with time is integrated.
 
     Attributes
     ----------
-    rate : (local unknowns,)
-        (x − x_old) / Δt; None at the start and after a kink of the loads.
+    x : (local unknowns,)
+        Displacements and pressures.
+    internal : (points, v)
+        Numbers of the law's internal variables.
+    """
+
+    x: Array
+    internal: Array
+
+    def rate(self, before: TimeState, dt: float) -> TimeState:
+        """Return the rates from ``before``, a time ``dt`` earlier."""
+        return TimeState((self.x - before.x) / dt, (self.internal - before.internal) / dt)
+
+
+class ErrorControl:
+    """Error estimate from the rate of the last accepted step and the largest values so far.
+
+    Quantities are the displacements, the pressures, and each group of the internal variables.
+
+    Parameters
+    ----------
+    d
+        Discretisation.
+    variables
+        Internal variables of the law.
+
+    Attributes
+    ----------
+    rate
+        Of the last accepted step; None at the start and after a kink of the loads.
     length
         Δt of that step.
     scales
-        Largest |u| and |p| so far.
+        Largest |u|, |p| and numbers of each group so far.
     """
 
-    rate: Array | None = None
-    length: float = 0.0
-    scales: tuple[float, float] = (0.0, 0.0)
-    _found: tuple[float, float] = (0.0, 0.0)
+    def __init__(self, d: Discretisation, variables: Sequence[InternalVariable] = ()) -> None:
+        own = np.arange(len(d.is_force)) < d.owned
+        self._d, self._blocks = d, (d.is_force & own, ~d.is_force & own)
+        self._groups = _columns_of_groups(variables)
+        self.rate: TimeState | None = None
+        self.length = 0.0
+        self.scales = (0.0,) * (len(self._blocks) + len(self._groups))
+        self._found = self.scales
 
     def error(
         self,
-        d: Discretisation,
-        old: Array,
-        new: Array,
+        old: TimeState,
+        new: TimeState,
         dt: float,
-        finer: Array | None = None,
+        finer: TimeState | None = None,
         reached: float = 1.0,
     ) -> float | None:
-        """Return the largest Δt² ẍ / 2 of u and of p, each as a share of the largest so far.
+        """Return the largest Δt² ẍ / 2 of each quantity x, as a share of its largest so far.
 
         ẍ is the change of the rate over half of both steps (Milne's device for backward Euler). Where no rate is known
         two steps of half the length give it, whose error is half that of one [Hairer, Nørsett & Wanner, Solving
@@ -230,30 +262,43 @@ class ErrorControl:
             Share that has acted of the load that first comes up, by which the largest values are divided: at its
             beginning they say nothing yet, and the first step would be in error by a quarter however short it is.
         """
-        own = np.arange(len(new)) < d.owned
-        blocks = (d.is_force & own, ~d.is_force & own)
-        u, p = (d.communicator.max(float(np.abs(new[block]).max(initial=0.0))) for block in blocks)
-        self._found = (max(self.scales[0], u), max(self.scales[1], p))
+        largest = self._largest(new)
+        self._found = tuple(max(pair) for pair in zip(self.scales, largest, strict=True))
         if self.rate is not None:
-            change = np.abs((new - old) / dt - self.rate) * dt**2 / (dt + self.length)
+            change, factor = new.rate(old, dt).rate(self.rate, 1.0), dt**2 / (dt + self.length)
         elif finer is not None:
-            change = 2 * np.abs(new - finer)
+            change, factor = new.rate(finer, 1.0), 2.0
         else:
             return None
         errors = [
-            reached * d.communicator.max(float(change[block].max(initial=0.0))) / scale if scale > 0 else 0.0
-            for block, scale in zip(blocks, self._found, strict=True)
+            reached * factor * found / scale if scale > 0 else 0.0
+            for found, scale in zip(self._largest(change), self._found, strict=True)
         ]
         return max(errors)
 
-    def accept(self, old: Array, new: Array, dt: float) -> None:
+    def _largest(self, of: TimeState) -> list[float]:
+        """Return the largest size of each quantity over all processes."""
+        parts = [*(of.x[block] for block in self._blocks), *(of.internal[:, each] for each in self._groups)]
+        return [self._d.communicator.max(float(np.abs(part).max(initial=0.0))) for part in parts]
+
+    def accept(self, old: TimeState, new: TimeState, dt: float) -> None:
         """Take the step whose error was estimated last."""
-        self.scales = (max(self.scales[0], self._found[0]), max(self.scales[1], self._found[1]))
-        self.rate, self.length = (new - old) / dt, dt
+        self.scales = tuple(max(pair) for pair in zip(self.scales, self._found, strict=True))
+        self.rate, self.length = new.rate(old, dt), dt
 
     def reset(self) -> None:
         """Drop the rate, which is not continuous where a load has a kink."""
         self.rate = None
+
+
+def _columns_of_groups(variables: Sequence[InternalVariable]) -> list[IntArray]:
+    """Return the numbers of the internal variables of each group, in the order in which groups occur."""
+    columns, found = columns_of(variables), dict[str, list[int]]()
+    for each in variables:
+        if each.group:
+            at = columns[each.name]
+            found.setdefault(each.group, []).extend(range(at.start, at.stop))
+    return [np.array(numbers) for numbers in found.values()]
 
 
 class Reached:

@@ -20,6 +20,7 @@ from porocore.core.tensors import cofactor, cofactor_tangent, cross_matrix, dete
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import (
     CellLaw,
+    InternalVariable,
     LawMemory,
     MacroResponse,
     MacroTangent,
@@ -404,6 +405,8 @@ class Closure(ABC):
     responses: ClassVar[tuple[str, ...]]
     #: Fields of :class:`CellTangent` that it reads.
     derivatives: ClassVar[tuple[str, ...]]
+    #: What it remembers beside H, p and φ.
+    internal: ClassVar[tuple[InternalVariable, ...]] = ()
 
     def __init__(
         self, solid_fraction: float, material: Solid, conductivity: Array, *, law: ConductivityLaw = "piola"
@@ -489,6 +492,8 @@ class Closure(ABC):
             deformation=pore.F,
             volume_ratio=pore.J,
             transformed_conductivity=pore.transformed,
+            mean_grad=at.cell.mean_grad,
+            cell_p=at.states.p,
             doubt=np.zeros(len(at.states), np.int64) if at.cell.doubt is None else at.cell.doubt,
             tangent=tangent,
         )
@@ -501,7 +506,7 @@ class Closure(ABC):
         summed : (n,)
             φ_f of the undeformed cell and the storage of all steps, which is φ unless a closure has one of the state.
         """
-        return LawMemory(states, cell.mean_grad, summed)
+        return LawMemory.forgetful(states, summed)
 
     def check(self, cell: CellResponse, law: str) -> None:
         """Refuse a cell law whose prediction lacks what this closure reads.
@@ -651,6 +656,7 @@ class MeanGradientClosure(Closure):
     name = "mean-gradient"
     responses = ("mean_grad",)
     derivatives = ("mean_grad_grad_u", "mean_grad_p")
+    internal = (InternalVariable("mean_grad", (3, 3)),)
 
     def __init__(
         self, solid_fraction: float, material: Solid, conductivity: Array, *, law: ConductivityLaw = "piola"
@@ -701,24 +707,29 @@ class MeanGradientClosure(Closure):
         stress, storage = found[:, :9], found[:, 9:]
         add_scaled(stress, (now.share * now.solid_stress).reshape(n, 9), by.modulus)
         add_scaled(stress, -(now.solid_stress + now.p * now.pore.cof).reshape(n, 9), by.porosity)
-        moved = provided(before.mean_grad).reshape(n, 9, k) - (1 - now.share) * before.grad_u.reshape(n, 9, k)
+        moved = before.internal - (1 - now.share) * before.grad_u.reshape(n, 9, k)
         add_scaled(moved, (at.states.grad_u - at.memory.states.grad_u).reshape(n, 9), by.porosity)
         storage += now.pore.cof.reshape(n, 1, 9) @ moved - slopes.by_mean_grad @ by.mean_grad.reshape(n, 9, k)
         return self._closed(at, now, slopes), ResponseChanges(
             stress=stress.reshape(n, 3, 3, k),
             storage=storage[:, 0],
             flux=now.pore.flux_changes(dF, by.conductivity, self.law),
-            mean_grad=by.mean_grad,
-            mean_grad_grad_u=tangent.mean_grad_grad_u,
-            mean_grad_p=tangent.mean_grad_p,
+            internal=by.mean_grad.reshape(n, 9, k),
+            internal_grad_u=provided(tangent.mean_grad_grad_u).reshape(n, 9, 3, 3),
+            internal_p=provided(tangent.mean_grad_p).reshape(n, 9),
         )
+
+    def memory(self, states: MacroState, cell: CellResponse, summed: Array) -> LawMemory:
+        """Return the memory with <∇u¹>_s."""
+        return LawMemory(states, summed, cell.mean_grad.reshape(len(states), 9))
 
     def _deformed(self, at: ClosurePoints) -> _Deformed:
         states, cell, cells, memory = at.states, at.cell, at.cells, at.memory
         phi_s = self.solid_fraction_of(cells)
         share = at_points(phi_s, 2)
         pore = self.pull_back(states, cell, at.grad_p, cells)
-        step = (1 - share) * (states.grad_u - memory.states.grad_u) - (cell.mean_grad - memory.mean_grad)
+        last = memory.internal.reshape(-1, 3, 3)
+        step = (1 - share) * (states.grad_u - memory.states.grad_u) - (cell.mean_grad - last)
         grown = None
         if at.cells_before is not None and cells is not None:
             grown = (at.cells_before.porosity - cells.porosity, cell.mean_grad / share)
@@ -813,13 +824,12 @@ class PotentialClosure(Closure):
     ) -> tuple[MacroResponse, ResponseChanges]:
         """Return the response and its derivatives; see :class:`Closure`."""
         pore, fluid = self.pull_back(at.states, at.cell, at.grad_p, at.cells), provided(by.fluid_volume)
-        found = ResponseChanges(
+        found = ResponseChanges.forgetful(
             stress=provided(by.stress),
-            storage=fluid - provided(before.fluid_volume),
+            storage=fluid - before.fluid_volume,
             flux=pore.flux_changes(
                 self.deformation_changes(at.cell, by, at.cells), by.conductivity, self.law
             ),
-            fluid_volume=fluid,
         )
         return self._closed(at, pore, True), found
 
@@ -834,7 +844,7 @@ class PotentialClosure(Closure):
 
     def memory(self, states: MacroState, cell: CellResponse, summed: Array | None = None) -> LawMemory:
         """Return the memory with φ of the cell in this state."""
-        return LawMemory(states, cell.mean_grad, provided(cell.fluid_volume))
+        return LawMemory.forgetful(states, provided(cell.fluid_volume))
 
     @staticmethod
     def _tangent(pore: PulledBack, cell: CellTangent, solid_fraction: float | Array) -> MacroTangent:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
-from typing import Any, TypeVar, overload
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from porocore.cell.family.family import number, require_known
 from porocore.core.fields import Batch
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import (
+    Interval,
     LawMemory,
     LawWrapper,
     MacroLaw,
@@ -20,6 +21,7 @@ from porocore.interfaces.law import (
     MemoryChanges,
     PointChanges,
     ResponseChanges,
+    columns_of,
     fingerprint,
 )
 from porocore.macro.composition.regions import Region, of_regions
@@ -58,6 +60,13 @@ class RegionLaw(MacroLaw):
         first = {id(law): k for k, law in reversed(list(enumerate(self.laws)))}
         self._first_alike = np.array([first[id(law)] for law in self.laws])
         self._columns = [[self.parameters.index(name) for name in law.parameters] for law in self.laws]
+        self.internal = tuple({each.name: each for law in self.laws for each in law.internal}.values())
+        numbers, columns = np.arange(self.memory_size), columns_of(self.internal)
+        nothing = numbers[:0]
+        self._remembered = [
+            np.concatenate([nothing, *(numbers[columns[each.name]] for each in law.internal)])
+            for law in self.laws
+        ]
 
     @classmethod
     def by_name(cls, regions: Sequence[str], laws: Mapping[str, MacroLaw], rest: MacroLaw) -> RegionLaw:
@@ -97,18 +106,31 @@ class RegionLaw(MacroLaw):
     def initial_at(self, points: MacroState) -> LawMemory:
         """Return the memory at rest, by the law of each point's region."""
         parts = [
-            (rows, law.initial_at(self._seen(points[rows], k))) for k, law, rows in self._regions(points)
+            (rows, self._memory_back(law.initial_at(self._seen(points[rows], k)), k))
+            for k, law, rows in self._regions(points)
         ]
         return replace(_joined(LawMemory, parts, len(points)), states=points.at_rest())
 
     def respond(
-        self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
+        self,
+        states: MacroState,
+        grad_p: Array,
+        memory: LawMemory,
+        *,
+        step: Interval | None = None,
+        tangent: bool = True,
     ) -> MacroResponse:
         """Return the response of the law of each point's region."""
-        return self.respond_to_each(states, [grad_p], memory, tangent=tangent)[0]
+        return self.respond_to_each(states, [grad_p], memory, step=step, tangent=tangent)[0]
 
     def respond_to_each(
-        self, states: MacroState, gradients: Sequence[Array], memory: LawMemory, *, tangent: bool = True
+        self,
+        states: MacroState,
+        gradients: Sequence[Array],
+        memory: LawMemory,
+        *,
+        step: Interval | None = None,
+        tangent: bool = True,
     ) -> list[MacroResponse]:
         """Return the responses to several gradients of the pressure; see :class:`MacroLaw`."""
         found: list[list[tuple[IntArray, MacroResponse]]] = [[] for _ in gradients]
@@ -117,10 +139,11 @@ class RegionLaw(MacroLaw):
                 self._seen(_chosen(states, rows, len(states)), k),
                 [grad_p if len(rows) == len(states) else grad_p[rows] for grad_p in gradients],
                 self._memory_seen(_chosen(memory, rows, len(states)), k),
+                step=step,
                 tangent=tangent,
             )
             for parts, response in zip(found, responses, strict=True):
-                parts.append((rows, response))
+                parts.append((rows, replace(response, memory=self._memory_back(response.memory, k))))
         joined = [_joined(MacroResponse, parts, len(states)) for parts in found]
         return [replace(each, memory=replace(each.memory, states=states)) for each in joined]
 
@@ -131,6 +154,8 @@ class RegionLaw(MacroLaw):
         memory: LawMemory,
         changes: PointChanges,
         before: MemoryChanges,
+        *,
+        step: Interval | None = None,
     ) -> tuple[MacroResponse, ResponseChanges]:
         """Return the responses of the laws and their derivatives; see :class:`MacroLaw`."""
         n, responses, found = len(states), [], []
@@ -140,10 +165,11 @@ class RegionLaw(MacroLaw):
                 grad_p if len(rows) == n else grad_p[rows],
                 self._memory_seen(_chosen(memory, rows, n), k),
                 self._changes_seen(_chosen(changes, rows, n), k),
-                _chosen(before, rows, n),
+                self._memory_changes_seen(_chosen(before, rows, n), k),
+                step=step,
             )
-            responses.append((rows, response))
-            found.append((rows, derivatives))
+            responses.append((rows, replace(response, memory=self._memory_back(response.memory, k))))
+            found.append((rows, self._changes_back(derivatives, k)))
         whole = _joined(MacroResponse, responses, n)
         whole = replace(whole, memory=replace(whole.memory, states=states))
         return whole, _joined(ResponseChanges, found, n)
@@ -157,7 +183,7 @@ class RegionLaw(MacroLaw):
             old = self._memory_seen(memory[rows], k)
             new = law.before_accept(part, old)
             changed |= new is not None
-            parts.append((rows, old if new is None else new))
+            parts.append((rows, self._memory_back(old if new is None else new, k)))
         if not changed:
             return None
         return replace(_joined(LawMemory, parts, len(memory.states)), states=memory.states)
@@ -204,7 +230,40 @@ class RegionLaw(MacroLaw):
         return replace(changes, parameters=theta[:, columns] if theta is not None and columns else None)
 
     def _memory_seen(self, memory: LawMemory, k: int) -> LawMemory:
-        return replace(memory, states=self._seen(memory.states, k))
+        """Return the memory with the parameters and internal variables of law ``k`` alone."""
+        internal = memory.internal if self._remembers_all(k) else memory.internal[:, self._remembered[k]]
+        return replace(memory, states=self._seen(memory.states, k), internal=internal)
+
+    def _memory_changes_seen(self, before: MemoryChanges, k: int) -> MemoryChanges:
+        if self._remembers_all(k):
+            return before
+        return replace(before, internal=before.internal[:, self._remembered[k]])
+
+    def _memory_back(self, memory: LawMemory, k: int) -> LawMemory:
+        """Return a memory of law ``k`` with all internal variables; those of other laws are 0."""
+        return replace(memory, internal=self._among_all(memory.internal, k))
+
+    def _changes_back(self, changes: ResponseChanges, k: int) -> ResponseChanges:
+        by_grad_p = changes.internal_grad_p
+        return replace(
+            changes,
+            internal=self._among_all(changes.internal, k),
+            internal_grad_u=self._among_all(changes.internal_grad_u, k),
+            internal_p=self._among_all(changes.internal_p, k),
+            internal_grad_p=None if by_grad_p is None else self._among_all(by_grad_p, k),
+        )
+
+    def _remembers_all(self, k: int) -> bool:
+        """Tell whether the internal variables of law ``k`` are all that there are, in their order."""
+        return self.laws[k].internal == self.internal
+
+    def _among_all(self, values: Array, k: int) -> Array:
+        """Return numbers (n, own, …) of the internal variables of law ``k`` among those of all."""
+        if self._remembers_all(k):
+            return values
+        found = np.zeros((len(values), self.memory_size, *values.shape[2:]))
+        found[:, self._remembered[k]] = values
+        return found
 
 
 def _chosen(batch: B, rows: IntArray, n: int) -> B:
@@ -213,7 +272,7 @@ def _chosen(batch: B, rows: IntArray, n: int) -> B:
 
 
 def _joined(kind: type[B], parts: Sequence[tuple[IntArray, B]], n: int) -> B:
-    """Return a batch of n rows from parts, each with its rows; NaN where a part leaves out what another has."""
+    """Return a batch of n rows from parts, each with its rows; 0 where a part leaves out what another has."""
     if len(parts) == 1:
         return parts[0][1]
     values: dict[str, Any] = {}
@@ -229,9 +288,7 @@ def _joined(kind: type[B], parts: Sequence[tuple[IntArray, B]], n: int) -> B:
         elif isinstance(first, Batch):
             values[f.name] = _joined(type(first), there, n)
         else:
-            whole = np.empty((n, *first.shape[1:]), dtype=first.dtype)
-            if len(there) < len(found):
-                whole[:] = np.nan
+            whole = np.zeros((n, *first.shape[1:]), dtype=first.dtype)
             for rows, value in there:
                 whole[rows] = value
             values[f.name] = whole
@@ -381,6 +438,7 @@ class TurnedLaw(LawWrapper):
     def __init__(self, law: MacroLaw) -> None:
         super().__init__(law)
         self.identity = fingerprint("turned", law.identity)
+        self._is_tensor = {each.name: bool(each.shape) for each in law.internal}
 
     def states_in(self, states: MacroState) -> MacroState:
         """Return the states in the axes of the material, at places that have no others."""
@@ -403,19 +461,33 @@ class TurnedLaw(LawWrapper):
             grad_u=_in(memory.states.grad_u, R),
             place=None if place is None else replace(place, axes=turn),
         )
-        return replace(memory, states=states, mean_grad=_in(memory.mean_grad, R))
+        return replace(memory, states=states, internal=self._turned(memory.internal, R.swapaxes(1, 2)))
 
     def memory_changes_in(self, before: MemoryChanges, states: MacroState) -> MemoryChanges:
         """Return the derivatives of the memory in the axes of the material."""
         R = _axes(states)
         if R is None:
             return before
-        return replace(before, grad_u=_each_in(before.grad_u, R), mean_grad=_each_in(before.mean_grad, R))
+        internal = self._turned(before.internal, R.swapaxes(1, 2))
+        return replace(before, grad_u=_each_in(before.grad_u, R), internal=internal)
 
     def memory_out(self, memory: LawMemory, states: MacroState) -> LawMemory:
         """Return the memory in the axes of the body."""
         R = _axes(states)
-        return memory if R is None else replace(memory, states=states, mean_grad=_back(memory.mean_grad, R))
+        return (
+            memory if R is None else replace(memory, states=states, internal=self._turned(memory.internal, R))
+        )
+
+    def _turned(self, internal: Array, R: Array) -> Array:
+        """Return numbers (n, v) or (n, v, k) of the internal variables, of which tensors T become R T Rᵀ."""
+        tensors = [columns for name, columns in columns_of(self.internal).items() if self._is_tensor[name]]
+        if not tensors:
+            return internal
+        found, n = internal.copy(), len(internal)
+        for columns in tensors:
+            T = internal[:, columns].reshape(n, 3, 3, -1)
+            found[:, columns] = _each_in(T, R.swapaxes(1, 2)).reshape(found[:, columns].shape)
+        return found
 
     def response_out(self, response: MacroResponse, states: MacroState) -> MacroResponse:
         """Return the response in the axes of the body."""
@@ -429,13 +501,25 @@ class TurnedLaw(LawWrapper):
             memory=self.memory_out(response.memory, states),
             deformation=_back(response.deformation, R),
             transformed_conductivity=_back(response.transformed_conductivity, R),
+            mean_grad=_back(response.mean_grad, R),
             tangent=None if response.tangent is None else _tangent_in_body(response.tangent, R),
         )
 
     def changes_out(self, changes: ResponseChanges, states: MacroState) -> ResponseChanges:
         """Return the derivatives of a response in the axes of the body."""
         R = _axes(states)
-        return changes if R is None else _changes_in_body(changes, R)
+        if R is None:
+            return changes
+        by_grad_p = changes.internal_grad_p
+        return replace(
+            changes,
+            stress=_each_in(changes.stress, R.swapaxes(1, 2)),
+            flux=R @ changes.flux,
+            internal=self._turned(changes.internal, R),
+            internal_grad_u=self._turned(_by_tensor_back(changes.internal_grad_u, R), R),
+            internal_p=self._turned(changes.internal_p, R),
+            internal_grad_p=None if by_grad_p is None else self._turned(by_grad_p @ R.swapaxes(1, 2), R),
+        )
 
 
 def _axes(states: MacroState) -> Array | None:
@@ -452,26 +536,15 @@ def _back(tensor: Array, R: Array) -> Array:
     return np.asarray(R @ tensor @ R.swapaxes(1, 2))
 
 
-@overload
-def _each_in(tensors: Array, R: Array) -> Array: ...
-@overload
-def _each_in(tensors: None, R: Array) -> None: ...
-def _each_in(tensors: Array | None, R: Array) -> Array | None:
+def _each_in(tensors: Array, R: Array) -> Array:
     """Return Rᵀ T R of tensors (n, 3, 3, k)."""
-    return None if tensors is None else np.einsum("nia,nijk,njb->nabk", R, tensors, R, optimize=True)
+    found: Array = np.einsum("nia,nijk,njb->nabk", R, tensors, R, optimize=True)
+    return found
 
 
-def _changes_in_body(changes: ResponseChanges, R: Array) -> ResponseChanges:
-    back = R.swapaxes(1, 2)
-    M, Q = changes.mean_grad_grad_u, changes.mean_grad_p
-    return replace(
-        changes,
-        stress=_each_in(changes.stress, back),
-        flux=R @ changes.flux,
-        mean_grad=_each_in(changes.mean_grad, back),
-        mean_grad_grad_u=None if M is None else _fourth_rank_back(M, R),
-        mean_grad_p=None if Q is None else _back(Q, R),
-    )
+def _by_tensor_back(slopes: Array, R: Array) -> Array:
+    """Return derivatives (n, v, 3, 3) by a tensor in the axes of the body."""
+    return np.asarray(R[:, None] @ slopes @ R[:, None].swapaxes(2, 3))
 
 
 def _fourth_rank_back(tensor: Array, R: Array) -> Array:
@@ -488,6 +561,11 @@ def _tangent_in_body(tangent: MacroTangent, R: Array) -> MacroTangent:
     pairs = np.einsum("nia,njb->nijab", R, R).reshape(n, 9, 9)
     back = pairs.swapaxes(1, 2)
     flux = R @ tangent.flux_grad_u.reshape(n, 3, 9) @ back
+    by_grad_p, storage_grad_p = tangent.stress_grad_p, tangent.storage_grad_p
+    if by_grad_p is not None:
+        by_grad_p = (pairs @ by_grad_p.reshape(n, 9, 3) @ R.swapaxes(1, 2)).reshape(n, 3, 3, 3)
+    if storage_grad_p is not None:
+        storage_grad_p = (R @ storage_grad_p[:, :, None])[..., 0]
     return MacroTangent(
         stress_grad_u=_fourth_rank_back(tangent.stress_grad_u, R),
         stress_p=_back(tangent.stress_p, R),
@@ -496,4 +574,6 @@ def _tangent_in_body(tangent: MacroTangent, R: Array) -> MacroTangent:
         flux_grad_u=flux.reshape(n, 3, 3, 3),
         flux_p=(R @ tangent.flux_p[:, :, None])[..., 0],
         flux_grad_p=_back(tangent.flux_grad_p, R),
+        stress_grad_p=by_grad_p,
+        storage_grad_p=storage_grad_p,
     )

@@ -16,6 +16,7 @@ from porocore.errors import ConfigurationError
 from porocore.interfaces.cell import ElementCells
 from porocore.interfaces.law import (
     CellLaw,
+    Interval,
     LawMemory,
     MacroLaw,
     MacroResponse,
@@ -194,6 +195,8 @@ class LinearLaw(MacroLaw):
         memory: LawMemory,
         changes: PointChanges,
         before: MemoryChanges,
+        *,
+        step: Interval | None = None,
     ) -> tuple[MacroResponse, ResponseChanges]:
         """Return the response and its derivatives; C_eff and M_B are in proportion to the modulus, and so is P₀.
 
@@ -209,12 +212,10 @@ class LinearLaw(MacroLaw):
         found, (biot, storage) = self.respond(states, grad_p, memory), self.biot_and_storage(states)
         by = changes.modulus
         borne = (found.stress + states.p[:, None, None] * biot)[..., None]
-        fluid = -(storage * states.p)[:, None] * by
-        return found, ResponseChanges(
+        return found, ResponseChanges.forgetful(
             stress=borne * by[:, None, None, :],
-            storage=fluid - provided(before.fluid_volume),
+            storage=-(storage * states.p)[:, None] * by - before.fluid_volume,
             flux=-found.flux[..., None] * changes.viscosity[:, None, :],
-            fluid_volume=fluid,
         )
 
 
@@ -239,12 +240,16 @@ class LinearPoroelasticity(LinearLaw):
 
     def initial(self, n: int) -> LawMemory:
         """Return the memory at rest."""
-        c = self.coefficients
-        mean_grad = np.broadcast_to(c.mean_grad, (n, 3, 3)).copy()
-        return LawMemory(MacroState.zeros(n), mean_grad, np.full(n, c.fluid_volume))
+        return LawMemory.forgetful(MacroState.zeros(n), np.full(n, self.coefficients.fluid_volume))
 
     def respond(
-        self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
+        self,
+        states: MacroState,
+        grad_p: Array,
+        memory: LawMemory,
+        *,
+        step: Interval | None = None,
+        tangent: bool = True,
     ) -> MacroResponse:
         """See :class:`MacroLaw`; the mean gradient at rest and M:H + Q p are carried for the profiles."""
         c, n = self.coefficients, len(states)
@@ -257,10 +262,12 @@ class LinearPoroelasticity(LinearLaw):
             ),
             storage=fluid - memory.fluid_volume,
             flux=-grad_p @ c.conductivity.T,
-            memory=LawMemory(states, c.mean_grad + mean_grad.reshape(n, 3, 3), fluid),
+            memory=LawMemory.forgetful(states, fluid),
             deformation=np.eye(3) + states.grad_u,
             volume_ratio=np.ones(n),
             transformed_conductivity=np.broadcast_to(c.conductivity, (n, 3, 3)),
+            mean_grad=c.mean_grad + mean_grad.reshape(n, 3, 3),
+            cell_p=states.p,
             doubt=np.zeros(n, np.int64),
             tangent=self._tangent(n) if tangent else None,
         )
@@ -372,10 +379,16 @@ class LinearisedLaw(LinearLaw):
     def initial_at(self, points: MacroState) -> LawMemory:
         """Return the memory at rest, with the parameters and places of the points."""
         rest = points.at_rest()
-        return LawMemory(rest, np.zeros((len(rest), 3, 3)), self.coefficients(rest).fluid_volume)
+        return LawMemory.forgetful(rest, self.coefficients(rest).fluid_volume)
 
     def respond(
-        self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
+        self,
+        states: MacroState,
+        grad_p: Array,
+        memory: LawMemory,
+        *,
+        step: Interval | None = None,
+        tangent: bool = True,
     ) -> MacroResponse:
         """Return the linear response; see :class:`MacroLaw`."""
         n, c = len(states), self.coefficients(states)
@@ -386,10 +399,12 @@ class LinearisedLaw(LinearLaw):
             stress=c.stress + stress.reshape(n, 3, 3),
             storage=fluid - memory.fluid_volume,
             flux=-(c.conductivity @ grad_p[:, :, None])[..., 0],
-            memory=LawMemory(states, np.zeros((n, 3, 3)), fluid),
+            memory=LawMemory.forgetful(states, fluid),
             deformation=np.eye(3) + states.grad_u,
             volume_ratio=np.ones(n),
             transformed_conductivity=c.conductivity,
+            mean_grad=np.zeros((n, 3, 3)),
+            cell_p=states.p,
             doubt=np.zeros(n, np.int64),
             tangent=MacroTangent(
                 stress_grad_u=c.stiffness.reshape(n, 3, 3, 3, 3),

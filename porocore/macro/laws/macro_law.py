@@ -17,6 +17,7 @@ from porocore.core.units import ResultUnits
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import (
     CellLaw,
+    Interval,
     LawMemory,
     MacroLaw,
     MacroResponse,
@@ -65,6 +66,7 @@ class ClosedLaw(MacroLaw):
         self.cell_law, self.closure = cell_law, closure
         self.name = closure.name if name is None else name
         self.noise, self.parameters = cell_law.noise, cell_law.parameters
+        self.internal = closure.internal
         self.identity = fingerprint(closure.identity, cell_law.identity if identity is None else identity)
         self._rest: CellResponse | None = None
         #: Parameters of points and their undeformed cells, of the last two that were asked for.
@@ -143,13 +145,25 @@ class ClosedLaw(MacroLaw):
         return found
 
     def respond(
-        self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
+        self,
+        states: MacroState,
+        grad_p: Array,
+        memory: LawMemory,
+        *,
+        step: Interval | None = None,
+        tangent: bool = True,
     ) -> MacroResponse:
         """See :class:`MacroLaw`; NaN where the cell law has no values."""
-        return self.respond_to_each(states, [grad_p], memory, tangent=tangent)[0]
+        return self.respond_to_each(states, [grad_p], memory, step=step, tangent=tangent)[0]
 
     def respond_to_each(
-        self, states: MacroState, gradients: Sequence[Array], memory: LawMemory, *, tangent: bool = True
+        self,
+        states: MacroState,
+        gradients: Sequence[Array],
+        memory: LawMemory,
+        *,
+        step: Interval | None = None,
+        tangent: bool = True,
     ) -> list[MacroResponse]:
         """See :class:`MacroLaw`; the cell law is asked once."""
         # Newton's iteration may ask for anything; what is not finite is for the macro solver to refuse.
@@ -167,6 +181,8 @@ class ClosedLaw(MacroLaw):
         memory: LawMemory,
         changes: PointChanges,
         before: MemoryChanges,
+        *,
+        step: Interval | None = None,
     ) -> tuple[MacroResponse, ResponseChanges]:
         """Return the response and its derivatives by unknowns; see :class:`MacroLaw`."""
         closure, cells = self.closure, self._cells_of(states, memory)
@@ -445,6 +461,7 @@ class Law:
         *,
         parameters: Mapping[str, npt.ArrayLike] | npt.ArrayLike | None = None,
         before: LawResponse | None = None,
+        times: tuple[float, float] | None = None,
         tangent: bool = True,
     ) -> LawResponse:
         """Return the response to one state or to n of them.
@@ -460,7 +477,11 @@ class Law:
             (n, m).
         before
             Response of the same n points at the last time; by default they were at rest. It makes a difference with
-            the closure ``mean-gradient`` only, whose fluid volume is summed over the steps, as in the macro solver.
+            the closure ``mean-gradient``, whose fluid volume is summed over the steps as in the macro solver, and with
+            a law that relaxes or evolves.
+        times
+            That last time and the present one; by default the state has stood for long, so that nothing relaxes any
+            more, and nothing has evolved.
         tangent
             Compute the derivatives, too.
 
@@ -479,7 +500,8 @@ class Law:
         memory = self._law.initial_at(states) if before is None else before.memory
         # The flux under a unit gradient along an axis is a column of −K_ref, and so are its derivatives.
         units = [np.broadcast_to(axis, (n, 3)) for axis in np.eye(3)] if tangent else [np.zeros((n, 3))]
-        found = self._law.respond_to_each(states, units, memory, tangent=tangent)
+        step = None if times is None else Interval(*map(float, times))
+        found = self._law.respond_to_each(states, units, memory, step=step, tangent=tangent)
         first = found[0]
         tangents = [response.tangent for response in found if response.tangent is not None]
         return LawResponse(

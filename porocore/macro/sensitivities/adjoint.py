@@ -10,7 +10,7 @@ A sum weighs a value by ∫ weight · value dX, so weights are densities over th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -21,6 +21,7 @@ from porocore.core.fields import Batch, provided
 from porocore.core.units import units_now
 from porocore.errors import ConfigurationError, SolveError
 from porocore.interfaces.law import (
+    Interval,
     LawMemory,
     MacroLaw,
     MacroResponse,
@@ -90,30 +91,28 @@ class MemoryWeights(Batch):
     """Weights of what a :class:`~porocore.interfaces.law.MemoryChanges` has, without the unknowns' axis."""
 
     grad_u: Array
-    mean_grad: Array
     fluid_volume: Array
+    internal: Array
 
     @classmethod
-    def zeros(cls, n: int) -> MemoryWeights:
+    def zeros(cls, n: int, v: int) -> MemoryWeights:
         """Return the weights of nothing."""
-        return cls(np.zeros((n, 3, 3)), np.zeros((n, 3, 3)), np.zeros(n))
+        return cls(np.zeros((n, 3, 3)), np.zeros(n), np.zeros((n, v)))
 
-    def of_states(self, tangent: MacroTangent, fixed: ResponseChanges) -> PointWeights:
-        """Return the weights of H and p, on which the memory depends; transposes :meth:`ResponseChanges.moved`."""
+    @property
+    def of_points(self) -> PointWeights:
+        """Weights of the response: what is taken up changes φ."""
         n = len(self.fluid_volume)
-        grad_u, p = self.grad_u, np.zeros(n)
-        if fixed.fluid_volume is not None:
-            grad_u = grad_u + self.fluid_volume[:, None, None] * tangent.storage_grad_u
-            p = p + self.fluid_volume * tangent.storage_p
-        if fixed.mean_grad is not None:
-            mean = self.mean_grad.reshape(n, 1, 9)
-            grad_u = grad_u + (mean @ provided(fixed.mean_grad_grad_u).reshape(n, 9, 9)).reshape(n, 3, 3)
-            p = p + (mean @ provided(fixed.mean_grad_p).reshape(n, 9, 1))[:, 0, 0]
-        return PointWeights(grad_u, p, np.zeros((n, 3)))
+        return PointWeights(np.zeros((n, 3, 3)), self.fluid_volume, np.zeros((n, 3)))
 
-
-#: Numbers of a memory: H, <∇u¹>_s and φ.
-MEMORY = 9 + 9 + 1
+    def of_states(self, fixed: ResponseChanges) -> PointWeights:
+        """Return the weights of H, p and ∇p, on which the memory depends but for φ."""
+        n, w = len(self.fluid_volume), self.internal[:, None, :]
+        v = w.shape[2]
+        grad_u = self.grad_u + (w @ fixed.internal_grad_u.reshape(n, v, 9)).reshape(n, 3, 3)
+        p = (w @ fixed.internal_p[:, :, None])[:, 0, 0]
+        by_grad_p = fixed.internal_grad_p
+        return PointWeights(grad_u, p, np.zeros((n, 3)) if by_grad_p is None else (w @ by_grad_p)[:, 0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,39 +125,26 @@ class UnitDerivatives:
         With its tangent.
     fixed
         Derivatives by the unit changes of the points.
-    storage_memory : (n, 19)
-        Derivatives of the storage by the numbers of the memory.
+    by_memory
+        Derivatives by the numbers of the memory at the beginning: H, φ, internal variables.
     """
 
     response: MacroResponse
     fixed: ResponseChanges
-    storage_memory: Array
+    by_memory: ResponseChanges
 
-    def of_changes(self, weights: PointWeights, memory: MemoryWeights) -> Array:
-        """Return the weights (n, c) of the unit changes of the points."""
-        n, fixed = len(weights.storage), self.fixed
-        found = (
-            (weights.stress.reshape(n, 1, 9) @ fixed.stress.reshape(n, 9, -1))[:, 0]
-            + weights.storage[:, None] * fixed.storage
-            + (weights.flux[:, None, :] @ fixed.flux)[:, 0]
-        )
-        return np.asarray(found + self.of_memory_changes(memory))
-
-    def of_memory_changes(self, memory: MemoryWeights) -> Array:
-        """Return the same where the memory of the state alone counts."""
-        n, fixed = len(memory.fluid_volume), self.fixed
-        found = np.zeros_like(fixed.storage)
-        if fixed.fluid_volume is not None:
-            found = found + memory.fluid_volume[:, None] * fixed.fluid_volume
-        if fixed.mean_grad is not None:
-            found = found + (memory.mean_grad.reshape(n, 1, 9) @ fixed.mean_grad.reshape(n, 9, -1))[:, 0]
-        return np.asarray(found)
-
-    def of_memory(self, weights: PointWeights) -> MemoryWeights:
+    def of_memory(self, weights: PointWeights, memory: MemoryWeights) -> MemoryWeights:
         """Return the weights of the memory from which the step began."""
-        n = len(weights.storage)
-        found = weights.storage[:, None] * self.storage_memory
-        return MemoryWeights(found[:, :9].reshape(n, 3, 3), found[:, 9:18].reshape(n, 3, 3), found[:, 18])
+        found = weights_of(self.by_memory, weights, memory)
+        return MemoryWeights(found[:, :9].reshape(-1, 3, 3), memory.fluid_volume + found[:, 9], found[:, 10:])
+
+
+def weights_of(changes: ResponseChanges, weights: PointWeights, memory: MemoryWeights) -> Array:
+    """Return the weights (n, k) of the unknowns of ``changes`` from those of the response and of the memory."""
+    n, k = changes.storage.shape
+    found = (weights.stress.reshape(n, 1, 9) @ changes.stress.reshape(n, 9, k))[:, 0]
+    found = found + weights.storage[:, None] * changes.storage + (weights.flux[:, None] @ changes.flux)[:, 0]
+    return np.asarray(found + (memory.internal[:, None] @ changes.internal)[:, 0])
 
 
 class UnitChanges:
@@ -190,29 +176,29 @@ class UnitChanges:
             _part(found, part)[:, column] = 1.0
         return found
 
-    def at_step(self, law: MacroLaw, states: MacroState, grad_p: Array, memory: LawMemory) -> UnitDerivatives:
+    def at_step(
+        self, law: MacroLaw, states: MacroState, grad_p: Array, memory: LawMemory, interval: Interval
+    ) -> UnitDerivatives:
         """Return the derivatives by the unit changes and by the memory."""
-        n, c = len(states), len(self.parts)
-        rows = np.zeros((MEMORY, c + MEMORY))
-        rows[:, c:] = np.eye(MEMORY)
+        n, c, size = len(states), len(self.parts), 9 + 1 + law.memory_size
+        rows = np.zeros((size, c + size))
+        rows[:, c:] = np.eye(size)
         everywhere = np.broadcast_to(rows, (n, *rows.shape))
-        before = MemoryChanges(
-            everywhere[:, :9].reshape(n, 3, 3, -1),
-            everywhere[:, 9:18].reshape(n, 3, 3, -1),
-            everywhere[:, 18],
-        )
-        response, found = law.respond_to_changes(states, grad_p, memory, self._points(n, c + MEMORY), before)
-        return UnitDerivatives(response, _first(found, c), np.ascontiguousarray(found.storage[:, c:]))
+        before = MemoryChanges(everywhere[:, :9].reshape(n, 3, 3, -1), everywhere[:, 9], everywhere[:, 10:])
+        points = self._points(n, c + size)
+        response, found = law.respond_to_changes(states, grad_p, memory, points, before, step=interval)
+        return UnitDerivatives(response, _columns(found, slice(c)), _columns(found, slice(c, None)))
 
     def at_rest(self, law: MacroLaw, states: MacroState) -> UnitDerivatives:
         """Return the derivatives by the unit changes of a law's own memory of a state."""
         n, still = len(states), np.zeros((len(states), 3))
         # One column at least, so that laws are asked for something.
         c = max(len(self.parts), 1)
+        before = MemoryChanges.zeros(n, law.memory_size, c)
         response, found = law.respond_to_changes(
-            states, still, law.initial_at(states), self._points(n, c), MemoryChanges.zeros(n, c)
+            states, still, law.initial_at(states), self._points(n, c), before
         )
-        return UnitDerivatives(response, _first(found, len(self.parts)), np.zeros((n, MEMORY)))
+        return UnitDerivatives(response, _columns(found, slice(len(self.parts))), _columns(found, slice(0)))
 
     def of_unknowns(self, weights: Array, changes: PointChanges) -> Array:
         """Return the gradient (k,) from the integrated weights (n, c) of the unit changes."""
@@ -229,26 +215,11 @@ def _part(changes: PointChanges, part: tuple[str, int | None]) -> Array:
     return values if place is None else values[:, place]
 
 
-def _first(found: ResponseChanges, c: int) -> ResponseChanges:
-    """Return the derivatives by the first c changes, in arrays of their own."""
-
-    def first(part: Array) -> Array:
-        return np.ascontiguousarray(part[..., :c])
-
-    return ResponseChanges(
-        first(found.stress),
-        first(found.storage),
-        first(found.flux),
-        None if found.fluid_volume is None else _weighed(first(found.fluid_volume)),
-        None if found.mean_grad is None else _weighed(first(found.mean_grad)),
-        None if found.mean_grad_grad_u is None else _weighed(found.mean_grad_grad_u),
-        None if found.mean_grad_p is None else _weighed(found.mean_grad_p),
-    )
-
-
-def _weighed(part: Array) -> Array:
-    """Return a part of the memory with 0 at points whose law has none, where nothing weighs it."""
-    return np.where(np.isnan(part), 0.0, part)
+def _columns(found: ResponseChanges, of: slice) -> ResponseChanges:
+    """Return the derivatives by some changes, in arrays of their own."""
+    parts = (found.stress, found.storage, found.flux, found.internal)
+    stress, storage, flux, internal = (np.ascontiguousarray(part[..., of]) for part in parts)
+    return replace(found, stress=stress, storage=storage, flux=flux, internal=internal)
 
 
 @dataclass(frozen=True, eq=False)
@@ -535,16 +506,25 @@ class TapedStep:
         Of the points there, with parameters and places.
     memory
         From which it began.
-    time, dt, loads
-        Its end, length and loads.
+    interval, loads
+        Its beginning and end, and its loads.
     """
 
     x: Array
     states: MacroState
     memory: LawMemory
-    time: float
-    dt: float
+    interval: Interval
     loads: Loads
+
+    @property
+    def time(self) -> float:
+        """End of the step."""
+        return self.interval.end
+
+    @property
+    def dt(self) -> float:
+        """Length of the step."""
+        return self.interval.length
 
 
 class RunTape:
@@ -578,7 +558,7 @@ class RunTape:
         """Take note that there is a profile of the last accepted state."""
         self.profiles.append(len(self.steps))
 
-    def renew(self, memory: LawMemory) -> None:
+    def renew(self, memory: LawMemory, time: float) -> None:
         """Refuse a law that learns during the run: earlier steps cannot be gone over with what it was then.
 
         Raises
@@ -595,13 +575,12 @@ class RunTape:
         self,
         step: Step,
         memory: LawMemory,
-        time: float,
-        dt: float,
+        interval: Interval,
         loads: Loads,
         linearisations: Linearisations,
     ) -> None:
-        """Add an accepted step that began from ``memory`` and ended at ``time``."""
-        self.steps.append(TapedStep(step.x, step.response.memory.states, memory, time, dt, loads))
+        """Add an accepted step that began from ``memory``."""
+        self.steps.append(TapedStep(step.x, step.response.memory.states, memory, interval, loads))
 
 
 class GradientPass:
@@ -650,7 +629,7 @@ class GradientPass:
         self._own = np.zeros((f, len(self._directions)))
         self._shared = np.zeros_like(self._own)
         self._begun = np.zeros(f, bool)
-        self._memory = [MemoryWeights.zeros(d.n_points)] * f
+        self._memory = [MemoryWeights.zeros(d.n_points, self._law.memory_size)] * f
         for number in range(len(tape.steps), 0, -1):
             step = tape.steps[number - 1]
             try:
@@ -672,7 +651,7 @@ class GradientPass:
         begun = np.flatnonzero(self._begun)
         if not len(begun):
             return
-        found = self._unit.at_step(self._law, step.states, d.states(step.x)[1], step.memory)
+        found = self._unit.at_step(self._law, step.states, d.states(step.x)[1], step.memory, step.interval)
         equations, changes = self._equations(step, found), self._directions.points(step.states)
         loads = self._loads(step)
         for i, sum_ in enumerate(begun):
@@ -680,8 +659,8 @@ class GradientPass:
             known = equations.of_residual(rows.residual[:, sum_])
             if rows.points is not None:
                 known = known.plus(rows.points[sum_])
-            tangent = equations.tangent
-            states = known.of_states(tangent).plus(memory.of_states(tangent, found.fixed))
+            known = known.plus(memory.of_points)
+            states = known.of_states(equations.tangent).plus(memory.of_states(found.fixed))
             weights = rows.x[:, sum_] + equations.of_unknowns(states)
             weights = weights + equations.following(rows.residual[:, sum_])
             solution, by_solution, total = equations.solved(weights, again=i > 0)
@@ -694,9 +673,9 @@ class GradientPass:
                 rows.outflow[sum_] * step.dt,
                 rows.contact[:, sum_],
             )
-            shares = found.of_changes(at_points, memory)
+            shares = weights_of(found.fixed, at_points, memory)
             self._own[sum_] += self._unit.of_unknowns(d.weights[:, None] * shares, changes)
-            self._memory[sum_] = found.of_memory(at_points)
+            self._memory[sum_] = found.of_memory(at_points, memory)
 
     def _equations(self, step: TapedStep, found: UnitDerivatives) -> AdjointEquations:
         d, known = self._d, self._linearisations
@@ -744,8 +723,8 @@ class GradientPass:
         tangent = provided(found.response.tangent)
         weights = np.zeros((len(d.unknowns), len(self._memory)))
         for sum_, memory in enumerate(self._memory):
-            by_states = memory.of_states(tangent, found.fixed)
+            by_states = memory.of_points.of_states(tangent).plus(memory.of_states(found.fixed))
             weights[:, sum_] = d.residual(by_states, -1.0, self._still).values
-            shares = found.of_memory_changes(memory)
+            shares = weights_of(found.fixed, memory.of_points, memory)
             self._own[sum_] += self._unit.of_unknowns(d.weights[:, None] * shares, changes)
         return weights

@@ -16,7 +16,14 @@ import numpy as np
 from porocore.core.fields import provided
 from porocore.core.units import units_now
 from porocore.errors import SolveError
-from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse, MemoryChanges, ResponseChanges
+from porocore.interfaces.law import (
+    Interval,
+    LawMemory,
+    MacroLaw,
+    MacroResponse,
+    MemoryChanges,
+    ResponseChanges,
+)
 from porocore.interfaces.sensitivities import HISTORY_SERIES, MacroChange, MacroSensitivities
 from porocore.interfaces.solution import CONTACT
 from porocore.macro.boundary.conditions import Loads
@@ -32,7 +39,7 @@ from porocore.macro.integration.newton import (
     misfit_of,
 )
 from porocore.macro.sensitivities.changes import Directions
-from porocore.states import Array
+from porocore.states import Array, MacroState
 
 #: Relative residual of a solution that is small enough, one that is too large, and the corrections at most.
 SMALL, TOO_LARGE, CORRECTIONS = 1e-10, 1e-7, 3
@@ -76,8 +83,8 @@ class StepEquations:
         Discretisation.
     linear
         The tangent.
-    response, fixed
-        Of the law at the solution, with its tangent, and its derivatives at fixed (H, p, ∇p).
+    response, fixed, before
+        Of the law at the solution, with its tangent; its derivatives at fixed (H, p, ∇p); those of the memory.
     x : (local unknowns,)
         The solution.
     dt, loads
@@ -90,6 +97,7 @@ class StepEquations:
     linear: Linearisation
     response: MacroResponse
     fixed: ResponseChanges
+    before: MemoryChanges
     x: Array
     dt: float
     loads: Loads
@@ -130,7 +138,8 @@ class StepEquations:
 
     def _moved(self, x: list[Array]) -> tuple[list[UnknownChange], MemoryChanges]:
         """Return the total derivatives of what is integrated and of the memory where the unknowns change by ``x``."""
-        total, memory = self.fixed.moved(provided(self.response.tangent), *changes_at_points(self.d, x))
+        moved = changes_at_points(self.d, x)
+        total, memory = self.fixed.moved(provided(self.response.tangent), self.before, *moved)
         return UnknownChange.each(total), memory
 
     def _misfit(self, residual: Residual, x: Array) -> float:
@@ -195,7 +204,7 @@ class SensitivityTracker:
         self._d, self._law, self._changes = d, law, tuple(changes)
         self._directions = Directions(d, body, law, changes)
         self._x = self._directions.start()
-        self._memory = MemoryChanges.zeros(d.n_points, len(self._x))
+        self._memory = MemoryChanges.zeros(d.n_points, law.memory_size, len(self._x))
         #: Values by unknown of each step: series of the history; probes; reactions and inflows.
         self._rows: list[Array] = []
         self._profiles: list[Array] | None = [] if profiles else None
@@ -209,7 +218,7 @@ class SensitivityTracker:
         self._rows.append(
             np.stack([np.concatenate([*nodal, nothing]) for nodal in self._nodal(x, [0.0] * len(self._x))])
         )
-        self.renew(memory)
+        self._remember(self._law.initial_at(memory.states), memory.states, self._memory, None)
         self.add_profile()
 
     def add_profile(self) -> None:
@@ -217,25 +226,28 @@ class SensitivityTracker:
         if self._profiles is not None:
             self._profiles.append(np.stack([self._d.to_mesh(each) for each in self._x], axis=1))
 
-    def renew(self, memory: LawMemory) -> None:
-        """Take another memory of the same state, as of a law that has learned more."""
-        states, law = memory.states, self._law
-        points = self._directions.points(states)
-        still = np.zeros((len(states), 3))
-        before = MemoryChanges.zeros(len(states), len(self._x))
-        response, fixed = law.respond_to_changes(states, still, law.initial_at(states), points, before)
-        self._memory = fixed.moved(provided(response.tangent), *changes_at_points(self._d, self._x))[1]
+    def renew(self, memory: LawMemory, time: float) -> None:
+        """Take another memory of the same state at ``time``, as of a law that has learned more."""
+        self._remember(memory, memory.states, self._memory, Interval(time, time))
+
+    def _remember(
+        self, memory: LawMemory, states: MacroState, before: MemoryChanges, step: Interval | None
+    ) -> None:
+        """Take the derivatives of the law's memory of the present state, which it comes to from ``memory``."""
+        points, still = self._directions.points(states), np.zeros((len(states), 3))
+        response, fixed = self._law.respond_to_changes(states, still, memory, points, before, step=step)
+        moved = changes_at_points(self._d, self._x)
+        self._memory = fixed.moved(provided(response.tangent), before, *moved)[1]
 
     def add(
         self,
         step: Step,
         memory: LawMemory,
-        time: float,
-        dt: float,
+        interval: Interval,
         loads: Loads,
         linearisations: Linearisations,
     ) -> None:
-        """Follow an accepted step that began from ``memory`` and ended at ``time``.
+        """Follow an accepted step that began from ``memory``.
 
         Raises
         ------
@@ -243,13 +255,14 @@ class SensitivityTracker:
             A linear system has no solution.
         """
         d, record, states = self._d, self._record, step.response.memory.states
+        time, dt = interval.end, interval.length
         points, own = self._directions.points(states), self._directions.loads(time)
         response, fixed = self._law.respond_to_changes(
-            states, d.states(step.x)[1], memory, points, self._memory
+            states, d.states(step.x)[1], memory, points, self._memory, step=interval
         )
         try:
             linear = linearisations.begin(dt, loads) or linearisations.at(response, dt, step.x, loads)
-            equations = StepEquations(d, linear, response, fixed, step.x, dt, loads, own)
+            equations = StepEquations(d, linear, response, fixed, self._memory, step.x, dt, loads, own)
             self._x, total, self._memory, residuals = equations.solved()
         except StepFailed as failure:
             raise SolveError(

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from porocore.errors import ConfigurationError, DataError, SolveError
-from porocore.interfaces.law import LawMemory, MacroResponse
+from porocore.interfaces.law import Interval, LawMemory, MacroResponse
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import History, MacroSolution, Profile, StepReport
 from porocore.macro.analytic import Terzaghi
@@ -165,7 +165,9 @@ class Runs(Solving):
         d = self.discretise(confined_column(6, load=-0.1))
         settings = NewtonSettings(tolerance=1e-13, iterations=12)
         rest = NONLINEAR.initial(d.n_points)
-        step = newton_step(d, NONLINEAR, rest, np.zeros(d.mesh.size), 20.0, d.loads(-0.1), settings)
+        step = newton_step(
+            d, NONLINEAR, rest, np.zeros(d.mesh.size), Interval(0.0, 20.0), d.loads(-0.1), settings
+        )
         tail = np.array([m for m in step.misfits if 1e-13 < m < 0.1])
         state = f"a step of a nonlinear column, misfits {', '.join(f'{m:.1e}' for m in step.misfits)}"
         holds(len(tail) >= 3, state, "at least three misfits between 0.1 and 1e-13", len(tail))

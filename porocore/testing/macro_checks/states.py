@@ -281,10 +281,12 @@ class MacroLawSuite(Suite):
             states, grad_p = self.random(seed)
             tangent = self.tangent(law, states, grad_p, self.before(law, seed + 1))
             for field in fields(MacroTangent):
+                found = getattr(tangent, field.name)
+                if found is None:
+                    continue
                 wanted = getattr(rest, field.name)[:1]
                 within = ROUND_OFF * float(np.abs(wanted).max(initial=0.0))
                 state = f"{states_text(states)}, constant_tangent = True"
-                found = getattr(tangent, field.name)
                 near(field.name, found, np.broadcast_to(wanted, found.shape), state, within=within)
 
     def test_what_is_taken_up_is_the_change_of_the_stored_fluid(self, law: MacroLaw) -> None:

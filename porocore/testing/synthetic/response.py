@@ -10,7 +10,7 @@ import numpy as np
 
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.core.inputs import flatten
-from porocore.interfaces.law import LawMemory, MacroLaw, MacroResponse
+from porocore.interfaces.law import Interval, LawMemory, MacroLaw, MacroResponse
 from porocore.macro.laws.closure import MeanGradientClosure
 from porocore.macro.laws.linear import LinearCellLaw, LinearCoefficients, LinearPoroelasticity
 from porocore.macro.laws.macro_law import CHUNK, ClosedLaw
@@ -136,17 +136,23 @@ class AlteredLaw(MacroLaw):
     def __init__(
         self, law: MacroLaw, alter: Callable[[MacroResponse, MacroState, LawMemory], MacroResponse]
     ) -> None:
-        self._law, self._alter = law, alter
+        self._law, self._alter, self.internal = law, alter, law.internal
 
     def initial(self, n: int) -> LawMemory:
         """Return the memory of the given law."""
         return self._law.initial(n)
 
     def respond(
-        self, states: MacroState, grad_p: Array, memory: LawMemory, *, tangent: bool = True
+        self,
+        states: MacroState,
+        grad_p: Array,
+        memory: LawMemory,
+        *,
+        step: Interval | None = None,
+        tangent: bool = True,
     ) -> MacroResponse:
         """Return the altered response."""
-        response = self._law.respond(states, grad_p, memory, tangent=tangent)
+        response = self._law.respond(states, grad_p, memory, step=step, tangent=tangent)
         return self._alter(response, states, memory)
 
 

@@ -229,7 +229,7 @@ class ColumnMacroSolver(MacroSolver):
             u=u,
             p=p,
             grad_u=states.grad_u[layer],
-            mean_grad=response.memory.mean_grad[layer],
+            mean_grad=response.mean_grad[layer],
             deformation=response.deformation[layer],
             conductivity=response.transformed_conductivity[layer],
             stress=response.stress[layer],
