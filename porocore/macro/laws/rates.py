@@ -88,6 +88,20 @@ class RateSlopes(Batch):
     stress: Array
     flux: Array
 
+    @classmethod
+    def zeros(cls, n: int, m: int, c: int) -> RateSlopes:
+        """Return rates of zero at n points, for m parameters and c constants."""
+        return cls(
+            value=np.zeros(n),
+            grad_u=np.zeros((n, 3, 3)),
+            p=np.zeros(n),
+            parameters=np.zeros((n, m)),
+            constants=np.zeros((n, c)),
+            fluid_volume=np.zeros(n),
+            stress=np.zeros((n, 3, 3)),
+            flux=np.zeros((n, 3)),
+        )
+
 
 #: Derivatives of a quantity by fields of :class:`RateSlopes`; one that is missing is zero.
 Slopes = dict[str, Array]
@@ -254,6 +268,11 @@ class Rate:
         """Names that the formula holds, sorted."""
         return sorted(self._expression.names)
 
+    @property
+    def follows_state(self) -> bool:
+        """Whether the rate depends on more than time, place, parameters and constants."""
+        return bool(self._expression.names & (set(QUANTITIES) - {"t", "x", "y", "z"}))
+
     def at(self, points: RatePoints, constants: Array) -> RateSlopes:
         """Return the rate at n points with its derivatives; ``constants`` are (n, c).
 
@@ -263,16 +282,7 @@ class Rate:
             The formula names the place, and the points have none.
         """
         n, state = len(points.p), _State(points)
-        slopes = RateSlopes(
-            np.zeros(n),
-            np.zeros((n, 3, 3)),
-            np.zeros(n),
-            np.zeros((n, len(self.parameters))),
-            np.zeros((n, len(self.constants))),
-            np.zeros(n),
-            np.zeros((n, 3, 3)),
-            np.zeros((n, 3)),
-        )
+        slopes = RateSlopes.zeros(n, len(self.parameters), len(self.constants))
         values: dict[str, Array] = dict(zip(self._parameters, points.parameters.T, strict=True))
         values |= dict(zip(self.constants, constants.T, strict=True))
         by: dict[str, Slopes] = {}
