@@ -97,7 +97,7 @@ class Doubt(IntFlag):
 
 @dataclass(frozen=True, eq=False)
 class BodyPlace(Batch):
-    """Region and material axes of n points of a body.
+    """Region, material axes and place of n points of a body.
 
     Attributes
     ----------
@@ -105,10 +105,13 @@ class BodyPlace(Batch):
         Number of the region: 0 is the rest of the body, the others count from 1 in the order of the configuration.
     axes : (n, 3, 3)
         Rotation R whose columns are the axes of the cell in the body; None where they are those of the body.
+    position : (n, 3)
+        X, place in the undeformed body; None where it does not matter.
     """
 
     region: IntArray
     axes: Array | None = None
+    position: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +127,7 @@ class MacroState(Batch):
     parameters : (n, m)
         Parameters θ of the cell, in the order of ``Cell.parameters``; None for a cell without parameters.
     place
-        Region and material axes at the points of a body; None where they do not matter.
+        Region, material axes and place of the points of a body; None where they do not matter.
 
     Examples
     --------

@@ -482,7 +482,7 @@ class BodyFields:
         for key, rows, points, field in self._axes:
             assert axes is not None
             axes[rows] = field.rotations(points, time, key)
-        place = BodyPlace(self._region, axes)
+        place = BodyPlace(self._region, axes, self.points.places)
         self._last = time, CellsAtPoints(parameters, place)
         return self._last[1]
 

@@ -316,6 +316,7 @@ def _on_all(d: Discretisation, states: MacroState) -> MacroState:
     theta, place = states.parameters, states.place
     if place is not None:
         region = np.rint(d.points_to_mesh(place.region.astype(float))).astype(np.int64)
-        place = BodyPlace(region, None if place.axes is None else d.points_to_mesh(place.axes))
+        tensors = (None if part is None else d.points_to_mesh(part) for part in (place.axes, place.position))
+        place = BodyPlace(region, *tensors)
     theta = None if theta is None else d.points_to_mesh(theta)
     return MacroState(d.points_to_mesh(states.grad_u), d.points_to_mesh(states.p), theta, place)

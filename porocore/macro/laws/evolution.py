@@ -76,7 +76,8 @@ class _Evolved(Batch):
     def rates_by_state(self) -> Array:
         """Derivatives of the rates by (H, p, ∇p) at the same θ (n, e, 13)."""
         r, shape = self.rates, self.values.shape
-        found = np.concatenate([r.grad_u.reshape(*shape, 9), r.p[..., None], np.zeros((*shape, 3))], axis=2)
+        parts = [r.grad_u.reshape(*shape, 9), r.p[..., None], np.zeros((*shape, 3))]
+        found: Array = np.concatenate(parts, axis=2)
         if self.response is not None:
             found += self.rates_by_response @ _matrix(provided(self.response.tangent))
         return found
@@ -197,9 +198,13 @@ class EvolvingLaw(LawWrapper):
         rates = self._rates(states, at.values, step, response)
         at = replace(at, rates=rates, response=response, units=units)
         begin = initial if step is None else before.internal[:, v:]
-        rate = rates.parameters @ given + rates.constants @ constants
-        rate += at.rates_by_response @ _numbers(fixed)
-        rate += at.rates.fluid_volume[..., None] * before.fluid_volume[:, None]  # φ = φ_old + storage
+        # φ = φ_old + storage, of which the numbers of a response have the storage alone.
+        rate = (
+            rates.parameters @ given
+            + rates.constants @ constants
+            + at.rates_by_response @ _numbers(fixed)
+            + rates.fluid_volume[..., None] * before.fluid_volume[:, None]
+        )
         moved, by_state = _settled(
             at, self._columns, length, begin + length * rate, length * at.rates_by_state
         )
