@@ -602,3 +602,100 @@ class LawWrapper(MacroLaw):
     def reasons(self, states: MacroState) -> list[str]:
         """Return the reasons that the inner law knows; see :class:`~porocore.interfaces.law.MacroLaw`."""
         return self.law.reasons(self.states_in(states))
+
+
+class ExtendedLaw(LawWrapper):
+    """Law with parameters and internal variables of its own, which stand behind those of the law that it asks.
+
+    Parameters
+    ----------
+    law
+        The inner law.
+    parameters
+        Names of its own parameters.
+    internal
+        Its own internal variables, 0 at rest unless a subclass gives :meth:`own_at_rest`.
+    """
+
+    def __init__(
+        self, law: MacroLaw, parameters: Sequence[str], internal: Sequence[InternalVariable]
+    ) -> None:
+        super().__init__(law)
+        self.parameters = (*law.parameters, *parameters)
+        self.internal = (*law.internal, *internal)
+        self._own_names, self._count, self._size = tuple(parameters), len(law.parameters), law.memory_size
+
+    def own_parameters(self, states: MacroState) -> Array:
+        """Return the values (n, own) of its own parameters.
+
+        Raises
+        ------
+        ConfigurationError
+            The states have none.
+        """
+        if states.parameters is None:
+            raise ConfigurationError(
+                f"the law '{self.name}' has the parameters {', '.join(self.parameters)}, but no values were given"
+            )
+        return states.parameters[:, self._count :]
+
+    def own_internal(self, values: Array) -> Array:
+        """Return its own part (n, own, …) of numbers of the internal variables."""
+        return values[:, self._size :]
+
+    def own_at_rest(self, points: MacroState, inner: LawMemory) -> Array:
+        """Return the numbers (n, own) of its own internal variables at rest, beside the inner law's memory there."""
+        return np.zeros((len(points), self.memory_size - self._size))
+
+    def parameters_of(self, region: int) -> tuple[str, ...]:
+        """Return those of the inner law, and its own."""
+        return (*self.law.parameters_of(region), *self._own_names)
+
+    def states_in(self, states: MacroState) -> MacroState:
+        """Return the states with the inner law's parameters alone."""
+        theta = states.parameters
+        if theta is None:
+            return states
+        return replace(states, parameters=theta[:, : self._count] if self._count else None)
+
+    def memory_in(self, memory: LawMemory, states: MacroState) -> LawMemory:
+        """Return the inner law's part of the memory."""
+        internal = memory.internal[:, : self._size]
+        return replace(memory, states=self.states_in(memory.states), internal=internal)
+
+    def changes_in(self, changes: PointChanges) -> PointChanges:
+        """Return the changes of the inner law's parameters alone."""
+        theta = changes.parameters
+        if theta is None:
+            return changes
+        return replace(changes, parameters=theta[:, : self._count] if self._count else None)
+
+    def memory_changes_in(self, before: MemoryChanges, states: MacroState) -> MemoryChanges:
+        """Return the derivatives of the inner law's part of the memory."""
+        return replace(before, internal=before.internal[:, : self._size])
+
+    def initial(self, n: int) -> LawMemory:
+        """Refuse: its own parameters are given at the points; see :meth:`initial_at`.
+
+        Raises
+        ------
+        ValueError
+            Always.
+        """
+        raise ValueError(f"expected the parameters {', '.join(self.parameters)}; call initial_at")
+
+    def initial_at(self, points: MacroState) -> LawMemory:
+        """Return the memory at rest, with its own internal variables."""
+        inner, rest = self.law.initial_at(self.states_in(points)), points.at_rest()
+        internal = np.concatenate([inner.internal, self.own_at_rest(rest, inner)], axis=1)
+        return replace(inner, states=rest, internal=internal)
+
+    def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
+        """Ask the inner law; its own internal variables stay."""
+        reached = response.memory
+        seen = replace(response, memory=self.memory_in(reached, reached.states))
+        changed = self.law.before_accept(seen, self.memory_in(memory, memory.states))
+        if changed is None:
+            return None
+        internal = np.concatenate([changed.internal, self.own_internal(memory.internal)], axis=1)
+        return replace(changed, states=memory.states, internal=internal)

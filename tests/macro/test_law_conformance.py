@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.commands.verify.xie_leo import ClayLaw
-from porocore.interfaces.law import CellLaw, LawWrapper, MacroLaw
+from porocore.interfaces.law import CellLaw, Interval, LawWrapper, MacroLaw
 from porocore.macro.analytic import XieLeo
 from porocore.macro.laws.closure import PotentialClosure
-from porocore.macro.laws.composed import BoundLaw
+from porocore.macro.laws.composed import BoundLaw, RegionLaw, TurnedLaw
 from porocore.macro.laws.macro_law import ClosedLaw
+from porocore.macro.laws.relaxation import RelaxingLaw
+from porocore.states import BodyPlace
 from porocore.testing import MacroLawSuite
 from porocore.testing.synthetic import potential_cell
 from porocore.testing.synthetic.cell import parametric_law
+from porocore.testing.synthetic.porous_family import PARAMETERS
 from porocore.testing.synthetic.response import CONDUCTIVITY, SOLID_FRACTION, linear_law, mean_gradient_law
+from tests.helpers import sensitivity_bodies
 
 
 class TestLinear(MacroLawSuite):
@@ -25,6 +34,7 @@ class TestLinear(MacroLawSuite):
 
 class TestMeanGradient(MacroLawSuite):
     kit_version = "4"
+    derivatives = True
 
     @classmethod
     def make_law(cls):
@@ -42,10 +52,92 @@ class PotentialCell(CellLaw):
 
 class TestPotential(MacroLawSuite):
     kit_version = "4"
+    derivatives = True
 
     @classmethod
     def make_law(cls):
         return ClosedLaw(PotentialCell(), PotentialClosure(SOLID_FRACTION, NeoHookean(), CONDUCTIVITY))
+
+
+class TestParametric(MacroLawSuite):
+    kit_version = "4"
+    values: ClassVar[dict[str, tuple[float, float]]] = PARAMETERS
+    derivatives = True
+
+    @classmethod
+    def make_law(cls):
+        return sensitivity_bodies.law(*PARAMETERS)
+
+
+#: Two branches, one of which has relaxed by a third within the step.
+BRANCHES = {
+    "relaxation.1.strength": (0.5, 1.5),
+    "relaxation.1.time": (0.5, 2.0),
+    "relaxation.2.strength": (0.1, 0.4),
+    "relaxation.2.time": (5.0, 9.0),
+}
+
+
+class TestRelaxing(MacroLawSuite):
+    kit_version = "4"
+    values = TestParametric.values | BRANCHES
+    step = Interval(1.0, 1.4)
+    derivatives = True
+
+    @classmethod
+    def make_law(cls):
+        return RelaxingLaw(sensitivity_bodies.law(*PARAMETERS), 2)
+
+
+class TestRelaxingAtOnce(TestRelaxing):
+    step = Interval(1.0, 1.0)
+
+
+class TestRelaxed(TestRelaxing):
+    step = None
+
+
+class TestRelaxingMeanGradient(MacroLawSuite):
+    kit_version = "4"
+    values: ClassVar[dict[str, tuple[float, float]]] = BRANCHES
+    step = Interval(1.0, 1.4)
+    derivatives = True
+
+    @classmethod
+    def make_law(cls):
+        return RelaxingLaw(mean_gradient_law(), 2)
+
+
+class TestRelaxingLinear(TestRelaxingMeanGradient):
+    @classmethod
+    def make_law(cls):
+        return RelaxingLaw(linear_law(), 2, small_strain=True)
+
+
+class TestRelaxingInItsAxes(TestRelaxing):
+    @classmethod
+    def make_law(cls):
+        return TurnedLaw(RelaxingLaw(sensitivity_bodies.law(*PARAMETERS), 2))
+
+    @classmethod
+    def random(cls, seed):
+        states, grad_p = super().random(seed)
+        axes = np.linalg.qr(np.random.default_rng(99).normal(size=(len(states), 3, 3)))[0]
+        axes[:, :, 0] *= np.linalg.det(axes)[:, None]
+        return replace(states, place=BodyPlace(np.zeros(len(states), int), axes)), grad_p
+
+
+class TestRelaxingInRegions(TestRelaxing):
+    """Beside a law that remembers something else; parameters are those of both."""
+
+    @classmethod
+    def make_law(cls):
+        return RegionLaw([RelaxingLaw(sensitivity_bodies.law(*PARAMETERS), 2), mean_gradient_law()])
+
+    @classmethod
+    def random(cls, seed):
+        states, grad_p = super().random(seed)
+        return replace(states, place=BodyPlace(np.arange(len(states)) % 2)), grad_p
 
 
 class TestClay(MacroLawSuite):

@@ -21,14 +21,24 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from collections.abc import Mapping
+from dataclasses import fields, replace
 from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
 from porocore.cell.materials.hyperelastic import NeoHookean
-from porocore.interfaces.law import LawMemory, MacroLaw, MacroTangent
+from porocore.core.fields import provided
+from porocore.interfaces.law import (
+    Interval,
+    LawMemory,
+    MacroLaw,
+    MacroResponse,
+    MacroTangent,
+    MemoryChanges,
+    PointChanges,
+)
 from porocore.interfaces.solution import History
 from porocore.macro.laws.linear import LinearCellLaw
 from porocore.states import Array, MacroState
@@ -215,10 +225,19 @@ class MacroLawSuite(Suite):
         Largest H, p and ∇p of the states that are tried.
     accuracy
         Difference between the tangent and differences of the response, as a share of the largest entry.
+    values
+        Ranges of the law's parameters by their names, in their order.
+    step
+        Time step over which the law is asked; None: as for a state that has stood for long.
+    derivatives
+        Whether the law gives derivatives by unknowns.
     """
 
     sizes: ClassVar[tuple[float, float, float]] = (0.02, 0.02, 0.02)
     accuracy: ClassVar[float] = 1e-6
+    values: ClassVar[Mapping[str, tuple[float, float]]] = {}
+    step: ClassVar[Interval | None] = None
+    derivatives: ClassVar[bool] = False
 
     @classmethod
     def make_law(cls) -> MacroLaw:
@@ -235,20 +254,32 @@ class MacroLawSuite(Suite):
         """Return states and gradients of the pressure without any symmetry."""
         rng = np.random.default_rng(seed)
         H, p, grad_p = cls.sizes
-        return (
-            MacroState(rng.uniform(-H, H, (POINTS, 3, 3)), rng.uniform(-p, p, POINTS)),
-            rng.uniform(-grad_p, grad_p, (POINTS, 3)),
-        )
+        states = MacroState(rng.uniform(-H, H, (POINTS, 3, 3)), rng.uniform(-p, p, POINTS))
+        gradients = rng.uniform(-grad_p, grad_p, (POINTS, 3))
+        if cls.values:
+            low, high = np.array([*cls.values.values()]).T
+            states = states.with_parameters(rng.uniform(low, high, (POINTS, len(low))))
+        return states, gradients
+
+    @classmethod
+    def at_rest(cls, law: MacroLaw, states: MacroState) -> LawMemory:
+        """Return the memory at rest of points with the parameters of ``states``."""
+        return law.initial_at(states)
 
     @classmethod
     def before(cls, law: MacroLaw, seed: int) -> LawMemory:
-        """Return the memory of random states."""
-        return law.respond(*cls.random(seed), law.initial(POINTS), tangent=False).memory
+        """Return the memory of random states, to which two steps have led."""
+        states, grad_p = cls.random(seed)
+        memory = cls.at_rest(law, states)
+        for share in (0.4, 1.0):
+            moved = replace(states, grad_u=share * states.grad_u, p=share * states.p)
+            memory = law.respond(moved, grad_p, memory, step=cls.step, tangent=False).memory
+        return memory
 
     @classmethod
     def tangent(cls, law: MacroLaw, states: MacroState, grad_p: Array, memory: LawMemory) -> MacroTangent:
         """Return the tangent, which has to be there."""
-        response = law.respond(states, grad_p, memory)
+        response = law.respond(states, grad_p, memory, step=cls.step)
         return require("a tangent", response.tangent, states_text(states))
 
     def test_the_tangent_is_the_derivative_of_the_response(self, law: MacroLaw) -> None:
@@ -256,30 +287,114 @@ class MacroLawSuite(Suite):
         (states, grad_p), (along, along_grad), memory = self.random(1), self.random(2), self.before(law, 3)
 
         def at(share: float) -> Any:
-            moved = MacroState(states.grad_u + share * along.grad_u, states.p + share * along.p)
-            return law.respond(moved, grad_p + share * along_grad, memory, tangent=False)
+            moved = replace(states, grad_u=states.grad_u + share * along.grad_u, p=states.p + share * along.p)
+            return law.respond(moved, grad_p + share * along_grad, memory, step=self.step, tangent=False)
 
         tangent = self.tangent(law, states, grad_p, memory)
         ends = at(STEP), at(-STEP)
         for name in INTEGRATED:
             slope = (getattr(ends[0], name) - getattr(ends[1], name)) / (2 * STEP)
             by_H, by_p = getattr(tangent, f"{name}_grad_u"), getattr(tangent, f"{name}_p")
-            found = np.einsum("n...kl,nkl->n...", by_H, along.grad_u) + np.einsum(
-                "n...,n->n...", by_p, along.p
-            )
-            if name == "flux":
-                found = found + np.einsum("nij,nj->ni", tangent.flux_grad_p, along_grad)
+            found = np.einsum("n...kl,nkl->n...", by_H, along.grad_u)
+            found = found + np.einsum("n...,n->n...", by_p, along.p)
+            if (by_grad_p := getattr(tangent, f"{name}_grad_p")) is not None:
+                found = found + np.einsum("n...j,nj->n...", by_grad_p, along_grad)
             within = self.accuracy * float(np.abs(slope).max())
             near(f"the tangent of the {name}", found, slope, states_text(states), within=within)
+
+    def test_derivatives_by_parameters_and_memory_are_slopes(self, law: MacroLaw) -> None:
+        """Of the response and of the memory that is handed back, by each parameter, the memory, and the state."""
+        self.needs(self.derivatives, "derivatives = False: the law gives none by unknowns")
+        (states, grad_p), (along, along_grad), memory = self.random(1), self.random(2), self.before(law, 3)
+        other = self.before(law, 4)
+        m, v = len(self.values), memory.internal.shape[1]
+        spans = np.array([high - low for low, high in self.values.values()]).reshape(-1)
+        moved_memory = MemoryChanges(
+            np.concatenate([np.zeros((POINTS, 3, 3, m)), other.states.grad_u[..., None]], axis=-1),
+            np.concatenate([np.zeros((POINTS, m)), other.fluid_volume[:, None]], axis=1),
+            np.concatenate([np.zeros((POINTS, v, m)), other.internal[..., None]], axis=2),
+        )
+        theta = np.concatenate([np.diag(spans), np.zeros((m, 1))], axis=1)
+        changes = PointChanges(
+            np.zeros((POINTS, m + 1)),
+            np.zeros((POINTS, m + 1)),
+            np.broadcast_to(theta, (POINTS, m, m + 1)).copy() if m else None,
+        )
+        response, fixed = law.respond_to_changes(
+            states, grad_p, memory, changes, moved_memory, step=self.step
+        )
+        tangent = require("a tangent", response.tangent, states_text(states))
+
+        def at(share: float, k: int) -> MacroResponse:
+            now, start = states, memory
+            if k < m:
+                values = provided(states.parameters).copy()
+                values[:, k] += share * spans[k]
+                now = states.with_parameters(values)
+            elif k == m:
+                start = LawMemory(
+                    replace(memory.states, grad_u=memory.states.grad_u + share * other.states.grad_u),
+                    memory.fluid_volume + share * other.fluid_volume,
+                    memory.internal + share * other.internal,
+                )
+            else:
+                H, p = states.grad_u + share * along.grad_u, states.p + share * along.p
+                now = replace(states, grad_u=H, p=p)
+            ends = grad_p + share * along_grad if k > m else grad_p
+            return law.respond(now, ends, start, step=self.step, tangent=False)
+
+        state_changes = (x[..., None] for x in (along.grad_u, along.p, along_grad))
+        nothing = MemoryChanges.zeros(POINTS, v, 1)
+        parts = ("stress", "storage", "flux", "internal")
+        still = replace(fixed, **{name: 0.0 * getattr(fixed, name)[..., :1] for name in parts})
+        along_state = still.moved(tangent, nothing, *state_changes)[1].internal
+        for k in range(m + 2):
+            ends = at(STEP, k), at(-STEP, k)
+            what = "the state" if k > m else "the memory" if k == m else [*self.values][k]
+            for name in (*INTEGRATED, "internal"):
+                if name == "internal":
+                    slope = (ends[0].memory.internal - ends[1].memory.internal) / (2 * STEP)
+                    found = along_state[..., 0] if k > m else fixed.internal[..., k]
+                elif k > m:
+                    continue
+                else:
+                    slope = (getattr(ends[0], name) - getattr(ends[1], name)) / (2 * STEP)
+                    found = getattr(fixed, name)[..., k]
+                within = self.accuracy * float(np.abs(slope).max(initial=0.0)) + 1e-3 * self.accuracy
+                near(f"the derivative of {name} by {what}", found, slope, states_text(states), within=within)
+
+    def test_an_answer_depends_on_what_is_given_alone(self, law: MacroLaw) -> None:
+        """Not on other states that were tried from the same memory, such as those of a step that is rejected."""
+        (states, grad_p), memory = self.random(11), self.before(law, 12)
+        first = law.respond(states, grad_p, memory, step=self.step, tangent=False)
+        law.respond(*self.random(13), memory, step=self.step, tangent=False)
+        again, state = law.respond(states, grad_p, memory, step=self.step, tangent=False), states_text(states)
+        for name in INTEGRATED:
+            same(f"{name}, asked again", getattr(again, name), getattr(first, name), state)
+        same("the internal variables, asked again", again.memory.internal, first.memory.internal, state)
+
+    def test_internal_variables_are_handed_back(self, law: MacroLaw) -> None:
+        """As many as the law declares, and not those with which the step began."""
+        (states, grad_p), memory = self.random(14), self.before(law, 15)
+        found = law.respond(states, grad_p, memory, step=self.step, tangent=False).memory
+        state, shape = states_text(states), (POINTS, law.memory_size)
+        holds(found.internal.shape == shape, state, f"internal variables {shape}", found.internal.shape)
+        if law.internal:
+            changed = bool((found.internal != memory.internal).any())
+            holds(changed, state, "internal variables that the step changes", "those at its beginning")
 
     def test_a_tangent_that_is_said_to_be_constant_is_so(self, law: MacroLaw) -> None:
         """The same at all points, for all states, gradients and memories: ``constant_tangent``."""
         self.needs(law.constant_tangent, "constant_tangent = False: the tangent may change")
         n = POINTS
-        rest = self.tangent(law, MacroState.zeros(n), np.zeros((n, 3)), law.initial(n))
+        at_rest = self.random(1)[0].at_rest()
+        theta = at_rest.parameters
+        alike = None if theta is None else np.tile(theta[:1], (n, 1))
+        at_rest = replace(at_rest, parameters=alike)
+        rest = self.tangent(law, at_rest, np.zeros((n, 3)), self.at_rest(law, at_rest))
         for seed in (1, 4):
             states, grad_p = self.random(seed)
-            tangent = self.tangent(law, states, grad_p, self.before(law, seed + 1))
+            tangent = self.tangent(law, replace(states, parameters=alike), grad_p, self.before(law, seed + 1))
             for field in fields(MacroTangent):
                 found = getattr(tangent, field.name)
                 if found is None:
@@ -292,7 +407,7 @@ class MacroLawSuite(Suite):
     def test_what_is_taken_up_is_the_change_of_the_stored_fluid(self, law: MacroLaw) -> None:
         """The next step counts from the fluid volume of the memory, whatever axes and parameters it has."""
         (states, grad_p), memory = self.random(9), self.before(law, 10)
-        found = law.respond(states, grad_p, memory, tangent=False)
+        found = law.respond(states, grad_p, memory, step=self.step, tangent=False)
         stored = found.memory.fluid_volume
         within = ROUND_OFF * float(np.abs(stored).max())
         near("the storage", found.storage, stored - memory.fluid_volume, states_text(states), within=within)
@@ -300,9 +415,9 @@ class MacroLawSuite(Suite):
     def test_points_do_not_depend_on_one_another(self, law: MacroLaw) -> None:
         """Each alone, and in another order."""
         (states, grad_p), memory = self.random(5), self.before(law, 6)
-        whole, state = law.respond(states, grad_p, memory), states_text(states)
+        whole, state = law.respond(states, grad_p, memory, step=self.step), states_text(states)
         for rows in (np.array([3]), np.arange(POINTS)[::-1]):
-            part = law.respond(states[rows], grad_p[rows], memory[rows])
+            part = law.respond(states[rows], grad_p[rows], memory[rows], step=self.step)
             for name in INTEGRATED:
                 wanted = getattr(whole, name)[rows]
                 within = ROUND_OFF * float(np.abs(getattr(whole, name)).max())
@@ -312,8 +427,8 @@ class MacroLawSuite(Suite):
 
     def test_without_the_tangent_the_response_is_the_same(self, law: MacroLaw) -> None:
         (states, grad_p), memory = self.random(7), self.before(law, 8)
-        whole = law.respond(states, grad_p, memory)
-        plain, state = law.respond(states, grad_p, memory, tangent=False), states_text(states)
+        whole = law.respond(states, grad_p, memory, step=self.step)
+        plain, state = law.respond(states, grad_p, memory, step=self.step, tangent=False), states_text(states)
         holds(plain.tangent is None, state, "no tangent where none is wanted", "a tangent")
         for name in INTEGRATED:
             wanted = getattr(whole, name)
