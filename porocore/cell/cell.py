@@ -12,12 +12,13 @@ from pydantic import (
     Field,
     SerializerFunctionWrapHandler,
     Tag,
+    ValidationError,
     model_serializer,
     model_validator,
 )
 
 from porocore.cell.contact.wall_contact import ContactSettings
-from porocore.cell.family.family import Family
+from porocore.cell.family.family import Family, fault
 from porocore.cell.family.mesh import member_mesh, member_velocity
 from porocore.cell.geometry.channels import OrthogonalChannels
 from porocore.cell.geometry.drawn import CylinderArray, NoPores, SphereArray
@@ -27,13 +28,14 @@ from porocore.cell.level_sets.tpms import TriplyPeriodic
 from porocore.cell.level_sets.voxels import Voxels
 from porocore.cell.materials.hyperelastic import AnyMaterial, Composite, NeoHookean, Solid
 from porocore.cell.materials.material import SWELLING
+from porocore.cell.materials.prony import RELAXATION, Relaxation
 from porocore.cell.meshing.connectivity import pieces, why_disconnected
 from porocore.cell.meshing.mesh import CellMesh, Domain, MeshSettings, block, make_mesh, tiled
 from porocore.cell.meshing.mesh_file import MeshFile
 from porocore.cell.meshing.tetrahedra import Phase, porosity
 from porocore.core.files.plain_data import json_hash
 from porocore.core.models.name import Name
-from porocore.core.models.strict import CalledByUsers, by_kind
+from porocore.core.models.strict import CalledByUsers, by_kind, copied
 from porocore.core.tensors import PointGroup
 from porocore.core.units import Dimension, Unit
 from porocore.errors import ConfigurationError
@@ -102,6 +104,21 @@ class Cell(Family, metaclass=CalledByUsers):
         return self
 
     @model_validator(mode="after")
+    def _relaxes_alike(self) -> Self:
+        if self.materials is None:
+            return self
+        (first, one), *others = self.materials.items()
+        for region, material in others:
+            if material.relaxation != one.relaxation:
+                why = (
+                    f"expected the relaxation of the region '{first}', since the average of regions that relax "
+                    "differently is no Prony series; give all materials of a cell the same branches, or none"
+                )
+                at = ("materials", region, RELAXATION)
+                raise ValidationError.from_exception_data("Cell", [fault(at, why, material.relaxation)])
+        return self
+
+    @model_validator(mode="after")
     def _few(self) -> Self:
         mesh, cells = self.mesh, math.prod(self.supercell)
         for name, size, count in (("size", mesh.size, cells), ("fluid_size", mesh.fluid_size, 1)):
@@ -124,6 +141,23 @@ class Cell(Family, metaclass=CalledByUsers):
             return Composite(self.materials)
         assert self.material is not None
         return self.material
+
+    @property
+    def relaxation(self) -> Relaxation | None:
+        """Relaxation of the whole solid; None: it is elastic."""
+        materials = [self.material] if self.materials is None else [*self.materials.values()]
+        return None if materials[0] is None else materials[0].relaxation
+
+    @property
+    def in_equilibrium(self) -> Self:
+        """The cell as cell problems see it, without the relaxation of its solid; itself where it is elastic."""
+        if self.relaxation is None:
+            return self
+        if self.materials is not None:
+            solids = {region: one.in_equilibrium for region, one in self.materials.items()}
+            return copied(self, materials=solids)
+        assert self.material is not None
+        return copied(self, material=self.material.in_equilibrium)
 
     @property
     def modulus(self) -> float:
@@ -233,11 +267,11 @@ class Cell(Family, metaclass=CalledByUsers):
             )
 
     def specification(self) -> dict[str, Any]:
-        """Return all that the cell problems depend on; of a file its content, not its path.
+        """Return all that the cell problems depend on, so not the relaxation; of a file its content, not its path.
 
         That of a member has its own numbers, and the base values from which its mesh was moved.
         """
-        found = {**self.model_dump(mode="json"), "geometry": self.geometry.specification()}
+        found = {**self.in_equilibrium.model_dump(mode="json"), "geometry": self.geometry.specification()}
         return {**self._with_ranges(found), **({"moved_from": self.moved_from} if self.moved_from else {})}
 
     @property

@@ -46,6 +46,8 @@ MULTIPLES = {
     "permeability": "d²",
     "conductivity": "d²/μ_c",
     "diffusivity": "E d²/μ_c",
+    "rate": "1/time",
+    "concentration": "E/(R · 1 K)",
 }
 
 
@@ -203,6 +205,10 @@ def as_written(number: float) -> Fraction:
     return Fraction(repr(float(number)))
 
 
+#: Gas constant R [J/(mol K)], exact since 2019.
+GAS_CONSTANT = Fraction("8.31446261815324")
+
+
 @dataclass(frozen=True)
 class Quantity:
     """A kind of value: its SI unit and its scale."""
@@ -230,6 +236,9 @@ QUANTITIES: dict[str, Quantity] = {
     "diffusivity": Quantity("m²/s", "f_c d²/(L² μ_c)", lambda s: s.length**2 / s.time),
     "compliance": Quantity("1/Pa", "L²/f_c", lambda s: 1 / s.stress),
     "pore-size": Quantity("m", "d", lambda s: s.pore),
+    "rate": Quantity("1/s", "f_c d²/(L⁴ μ_c)", lambda s: 1 / s.time),
+    "concentration": Quantity("mol/m³", "f_c/(L² R · 1 K)", lambda s: s.stress / GAS_CONSTANT),
+    "temperature": Quantity("K", "1 K", lambda s: Fraction(1)),
 }
 
 #: Names that configurations and states have for some quantities.
@@ -302,11 +311,14 @@ EXAMPLES = {
     "permeability": "an area, such as 1 um**2",
     "diffusivity": "an area per time, such as 1 mm**2/s",
     "compliance": "one by a pressure, such as 1 1/kPa",
+    "rate": "one by a time, such as 0.1 1/h",
+    "concentration": "a concentration, such as 0.15 mol/l",
+    "temperature": "a temperature, such as 310 K or 37 °C",
 }
 #: Units that are proposed for those that are not known.
 COMMON = (
     *("m", "cm", "mm", "um", "nm", "s", "min", "h", "day", "Pa", "kPa", "MPa", "GPa", "bar", "mmHg", "psi"),
-    *("N", "mN", "kN", "Pa*s", "mPa*s", "cP"),
+    *("N", "mN", "kN", "Pa*s", "mPa*s", "cP", "mol/l", "mmol/l", "mEq/l", "mEq/ml", "mM", "K"),
 )
 #: Units as machines in German and French write them.
 FOREIGN = {
@@ -315,8 +327,11 @@ FOREIGN = {
     **dict.fromkeys(("std", "stunde", "stunden", "heure", "heures"), "h"),
     **dict.fromkeys(("tag", "tage", "jour", "jours"), "day"),
     **dict.fromkeys(("kp", "kilopond"), "kgf"),
+    "kelvin": "K",
 }
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+#: Units of temperatures that are counted from that of melting ice, 273.15 K.
+CELSIUS, ZERO_CELSIUS = ("°c", "degc", "celsius"), Fraction("273.15")
 #: Units of mass, of which those of the weight end in f.
 _MASS = re.compile(r"\b([mk]?g|lb|t)\b")
 _PIXELS = re.compile(r"(?<![^\W\d])(css_)?(px|pixels?|voxels?)(?![^\W\d])", re.IGNORECASE)
@@ -383,6 +398,8 @@ def in_si(text: str, quantity: str) -> Fraction:
     match = _NUMBER_AND_UNIT.fullmatch(text) if has_unit(text) else None
     if match is None:
         raise UnitError(f"expected {EXAMPLES[quantity]}, got {echo(text)}{comma_advice(text)}")
+    if quantity == "temperature" and _word(match["unit"]) in CELSIUS:
+        return Fraction(match["number"]) + ZERO_CELSIUS
     return Fraction(match["number"]) * unit_in_si(match["unit"], quantity, text)
 
 
@@ -411,6 +428,8 @@ def unit_in_si(unit: str, quantity: str, text: str = "") -> Fraction:
         raise UnitError(
             f"expected {EXAMPLES[quantity]}, got {echo(text)}{_instead(dimensions)}{_begun(unit, quantity)}"
         )
+    if not factor:
+        raise UnitError(f"expected {EXAMPLES[quantity]}, got {echo(text)}, which has no fixed factor")
     return factor
 
 
@@ -459,15 +478,16 @@ def _instead(dimensions: frozenset[tuple[str, Any]]) -> str:
     for quantity in QUANTITIES:
         if _measured(QUANTITIES[quantity].unit)[1] == dimensions:
             return f", which is {EXAMPLES[quantity].partition(',')[0]}"
-    kind = next((name for name in ("temperature", "mass") if dict(dimensions) == {f"[{name}]": 1}), "")
-    return f", which is a {kind}" if kind else ""
+    return ", which is a mass" if dict(dimensions) == {"[mass]": 1} else ""
 
 
 @cache
 def _registry() -> Any:
     import pint  # takes some tenths of a second
 
-    return pint.UnitRegistry(non_int_type=Fraction)
+    registry = pint.UnitRegistry(non_int_type=Fraction)
+    registry.define("equivalent = mole = Eq")  # of charges, as those of a salt of two single ions
+    return registry
 
 
 @lru_cache(maxsize=256)

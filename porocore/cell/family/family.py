@@ -15,6 +15,7 @@ from pydantic import BaseModel, ModelWrapValidatorHandler, PrivateAttr, Validati
 from pydantic_core import InitErrorDetails
 
 from porocore.cell.geometry.pore_geometry import PoreGeometry
+from porocore.cell.materials.prony import RELAXATION
 from porocore.core.echo import cut, echo, joined, suggestion
 from porocore.core.files.yaml_document import Location, dotted, leaves
 from porocore.core.inputs import NAMES
@@ -124,16 +125,22 @@ def _quantity(place: Place) -> str:
 def may_vary(place: Place) -> bool:
     """Return whether a number of a cell may be a parameter: of pores, materials or fluid, and no length in metres.
 
-    A component of a direction is none, since a direction has no length; its angle is one.
+    A component of a direction is none, since a direction has no length; its angle is one. A relaxation is none of the
+    cell's, whose problems do not depend on it.
     """
     fixed = any(isinstance(extra, Dimension) and extra.si for extra in place.metadata)
     of_a_direction = "directions" in place.path and place.path[-1].isdigit()
+    of_a_relaxation = place.path[:1] + place.path[2 if place.path[:1] == ("materials",) else 1 :][:1] in (
+        ("material", RELAXATION),
+        ("materials", RELAXATION),
+    )
     return (
         bool(place.path)
         and place.path[0] in SECTIONS
         and is_number(place.annotation)
         and not fixed
         and not of_a_direction
+        and not of_a_relaxation
     )
 
 
@@ -325,8 +332,8 @@ def _not_here(path: Location) -> str:
             "{plane: xy, angle: {range: [lower, upper]}}, in degrees"
         )
     return (
-        "a range cannot stand here; numbers of the pores' shape, of materials and the viscosity may have one, sizes of "
-        "the mesh and lengths in metres may not"
+        "a range cannot stand here; numbers of the pores' shape, of materials and the viscosity may have one, those of "
+        "a relaxation, sizes of the mesh and lengths in metres may not"
     )
 
 

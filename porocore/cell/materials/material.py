@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
+from porocore.cell.materials.prony import RELAXATION, Relaxation
 from porocore.core.files.yaml_document import Location
 from porocore.core.models.strict import StrictModel, with_number
 from porocore.core.tensors import MIRRORS
@@ -206,12 +207,16 @@ class Material(StrictModel, StrainEnergy):
 
     swelling: Annotated[float, Field(ge=0.2, le=5)] = 1.0
     """Stretch λ by which the solid swells in all directions where nothing holds it: F = λ I has no stress; 1: none."""
+    relaxation: Relaxation | None = None
+    """Prony series by which the stress of the solid relaxes; cells are solved in equilibrium; null: none."""
 
     @model_serializer(mode="wrap")
     def _only_what_is_given(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         data: dict[str, Any] = handler(self)
         if self.swelling == 1:
-            data.pop("swelling", None)
+            data.pop(SWELLING, None)
+        if self.relaxation is None:
+            data.pop(RELAXATION, None)
         return data
 
     @property
@@ -246,9 +251,14 @@ class Material(StrictModel, StrainEnergy):
         return self.swelling != 1
 
     @property
+    def in_equilibrium(self) -> Self:
+        """The solid without its relaxation, which no cell problem depends on."""
+        return self if self.relaxation is None else self.model_copy(update={RELAXATION: None})
+
+    @property
     def identity(self) -> str:
-        """Kind and parameters as text."""
-        return self.model_dump_json()
+        """Kind and parameters as text, without the relaxation."""
+        return self.in_equilibrium.model_dump_json()
 
     def on(self, mesh: CellMesh) -> StrainEnergy:
         """Return the strain energy of every element of a mesh of the solid: itself, or the swollen solid."""

@@ -24,7 +24,11 @@ from porocore.plugins.registry import registry
 #: A key that is known at more places than these is not told where it belongs.
 MOST_PLACES = 3
 
-_NOT_MODELLED = "the solid is elastic and the fluid Newtonian, without inertia; this is not modelled"
+_NOT_MODELLED = (
+    "the solid is elastic or viscoelastic and the fluid Newtonian, without inertia; this is not modelled"
+)
+_RELAXATION = "a solid that relaxes has 'relaxation: {branches: [{strength: 0.5, time: 10 s}]}' under cell.material"
+_CHARGES = "fixed charges are 'macro.charges:', with density and bath"
 _OF_THE_CELL = (
     "a permeability in m² follows from cell.geometry and the square of the pore size, 'scales.pore:' (or that of "
     "voxel_size), and the hydraulic conductivity from it and 'cell.viscosity:'; 'porocore check' tells both"
@@ -52,7 +56,8 @@ INSTEAD = {
     r"(layers?|regions?|zones?|inclusions?|heterogeneity)": _LAYERS,
     r"(indenters?|punch|indentation|tool|rigid_body)": _INDENTER,
     r"(fib(re|er)s?|fib(re|er)_(directions?|angles?|families)|anisotropy)": _FIBRES,
-    r"(temperature|thermal|heat|thermal_expansion)": "porocore is isothermal; temperature is not modelled",
+    r"(temperature|thermal|heat|thermal_expansion)": "porocore is isothermal; the temperature counts for fixed "
+    "charges alone, as 'temperature:' under macro.charges",
     r"(gravity|weight|g|self_weight)": "the weight of the mixture is 'macro.body_force: [0, −ρ g, 0]', per reference "
     "volume; the fluid feels no gravity",
     r"(density|rho|mass|inertia|acceleration)": "there is no inertia, so no density; a weight is 'macro.body_force:'",
@@ -75,10 +80,12 @@ INSTEAD = {
     r"(strain|compression|stretch)": _STRAIN,
     r"(friction|contact_friction)": "a plate is smooth; a surface that sticks has a displacement with all three "
     "components",
-    r"(growth|swelling.*|osmo.*|shrinkage|free_swelling)": "a solid that swells has its free stretch as "
+    r"(growth|swelling.*|shrinkage|free_swelling)": "a solid that swells has its free stretch as "
     "'swelling:' under cell.material",
-    r"(visco|viscoelastic.*|relaxation|creep|prony|plastic.*|yield.*|damage|fracture|fixed_charge.*|"
-    r"saturation|electric.*|chemical.*)": _NOT_MODELLED,
+    r"(visco|viscoelastic.*|relaxation.*|prony.*)": _RELAXATION,
+    r"(charges?|fixed_charge.*|fcd|donnan.*|osmotic.*|electric.*|chemical.*|salt.*|bath)": _CHARGES,
+    r"(evol.*|clogging|degradation|remodell?ing)": "parameters of the cell that evolve are 'macro.evolution:'",
+    r"(creep|plastic.*|yield.*|damage|fracture|saturation)": _NOT_MODELLED,
     r"(initial_(pressure|state|stress|conditions?))": "a body begins with the pressure and the gradient of "
     "'macro.initial:'",
     r"(dt|time_step|timestep|t_end|duration)": "the time plan is 'macro.time:', with step and end",

@@ -16,6 +16,7 @@ from pydantic.fields import FieldInfo
 from pydantic.json_schema import GenerateJsonSchema
 
 from porocore.cell.cell import Cell
+from porocore.cell.materials.prony import Relaxation
 from porocore.core.models.strict import bare, is_section
 from porocore.core.units import MULTIPLES, QUANTITIES, Carried, Dimension, Unit
 from porocore.errors import PluginError
@@ -80,11 +81,13 @@ def may_have_range(model: type[BaseModel], name: str, field: FieldInfo) -> bool:
 
 @cache
 def _sections_of_the_cell() -> frozenset[type[BaseModel]]:
-    """Return the sections of pores and materials, with those in them."""
+    """Return the sections of pores and materials, with those in them, but not the relaxation."""
     found: set[type[BaseModel]] = set()
 
     def visit(annotation: Any) -> None:
         annotation, _ = bare(annotation)
+        if annotation is Relaxation:
+            return
         if is_section(annotation) and annotation not in found:
             found.add(annotation)
             for field in annotation.model_fields.values():

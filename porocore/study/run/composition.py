@@ -110,7 +110,7 @@ def prepare_cell(
     """
     cell.require_member()
     solver = _cell_solver(backend, options, conductivity)
-    return solver, solver.prepare(cell, **_keywords(conductivity))
+    return solver, solver.prepare(cell.in_equilibrium, **_keywords(conductivity))
 
 
 def prepare_stored(
@@ -137,7 +137,7 @@ def prepare_family(
         The solver cannot compute the conductivity of a deformed pore, or not of this cell.
     """
     members = MemberSolver(_cell_solver(backend, options, conductivity), kept)
-    return members, members.prepare(cell, **_keywords(conductivity))
+    return members, members.prepare(cell.in_equilibrium, **_keywords(conductivity))
 
 
 def prepare_undeformed(
@@ -151,7 +151,7 @@ def prepare_undeformed(
         The solver computes no conductivity.
     """
     members = UndeformedMemberSolver(_cell_solver(backend, options, "piola"))
-    return members, members.prepare(UnstressedFamily(cell))
+    return members, members.prepare(UnstressedFamily(cell.in_equilibrium))
 
 
 def _cell_solver(backend: str, options: dict[str, Any], conductivity: str) -> CellSolver:

@@ -111,6 +111,7 @@ def _solve_rest(
         clock.add(saved)
         return ""
     begin()
+    cell = cell.in_equilibrium
     one = UnstressedFamily(cell).at(base_values(cell.parameters)) if cell.is_family else cell
     solver, prepared = prepare_cell(fem.backend, fem.options, one, conductivity)
     CellReference.compute(solver, prepared, one, cell_identity(cell, fem)).save(path)
