@@ -10,7 +10,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-from configuration_tables.words import codes, default_words, type_words
+from configuration_tables.words import codes, default_words, is_field, type_words
 from porocore.core.formulas import TimeFunction
 from porocore.core.units import MULTIPLES, ByKey
 from porocore.plugins.registry import own
@@ -27,6 +27,7 @@ ANY_KEY = {
     "scenarios": "NAME",
     "regions": "REGION",
     "fields": "PARAMETER",
+    "evolution": "PARAMETER",
     "cells": "CELL",
     "unknowns": "NAME",
     "observations": "NAME",
@@ -59,6 +60,8 @@ def sections_of(annotation: Any) -> tuple[list[type[BaseModel]], str]:
     origin, arguments = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         return sections_of(arguments[0])
+    if is_field(annotation):  # the page has one table for all fields
+        return [], ""
     if origin in (Union, types.UnionType):
         found = [sections_of(argument) for argument in arguments]
         return [model for models, _ in found for model in models], next((how for _, how in found if how), "")

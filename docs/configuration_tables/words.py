@@ -14,6 +14,7 @@ from pydantic_core import PydanticUndefined
 
 from porocore.core.formulas import TimeFunction
 from porocore.core.models.strict import bare, is_section, is_union
+from porocore.macro.composition.fields import AxesField, FormulaField
 
 COUNTS, TOGETHER = {2: "two", 3: "three"}, {2: "pairs", 3: "triples"}
 NOUNS = {float: "number", int: "whole number", str: "text", TimeFunction: "value"}
@@ -84,8 +85,19 @@ def _words(annotation: Any, metadata: Iterable[Any], name: str, plural: bool = F
     return bounded(noun, "each" if plural else name, low, high, ("ge" in limits, "le" in limits))
 
 
+def is_field(annotation: Any) -> bool:
+    """Whether a value is a number or a field over the body."""
+    members = (
+        [bare(part)[0] for part in get_args(bare(annotation)[0])] if is_union(bare(annotation)[0]) else []
+    )
+    inner = [part for part in members if is_union(part)]
+    return (FormulaField in members and AxesField not in members) or any(map(is_field, inner))
+
+
 def _union(arguments: tuple[Any, ...], metadata: Iterable[Any], name: str, plural: bool) -> str:
     given = [part for part in arguments if part is not type(None)]
+    if is_field(Union[tuple(given)]):  # noqa: UP007
+        return "number, formula or field"
     if any(bare(part)[0] is TimeFunction for part in given):  # a number, or a course in time of its own
         given = [TimeFunction]
     found = " or ".join(_words(part, metadata, name, plural) for part in given)

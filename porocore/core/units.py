@@ -762,7 +762,7 @@ def resolved(
         if not isinstance(place.value, str):
             if place.value and place.path[-1].isdigit():
                 plain.setdefault(entries, place)
-        elif has_unit(place.value):
+        elif has_unit(place.value) and not _is_formula(place):
             given.setdefault(entries, place.value)
             try:
                 found[place.path] = _number(place.value, dimension, scales)
@@ -775,6 +775,13 @@ def resolved(
         if beside is not None:
             faults.append((at, f"{dotted(at)}: {_without_unit(place, beside, dimension)}"))
     return _replaced(data, found, ()), faults
+
+
+def _is_formula(place: Place) -> bool:
+    """Return True for a text where a formula may stand, and whose first number is followed by an operator."""
+    return any(isinstance(extra, InScales) for extra in place.metadata) and (
+        unit_within(place.value)[:1] in ("+", "-", "*", "/")
+    )
 
 
 def _without_unit(place: Place, beside: str, dimension: Dimension) -> str:
@@ -821,7 +828,7 @@ def unit_notes(model: type[BaseModel], data: Any, scales: Scales | None) -> Iter
             part = ("macro", "body")  # its coordinates
         group = part, QUANTITIES[dimension.quantity].unit, dimension.si
         if isinstance(value, str):
-            if has_unit(value):
+            if has_unit(value) and not _is_formula(place):
                 given.setdefault(group, place)
         elif not _is_named_freely(place):
             key = place.path

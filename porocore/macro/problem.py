@@ -17,8 +17,10 @@ from porocore.interfaces.macro import Part
 from porocore.macro.body.kinds import AnyBody, Box, make_body
 from porocore.macro.body.mesh import BodyMesh, Patch, called, with_patches
 from porocore.macro.boundary.rigid import RigidIndenter
+from porocore.macro.composition.charges import Charges
+from porocore.macro.composition.evolution import Evolution
 from porocore.macro.composition.fields import Fields
-from porocore.macro.composition.regions import AnyRegion, composition, field_corners
+from porocore.macro.composition.regions import AnyRegion, composition, field_corners, without_paths
 
 Positive = Annotated[float, Field(gt=0)]
 Time = Annotated[Positive, Dimension("time")]
@@ -199,6 +201,11 @@ class MacroSetup(StrictModel):
     """Values of the cell's parameters by name, as a number, a formula of x, y, z and t or a section; and ``axes``."""
     regions: dict[Name, AnyRegion] = Field(default={})
     """Parts of the body by name, each with parameters and material axes of its own; elsewhere those of the body."""
+    charges: Charges | None = None
+    """Charges fixed to the solid, in equilibrium with a bath; prescribed pressures of the fluid are then those over the
+    osmotic one. null: none."""
+    evolution: dict[str, Evolution] = Field(default={})
+    """Rates of parameters of the cell that change in the course of a run, by name; ``fields`` have the first values."""
     boundary: dict[Name, Boundary]
     """What is prescribed on each surface; one that is not listed is free of traction and impermeable."""
     contact: dict[Name, RigidIndenter] = Field(default={})
@@ -279,6 +286,8 @@ class MacroSetup(StrictModel):
         """Times at which a prescribed value or a field has a kink."""
         times = {t for function in self.time_functions for t in function.corners}
         times |= {t for t, _ in self.time.load_curve} | set(field_corners(self))
+        if self.charges is not None:
+            times |= set(self.charges.corners)
         return tuple(sorted(t for t in times if 0 < t <= self.time.end))
 
     def specification(self) -> dict[str, Any]:
@@ -291,6 +300,10 @@ class MacroSetup(StrictModel):
             del said["body"]["flat"], said["body"]["depth"]
         if not self.contact:
             del said["contact"]
+        said["charges"] = without_paths(said["charges"])
+        for name in ("charges", "evolution"):
+            if not said[name]:
+                del said[name]
         for indenter in said.get("contact", {}).values():
             indenter["shape"].pop("path", None)
         return said | composition(self)

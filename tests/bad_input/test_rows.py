@@ -96,7 +96,7 @@ def assert_points_at_its_key(told, config):
     """Each line of the configuration that is named holds a part of the key that is named behind it."""
     for number, key in re.findall(rf"{CONFIG}:(\d+): ([\w.+-]+): ", told):
         source = config.read_text(encoding="utf-8").splitlines()[int(number) - 1]
-        entry = key.rpartition(".")[2].isdigit() and source.lstrip().startswith("- ")
+        entry = any(part.isdigit() for part in key.split(".")[-2:]) and source.lstrip().startswith("- ")
         source = source.replace("'", "")
         assert entry or any(f"{part}:" in source for part in key.split(".")), f"{key}: {number} is {source!r}"
 

@@ -34,4 +34,4 @@ class Relaxation(StrictModel):
     """
 
     branches: Annotated[tuple[Branch, ...], Field(min_length=1, max_length=MOST_BRANCHES)]
-    """Branches, 1 to 8."""
+    """Branches, whose overstresses add up."""

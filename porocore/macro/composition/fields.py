@@ -26,7 +26,7 @@ from porocore.core.models.bounds import MOST_TIMES
 from porocore.core.models.strict import StrictModel
 from porocore.core.units import Dimension, InScales, Unit, units_now
 from porocore.errors import ConfigurationError
-from porocore.macro.body.mesh import tetrahedra, tetrahedron_at
+from porocore.macro.body.mesh import BodyMesh, tetrahedra, tetrahedron_at
 from porocore.states import Array, IntArray
 
 #: Names that a formula of place and time may use.
@@ -50,6 +50,13 @@ class Points:
     places: Array
     centres: Array
     element: IntArray
+
+    @classmethod
+    def of(cls, mesh: BodyMesh, elements: IntArray | None = None) -> Points:
+        """Return the points of some elements of a body, by their numbers; None: of all."""
+        chosen = np.arange(len(mesh.cells)) if elements is None else elements
+        places = mesh.quadrature_points[chosen].reshape(-1, 3)
+        return cls(places, mesh.centres[chosen], np.repeat(np.arange(len(chosen)), mesh.weights.shape[1]))
 
     def __len__(self) -> int:
         return len(self.places)

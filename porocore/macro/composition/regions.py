@@ -270,17 +270,18 @@ def require_names(setup: ComposedBody, law: NeedsParameters) -> None:
 
 def composition(setup: ComposedBody) -> dict[str, Any]:
     """Return regions and fields as plain data, as far as there are any; files count by content, not by path."""
-    regions = {name: _without_paths(region.model_dump()) for name, region in setup.regions.items()}
+    regions = {name: without_paths(region.model_dump()) for name, region in setup.regions.items()}
     fields = {
-        name: entry if isinstance(entry, float | str) else _without_paths(entry.model_dump())
+        name: entry if isinstance(entry, float | str) else without_paths(entry.model_dump())
         for name, entry in setup.fields.items()
     }
     return {key: value for key, value in (("regions", regions), ("fields", fields)) if value}
 
 
-def _without_paths(data: Any) -> Any:
+def without_paths(data: Any) -> Any:
+    """Return nested data without the paths of files, which count by their content."""
     if isinstance(data, dict):
-        return {key: _without_paths(value) for key, value in data.items() if key != "path"}
+        return {key: without_paths(value) for key, value in data.items() if key != "path"}
     return data
 
 
@@ -430,11 +431,7 @@ class BodyFields:
         numbers = region_numbers(mesh, setup.regions)
         chosen = np.arange(len(mesh.cells)) if elements is None else elements
         count = mesh.weights.shape[1]
-        self.points = Points(
-            mesh.quadrature_points[chosen].reshape(-1, 3),
-            mesh.centres[chosen],
-            np.repeat(np.arange(len(chosen)), count),
-        )
+        self.points = Points.of(mesh, chosen)
         self._region = np.repeat(numbers[chosen], count)
         self._collect(setup, law, numbers)
 

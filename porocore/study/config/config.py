@@ -44,6 +44,7 @@ from porocore.errors import ConfigurationError, PluginError
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.boundary.symmetry import part_problem
 from porocore.macro.composition.fields import AXES
+from porocore.macro.composition.law_numbers import with_law_numbers
 from porocore.macro.composition.regions import BodyFields, CellRanges, field_times, regions_of_cell
 from porocore.macro.laws.closure import CLOSURES, ConductivityLaw
 from porocore.macro.problem import MacroProblem, MacroSetup, body_mesh
@@ -634,6 +635,11 @@ class RunConfig(StrictModel):
         part._part_of = self, name
         return part
 
+    def problem(self, load: float) -> MacroProblem:
+        """Return the problem under one load whose fields have the numbers of its laws, too; that which is solved."""
+        relaxations = {name: self.cell_named(name).relaxation for name in self.cell_names}
+        return with_law_numbers(self.macro.problem(load), relaxations)
+
     def cell_named(self, name: str | None) -> Cell:
         """Return the cell of this name; None names that of the rest of the body."""
         return self.cell if name is None else self.cells[name]
@@ -645,7 +651,7 @@ class RunConfig(StrictModel):
         return CellRanges([ranges[None], *(ranges[region.cell] for region in self.macro.regions.values())])
 
     def fields_of(self, name: str | None) -> MacroSettings:
-        """Return the body with fields of the parameters of one cell alone, and with all material axes."""
+        """Return the body with fields and rates of the parameters of one cell alone, and with all material axes."""
         known = {AXES, *_ranges_of(self.cell_named(name))}
         regions = {
             region: settings.model_copy(
@@ -653,7 +659,12 @@ class RunConfig(StrictModel):
             )
             for region, settings in self.macro.regions.items()
         }
-        return self.macro.model_copy(update={"regions": regions, "fields": _known(self.macro.fields, known)})
+        own = {
+            "regions": regions,
+            "fields": _known(self.macro.fields, known),
+            "evolution": _known(self.macro.evolution, known),
+        }
+        return self.macro.model_copy(update=own)
 
     @contextmanager
     def keys_of(self, name: str | None) -> Iterator[None]:
@@ -722,6 +733,8 @@ class RunConfig(StrictModel):
         ranges, macro = _ranges_of(whole.cell_named(name)), whole.macro
         if not _given_everywhere(macro, name, ranges):
             return ()  # a check of the fields names the one that is missing
+        if macro.evolution.keys() & ranges:
+            return ()  # it may evolve to any value of its range
         all_ranges = [sorted(each.items()) for each in whole.cell_ranges.by_region]
         grounds = json.dumps([macro.specification(), name, all_ranges], default=str, sort_keys=True)
         if grounds not in _known_parameters:
@@ -752,7 +765,12 @@ class RunConfig(StrictModel):
         test = _hash(cell, ranges, held_out, *more)
         training = _hash(sampling, self.surrogate.model_dump(), self.surrogate_model)
         others = [(name, self.of_cell(name).stages.training) for name in self.cells]
-        macro = _hash(training, self.closure, self.conductivity, self.macro.specification(), *others)
+        relaxing = [
+            None if cell.relaxation is None else cell.relaxation.model_dump() for cell in self.all_cells
+        ]
+        # Without any it is a hash that is older than they are.
+        memory = (relaxing,) if any(relaxing) else ()
+        macro = _hash(training, self.closure, self.conductivity, self.macro.specification(), *others, *memory)
         return StageIdentities(cell, sampling, test, training, macro)
 
     @property

@@ -27,7 +27,9 @@ MOST_PLACES = 3
 _NOT_MODELLED = (
     "the solid is elastic or viscoelastic and the fluid Newtonian, without inertia; this is not modelled"
 )
-_RELAXATION = "a solid that relaxes has 'relaxation: {branches: [{strength: 0.5, time: 10 s}]}' under cell.material"
+_RELAXATION = (
+    "a solid that relaxes has 'relaxation: {branches: [{strength: 0.5, time: 10 s}]}' under cell.material"
+)
 _CHARGES = "fixed charges are 'macro.charges:', with density and bath"
 _OF_THE_CELL = (
     "a permeability in m² follows from cell.geometry and the square of the pore size, 'scales.pore:' (or that of "
@@ -162,7 +164,7 @@ WHY = {
 #: So similar to a key is a slip of the pen, whatever else it may mean.
 SLIP = 0.8
 #: Keys of sections that have other keys for each ``kind``.
-OF_KINDS = ("geometry", "material", "body", "angle")
+OF_KINDS = ("geometry", "material", "body", "angle", "density")
 #: Mappings whose values are such sections.
 OF_KINDS_BY_NAME = ("materials", "regions", "fields")
 #: Keys that name a file.

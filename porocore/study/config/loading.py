@@ -34,6 +34,7 @@ from porocore.plugins.hookspecs import CommandOffer
 from porocore.plugins.registry import find_command
 from porocore.study.config.config import SAME_LENGTH, Reading, RunConfig, cell_faults, other_lengths
 from porocore.study.config.errors import faults, located, refusal, switched, unexpected
+from porocore.study.config.laws import law_faults
 
 Section = TypeVar("Section", bound=StrictModel)
 #: File of the benchmark of Dehghani & Zilian.
@@ -236,7 +237,7 @@ def validated(document: YamlDocument, *, alone: bool = False) -> RunConfig:
             {name: patch.of for name, patch in config.macro.surfaces.items()},
         )
         with located(document):
-            found += other_lengths(config) if alone else cell_faults(config)
+            found += other_lengths(config) if alone else (*cell_faults(config), *law_faults(config))
         if scales is not None:
             cells: dict[Location, Cell] = {("cell",): config.cell}
             cells |= {("cells", name): cell for name, cell in config.cells.items()}

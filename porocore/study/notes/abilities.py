@@ -37,6 +37,7 @@ from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.sampler import Sampler
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.composition.charges import require_charges
 from porocore.macro.composition.regions import (
     CellRanges,
     region_numbers,
@@ -182,9 +183,11 @@ def require_fields(cells: CellRanges, problem: MacroSetup, mesh: BodyMesh) -> No
     ------
     ConfigurationError
         A field is of no parameter, leaves its range or has no value; a parameter has no field; regions are empty or
-        overlap; a file does not cover the body.
+        overlap; a file does not cover the body; charges are negative, or their bath is without salt.
     """
     require_composition(problem, mesh, cells, problem.time.end)
+    if problem.charges is not None:
+        require_charges(problem.charges, mesh, run_times(problem))
 
 
 def members_of(config: RunConfig, sampler: Sampler) -> tuple[int, int]:
@@ -469,6 +472,8 @@ def late_functions(setup: MacroSetup, units: ResultUnits) -> Iterator[str]:
         for course in (indenter.displacement, indenter.force)
         if isinstance(course, TimeFunction)
     }
+    if setup.charges is not None:
+        courses["of macro.charges"] = list(setup.charges.corners)
     for where, corners in courses.items():
         last = max(corners, default=0.0)
         if last > end:

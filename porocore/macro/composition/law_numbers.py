@@ -1,0 +1,81 @@
+"""Numbers of laws beside those of the cells (relaxation, charges, evolution) as fields of a body.
+
+They are parameters of the law at each point, so they have derivatives as a parameter of the cell has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from porocore.cell.materials.prony import Relaxation
+
+if TYPE_CHECKING:
+    from porocore.macro.problem import MacroSetup
+
+    Setup = TypeVar("Setup", bound=MacroSetup)
+
+#: First parts of the names of such numbers; no parameter of a cell may begin with one and a dot.
+RELAXATION, CHARGES, EVOLUTION = "relaxation", "charges", "evolution"
+FIRST_PARTS = (RELAXATION, CHARGES, EVOLUTION)
+
+
+def is_of_the_law(name: str) -> bool:
+    """Return whether a parameter of a law is a number of its own, and none of the cell's."""
+    return name.partition(".")[0] in FIRST_PARTS and "." in name
+
+
+def of_the_cell(names: Iterable[str]) -> tuple[str, ...]:
+    """Return those parameters of a law that are the cell's."""
+    return tuple(name for name in names if not is_of_the_law(name))
+
+
+def key_of_number(name: str, cell: str | None = None) -> str:
+    """Return the key under which a number of a law stands in the configuration; ``cell`` names that of the region."""
+    first, *rest = name.split(".")
+    if first == RELAXATION:
+        branch, what = rest
+        whose = "cell" if cell is None else f"cells.{cell}"
+        return f"{whose}.material.relaxation.branches.{int(branch) - 1}.{what}"
+    if first == EVOLUTION:
+        return f"macro.evolution.{'.'.join(rest[:-1])}.constants.{rest[-1]}"
+    return f"macro.{name}"
+
+
+def relaxation_numbers(relaxation: Relaxation | None) -> dict[str, float]:
+    """Return strengths and times of the branches, from 1, by the names of the law's parameters."""
+    branches = () if relaxation is None else relaxation.branches
+    return {
+        f"{RELAXATION}.{k}.{name}": value
+        for k, branch in enumerate(branches, start=1)
+        for name, value in branch
+    }
+
+
+def with_law_numbers(setup: Setup, relaxations: Mapping[str | None, Relaxation | None]) -> Setup:
+    """Return a set-up whose fields have the numbers of its laws, too.
+
+    Parameters
+    ----------
+    setup
+        Body with charges and evolution.
+    relaxations
+        Those of the cells by name; None names the cell of the rest of the body.
+    """
+    fields: dict[str, Any] = relaxation_numbers(relaxations[None])
+    if setup.charges is not None:
+        fields[f"{CHARGES}.density"] = setup.charges.density
+        fields[f"{CHARGES}.bath"] = setup.charges.bath_field
+    for parameter, evolution in setup.evolution.items():
+        fields |= {f"{EVOLUTION}.{parameter}.{name}": value for name, value in evolution.constants.items()}
+    regions = {
+        name: region.model_copy(
+            update={"fields": {**region.fields, **relaxation_numbers(relaxations[region.cell])}}
+        )
+        if region.cell is not None
+        else region
+        for name, region in setup.regions.items()
+    }
+    if not fields and regions == setup.regions:
+        return setup
+    return setup.model_copy(update={"fields": {**setup.fields, **fields}, "regions": regions})
