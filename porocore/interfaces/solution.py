@@ -139,12 +139,15 @@ class Profile:
         if not len(self.cell_p):
             object.__setattr__(self, "cell_p", self.element_p)
 
+    def arrays(self) -> dict[str, Array]:
+        """Return time and fields by their names in files."""
+        found = {name: np.asarray(getattr(self, name)) for name in ("time", *PROFILE_SHAPES)}
+        return found | {f"internal/{link_to(name)}": values for name, values in self.internal.items()}
+
     def write(self, file: Any, group: str) -> None:
         """Write it into a group of an open file."""
-        for name in ("time", *PROFILE_SHAPES):
-            file[f"{group}/{name}"] = getattr(self, name)
-        for name, values in self.internal.items():
-            file[f"{group}/internal/{link_to(name)}"] = values
+        for name, values in self.arrays().items():
+            file[f"{group}/{name}"] = values
 
     def in_elements(self, elements: IntArray) -> Profile:
         """Return the profile with the means over some elements; nodal fields are those of the whole."""
