@@ -75,7 +75,17 @@ def test_no_property_of_the_schema_is_left_out():
         "time",
         "newton",
     }
-    sections |= {"calibration", "fit", "posterior", "prior", "field", "times", "camera"}
+    sections |= {
+        "calibration",
+        "fit",
+        "posterior",
+        "prior",
+        "field",
+        "times",
+        "camera",
+        "relaxation",
+        "charges",
+    }
     for section in [configuration_schema(), *configuration_schema()["$defs"].values()]:
         assert set(section.get("properties", {})) - sections <= shown, section.get("title")
 
@@ -96,6 +106,7 @@ def test_the_defaults_are_those_of_a_configuration_that_gives_nothing_else():
                 }
             },
             "regions": {"top": {"above": 1}},
+            "charges": {"density": 1, "bath": 1},
             "loads": [1],
         },
         "cell": {"viscosity": 0.001},
@@ -131,6 +142,7 @@ def test_the_defaults_are_those_of_a_configuration_that_gives_nothing_else():
                     "above",
                     "contact",
                     "displacement",
+                    "constants",
                 ), key
             else:
                 compared += 1
