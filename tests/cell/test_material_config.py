@@ -171,7 +171,11 @@ def test_a_solid_rests_without_stress_and_is_stiff(tmp_path, cell, why):
     [
         ("material: {kind: ogdn}", "cell.material.kind", "got 'ogdn'; did you mean 'ogden'?"),
         ("material: {kind: mooney-rivlin, c10: 0.1, c01: 0.1}", "cell.material.bulk_modulus", "missing"),
-        ("material: {c10: 0.1}", "cell.material.c10", "remove it; the keys here are swelling, relaxation, kind, poisson_ratio"),
+        (
+            "material: {c10: 0.1}",
+            "cell.material.c10",
+            "remove it; the keys here are swelling, relaxation, kind, poisson_ratio",
+        ),
         (
             "material: {kind: ogden, bulk_modulus: 1, terms: [{mu: 1, alpha: 0}]}",
             "cell.material.terms.0.alpha",
