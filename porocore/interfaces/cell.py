@@ -16,6 +16,7 @@ from porocore.states import Array, CellResponse, IntArray, MacroState
 
 if TYPE_CHECKING:
     from porocore.cell.cell import Cell
+    from porocore.cell.materials.relaxation import PronySeries
 
 
 #: Type of what a solver prepares for one cell or macro problem.
@@ -81,6 +82,8 @@ class CellSolver(ABC, Generic[Prepared]):
     #: Whether responses of a cell with parameters hold :class:`~porocore.CellSlopes`, the derivatives by them, and
     #: :meth:`hessian_slopes_at_rest` gives those of the undeformed cell.
     slopes: ClassVar[bool] = False
+    #: Whether :meth:`relax` follows a cell whose solid relaxes.
+    relaxes: ClassVar[bool] = False
     #: ``core``: it solves on ``cell.make_mesh``, so that it agrees with others on that mesh to round-off; ``own``: on
     #: another mesh, or without any.
     meshes: ClassVar[Literal["core", "own"]] = "own"
@@ -126,6 +129,41 @@ class CellSolver(ABC, Generic[Prepared]):
         fields
             Whether the micro displacement is wanted.
         """
+
+    def relax(
+        self, prepared: Prepared, path: MacroState, times: Array, series: PronySeries, *, fields: bool = False
+    ) -> CellSolution:
+        """Follow a path of the cell whose solid relaxes, with the history of each of its points.
+
+        The solid has stood at the first state for long. Between two times its stress of equilibrium changes at a
+        constant rate. A solver whose :attr:`relaxes` is false leaves it out.
+
+        Parameters
+        ----------
+        prepared
+            What :meth:`prepare` returned.
+        path
+            n states, one at each time.
+        times : (n,)
+            They never fall; two that are equal are a sudden change.
+        series
+            Overstress of the solid, the same in all its regions.
+        fields
+            Whether the micro displacement is wanted.
+
+        Returns
+        -------
+        CellSolution
+            Stress, <∇u¹>_s, fluid volume, status and extrema at each time; a status of instability is that of the
+            step, whose energy the extrema have too. There is no potential, since the stress depends on the past, nor
+            derivatives or a conductivity. All rows behind one without values have its status.
+
+        Raises
+        ------
+        ConfigurationError
+            There is no state, or not one time for each, or the times fall.
+        """
+        raise NotImplementedError(f"{type(self).__name__} solves no cell whose solid relaxes")
 
     def conductivity(self, prepared: Prepared) -> Array:
         """Return the hydraulic conductivity K (3, 3) of the undeformed cell, <w^j_i>_f with the cell's viscosity.

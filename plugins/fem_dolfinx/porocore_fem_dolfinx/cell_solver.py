@@ -6,7 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from porocore.cell.cell import Cell
+from porocore.cell.contact.wall_contact import make_contact_model
 from porocore.cell.equilibrium.solver import EquilibriumCellSolver
+from porocore.cell.materials.material import StrainEnergy
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
@@ -51,9 +53,13 @@ class DolfinxCellSolver(EquilibriumCellSolver):
         choose_solver(solver, 0)
         self.solver, self.petsc = solver, dict(petsc or {})
 
-    def solid(self, cell: Cell, mesh: CellMesh) -> DolfinxSolid:
+    def solid(self, cell: Cell, mesh: CellMesh, material: StrainEnergy | None = None) -> DolfinxSolid:
         degree = self.quadrature_degree or mesh.quadrature_degree
-        return DolfinxSolid(cell, mesh, degree=degree, solver=self.solver, petsc=self.petsc)
+        material = cell.solid.on(mesh) if material is None else material
+        contact = make_contact_model(mesh, cell.contact, material)
+        return DolfinxSolid(
+            mesh, material, degree=degree, solver=self.solver, petsc=self.petsc, contact=contact
+        )
 
     def fluid(self, mesh: CellMesh) -> DolfinxStokes:
         return DolfinxStokes(mesh)

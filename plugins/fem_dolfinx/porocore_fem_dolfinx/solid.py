@@ -12,8 +12,7 @@ import ufl
 from petsc4py import PETSc
 from scipy import sparse
 
-from porocore.cell.cell import Cell
-from porocore.cell.contact.wall_contact import make_contact_model
+from porocore.cell.contact.wall_contact import ContactModel
 from porocore.cell.equilibrium.discrete import (
     DiscreteSolid,
     DomainIntegrals,
@@ -284,9 +283,16 @@ class DolfinxSolid(DiscreteSolid[DolfinxIterate, DolfinxTangentFactor]):
     """Discrete energy Π and its derivatives on one mesh."""
 
     def __init__(
-        self, cell: Cell, mesh: CellMesh, *, degree: int, solver: str, petsc: Mapping[str, OptionValue]
+        self,
+        mesh: CellMesh,
+        material: StrainEnergy,
+        *,
+        degree: int,
+        solver: str,
+        petsc: Mapping[str, OptionValue],
+        contact: ContactModel | None = None,
     ) -> None:
-        self.mesh, self.material, self.degree = mesh, cell.solid.on(mesh), degree
+        self.mesh, self.material, self.degree, self.contact = mesh, material, degree, contact
         self._solver, self._petsc = solver, petsc
         self.space = space = SolidSpace(mesh, degree)
         self._forms: SolidForms = (
@@ -295,7 +301,6 @@ class DolfinxSolid(DiscreteSolid[DolfinxIterate, DolfinxTangentFactor]):
             else PointwiseForms(space.domain, space.functions, self.material)
         )
         self._least_stress = 1e-3 * self.material.mean_moduli()[1]
-        self.contact = make_contact_model(mesh, cell.contact, self.material)
         self._solvers: dict[str, SymmetricSolver] = {}
         #: Token of the factor that the solver of a class holds.
         self._in_use: dict[str, object] = {}

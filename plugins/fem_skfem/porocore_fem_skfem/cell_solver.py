@@ -7,6 +7,7 @@ from typing import Any
 from porocore.cell.cell import Cell
 from porocore.cell.contact.wall_contact import make_contact_model
 from porocore.cell.equilibrium.solver import EquilibriumCellSolver
+from porocore.cell.materials.material import StrainEnergy
 from porocore.cell.meshing.mesh import CellMesh
 from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
@@ -34,9 +35,9 @@ class SkfemCellSolver(EquilibriumCellSolver):
         super().__init__(quadrature_degree=quadrature_degree)
         self.solver = solver
 
-    def solid(self, cell: Cell, mesh: CellMesh) -> SkfemSolid:
+    def solid(self, cell: Cell, mesh: CellMesh, material: StrainEnergy | None = None) -> SkfemSolid:
         degree = self.quadrature_degree or mesh.quadrature_degree
-        material = cell.solid.on(mesh)
+        material = cell.solid.on(mesh) if material is None else material
         contact = make_contact_model(mesh, cell.contact, material)
         return SkfemSolid(mesh, material, degree=degree, solver=self.solver, contact=contact)
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from porocore.cell.cell import Cell
 from porocore.cell.conductivity.pore import DiscreteFluid, Pore, require_one_cell
 from porocore.cell.equilibrium.discrete import DiscreteSolid, FactorError, Iterate
+from porocore.cell.equilibrium.relaxation import follow_relaxing, require_path
 from porocore.cell.equilibrium.responses import follow, respond_with_slopes
 from porocore.cell.equilibrium.slopes import ExplicitDependence, hessian_slopes_at_rest
 from porocore.cell.family.wall import (
@@ -21,7 +22,8 @@ from porocore.cell.family.wall import (
     fluid_velocities,
     with_viscosity,
 )
-from porocore.cell.materials.material import SWELLING
+from porocore.cell.materials.material import SWELLING, StrainEnergy
+from porocore.cell.materials.relaxation import PronySeries
 from porocore.cell.meshing.connectivity import blocked, pieces
 from porocore.cell.meshing.mesh import CellMesh, Domain
 from porocore.cell.meshing.tetrahedra import LARGEST_DEGREE
@@ -138,6 +140,7 @@ class EquilibriumCellSolver(CellSolver[PreparedCell]):
     contact = True
     returns_fields = True
     slopes = True
+    relaxes = True
     meshes = "core"
 
     def __init__(self, *, quadrature_degree: int | None = None) -> None:
@@ -149,8 +152,8 @@ class EquilibriumCellSolver(CellSolver[PreparedCell]):
         self.quadrature_degree = quadrature_degree
 
     @abstractmethod
-    def solid(self, cell: Cell, mesh: CellMesh) -> DiscreteSolid:
-        """Return the solid problem on the mesh."""
+    def solid(self, cell: Cell, mesh: CellMesh, material: StrainEnergy | None = None) -> DiscreteSolid:
+        """Return the solid problem on the mesh, of another ``material`` than the cell's where one is given."""
 
     @abstractmethod
     def fluid(self, mesh: CellMesh) -> DiscreteFluid:
@@ -191,6 +194,30 @@ class EquilibriumCellSolver(CellSolver[PreparedCell]):
         response = CellResponse.concatenate([row for row, _ in solved])
         return CellSolution(response, [field for _, field in solved] if fields else None)
 
+    def relax(
+        self,
+        prepared: PreparedCell,
+        path: MacroState,
+        times: Array,
+        series: PronySeries,
+        *,
+        fields: bool = False,
+    ) -> CellSolution:
+        require_path(path, times)
+        # One domain for the whole path, since a history is known at the points of one mesh.
+        solid = prepared.solid_for(np.abs(path.grad_u).max(axis=0))
+
+        def solve(
+            step: DiscreteSolid, start: Iterate, H: Array, p: float
+        ) -> tuple[CellResponse, Iterate | None]:
+            solved = _reach(prepared, step, start, H, p, tangent=False)
+            return solved.response, solved.iterate
+
+        make = partial(self.solid, prepared.cell, solid.mesh)
+        rows = list(follow_relaxing(solid, make, solve, path, times, series))
+        response = CellResponse.concatenate([row for row, _ in rows])
+        return CellSolution(response, [_field(solid, one) for _, one in rows] if fields else None)
+
 
 @dataclass(frozen=True, eq=False)
 class _Solved:
@@ -211,29 +238,45 @@ def _solve_one(
         response = _with_conductivity(prepared, solved)
     elif solved.slopes is not None:
         response = _with_slopes(response, prepared.conductivity_slopes)
-    if solid is None or iterate is None or not fields:
+    if solid is None or not fields:
         return response, None
-    return response, CellField(H.copy(), p, solid.mesh.domain, iterate.displacement.copy())
+    return response, _field(solid, iterate)
+
+
+def _field(solid: DiscreteSolid, iterate: Iterate | None) -> CellField | None:
+    """Return the field of an equilibrium, if there is one."""
+    if iterate is None:
+        return None
+    return CellField(iterate.H.copy(), iterate.p, solid.mesh.domain, iterate.displacement.copy())
 
 
 def _equilibrium(
     prepared: PreparedCell, H: Array, p: float, start: CellField | None, tangent: bool
 ) -> _Solved:
     """Return the response without conductivity."""
-    count = len(prepared.cell.parameters) if tangent else 0
-
-    def failed(status: Status) -> _Solved:
-        return _Solved(failed_response(status, tangent=tangent, parameters=count or None))
-
     if not (np.isfinite(H).all() and np.isfinite(p)) or np.linalg.det(np.eye(3) + H) <= 0:
-        return failed(Status.inverted)
+        return _failed(Status.inverted, tangent, prepared.cell)
     solid = prepared.solid_for(H)
+    return _reach(prepared, solid, _start(solid, start), H, p, tangent)
+
+
+def _failed(status: Status, tangent: bool, cell: Cell) -> _Solved:
+    return _Solved(
+        failed_response(status, tangent=tangent, parameters=len(cell.parameters) * tangent or None)
+    )
+
+
+def _reach(
+    prepared: PreparedCell, solid: DiscreteSolid, start: Iterate, H: Array, p: float, tangent: bool
+) -> _Solved:
+    """Return the response of a solid that is reached from an iterate of it, without conductivity."""
+    failed = partial(_failed, tangent=tangent, cell=prepared.cell)
     try:
         with freed_memory_kept(solid.mesh.points.size):
-            outcome = follow(solid, _start(solid, start), H, p, TOLERANCE)
+            outcome = follow(solid, start, H, p, TOLERANCE)
             if outcome.equilibrium is None:
                 return failed(outcome.status)
-            dependences = prepared.dependences(solid) if count else []
+            dependences = prepared.dependences(solid) if tangent and prepared.cell.parameters else []
             response, slopes = respond_with_slopes(solid, outcome.equilibrium, dependences, tangent=tangent)
     except FactorError:
         return failed(Status.not_converged)
