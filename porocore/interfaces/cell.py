@@ -16,7 +16,7 @@ from porocore.states import Array, CellResponse, IntArray, MacroState
 
 if TYPE_CHECKING:
     from porocore.cell.cell import Cell
-    from porocore.cell.materials.relaxation import PronySeries
+    from porocore.cell.materials.prony import Relaxation
 
 
 #: Type of what a solver prepares for one cell or macro problem.
@@ -131,7 +131,13 @@ class CellSolver(ABC, Generic[Prepared]):
         """
 
     def relax(
-        self, prepared: Prepared, path: MacroState, times: Array, series: PronySeries, *, fields: bool = False
+        self,
+        prepared: Prepared,
+        path: MacroState,
+        times: Array,
+        relaxation: Relaxation,
+        *,
+        fields: bool = False,
     ) -> CellSolution:
         """Follow a path of the cell whose solid relaxes, with the history of each of its points.
 
@@ -146,8 +152,8 @@ class CellSolver(ABC, Generic[Prepared]):
             n states, one at each time.
         times : (n,)
             They never fall; two that are equal are a sudden change.
-        series
-            Overstress of the solid, the same in all its regions.
+        relaxation
+            Overstress of the solid, the same in all its regions; that of the cell itself is not looked at.
         fields
             Whether the micro displacement is wanted.
 

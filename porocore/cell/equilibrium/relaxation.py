@@ -9,7 +9,8 @@ import numpy as np
 
 from porocore.cell.equilibrium.discrete import DiscreteSolid, Iterate, element_gradients
 from porocore.cell.materials.material import StrainEnergy
-from porocore.cell.materials.relaxation import PronySeries, RelaxingSolid, second_stress
+from porocore.cell.materials.prony import Relaxation, step_factors
+from porocore.cell.materials.relaxing import RelaxingSolid, second_stress
 from porocore.core.echo import echo
 from porocore.errors import ConfigurationError
 from porocore.states import Array, CellResponse, MacroState
@@ -70,7 +71,7 @@ def follow_relaxing(
     solve: Solve,
     path: MacroState,
     times: Array,
-    series: PronySeries,
+    relaxation: Relaxation,
 ) -> Iterator[tuple[CellResponse, Iterate | None]]:
     """Yield response and equilibrium of each state; behind one without values, its status and None.
 
@@ -84,15 +85,15 @@ def follow_relaxing(
         Solves one state.
     path, times
         n states at n times.
-    series
+    relaxation
         Overstress of the solid.
     """
-    branches = series.effective
+    branches = relaxation.acting
     gradients = element_gradients(solid.mesh, solid.degree)
     history: _History | None = None
     start = solid.iterate_at(solid.unstressed, 0.0)
     for k, (H, p) in enumerate(zip(path.grad_u, path.p, strict=True)):
-        step, factors = solid, branches.step(float(times[k] - times[k - 1])) if k else None
+        step, factors = solid, step_factors(branches, float(times[k] - times[k - 1])) if k else None
         if history is not None and factors is not None:
             step = make(history.solid(solid.material, *factors))
             start = step.iterate_at(start.H, start.p, start.displacement)
@@ -102,11 +103,11 @@ def follow_relaxing(
             yield from [(response, None)] * (len(path) - k)
             return
         yield response, found
-        if branches.times:
+        if branches:
             F = np.eye(3) + H + gradients.gradient(found.displacement)
             S = second_stress(solid.material, F)
             if history is None or factors is None:
-                history = _History(S, np.zeros((len(branches.times), *S.shape)))
+                history = _History(S, np.zeros((len(branches), *S.shape)))
             else:
                 history = history.after(S, *factors)
         start = solid.iterate_at(H, float(p), found.displacement)

@@ -23,7 +23,7 @@ from porocore.cell.family.wall import (
     with_viscosity,
 )
 from porocore.cell.materials.material import SWELLING, StrainEnergy
-from porocore.cell.materials.relaxation import PronySeries
+from porocore.cell.materials.prony import Relaxation
 from porocore.cell.meshing.connectivity import blocked, pieces
 from porocore.cell.meshing.mesh import CellMesh, Domain
 from porocore.cell.meshing.tetrahedra import LARGEST_DEGREE
@@ -199,7 +199,7 @@ class EquilibriumCellSolver(CellSolver[PreparedCell]):
         prepared: PreparedCell,
         path: MacroState,
         times: Array,
-        series: PronySeries,
+        relaxation: Relaxation,
         *,
         fields: bool = False,
     ) -> CellSolution:
@@ -214,7 +214,7 @@ class EquilibriumCellSolver(CellSolver[PreparedCell]):
             return solved.response, solved.iterate
 
         make = partial(self.solid, prepared.cell, solid.mesh)
-        rows = list(follow_relaxing(solid, make, solve, path, times, series))
+        rows = list(follow_relaxing(solid, make, solve, path, times, relaxation))
         response = CellResponse.concatenate([row for row, _ in rows])
         return CellSolution(response, [_field(solid, one) for _, one in rows] if fields else None)
 

@@ -1,13 +1,16 @@
-"""Configuration of a solid that relaxes (Relaxation): branches of a Prony series."""
+"""Configuration of a solid that relaxes (Relaxation): branches of a Prony series, and their factors in a step."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated
 
+import numpy as np
 from pydantic import Field
 
 from porocore.core.models.strict import StrictModel
 from porocore.core.units import Dimension
+from porocore.states import Array
 
 #: Key of the relaxation below a material.
 RELAXATION = "relaxation"
@@ -35,3 +38,23 @@ class Relaxation(StrictModel):
 
     branches: Annotated[tuple[Branch, ...], Field(min_length=1, max_length=MOST_BRANCHES)]
     """Branches, whose overstresses add up."""
+
+    @property
+    def acting(self) -> tuple[Branch, ...]:
+        """Branches whose strength is not 0; the others never have a stress."""
+        return tuple(branch for branch in self.branches if branch.strength > 0)
+
+
+def decays_and_shares(ratio: Array) -> tuple[Array, Array]:
+    """Return e = exp(−a) and c = (1 − e)/a of steps a = Δt/τ ≥ 0: what is left of an overstress, and of one that grows.
+
+    They are exact where the stress of equilibrium changes at a constant rate.
+    """
+    share = np.divide(-np.expm1(-ratio), ratio, out=np.ones_like(ratio), where=ratio > 0)
+    return np.exp(-ratio), share
+
+
+def step_factors(branches: Sequence[Branch], length: float) -> tuple[Array, Array]:
+    """Return the factors (b,) of a step Δt ≥ 0, in which Q_i ← e_i Q_i + g_i (S_new − S_old): e_i and g_i = c_i γ_i."""
+    decays, shares = decays_and_shares(length / np.array([branch.time for branch in branches]))
+    return decays, shares * np.array([branch.strength for branch in branches])

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from porocore.cell.materials.prony import decays_and_shares
 from porocore.core.fields import provided
 from porocore.core.tensors import cofactor, determinant
 from porocore.interfaces.law import (
@@ -74,8 +75,7 @@ class _Step:
             ratio = decay = share = np.zeros_like(time)
         else:
             ratio = interval.length / time
-            decay = np.exp(-ratio)
-            share = np.divide(-np.expm1(-ratio), ratio, out=np.ones_like(ratio), where=ratio > 0)
+            decay, share = decays_and_shares(ratio)
         return cls(strength, time, ratio, decay, share, blocks[:, :-1], blocks[:, -1])
 
     @property
