@@ -37,7 +37,9 @@ _TANGENT: dict[str, tuple[int, ...]] = {
     "flux_p": (3,),
     "flux_grad_p": (3, 3),
 }
-assert tuple(_TANGENT) == tuple(f.name for f in fields(MacroTangent))
+#: Derivatives that few laws have.
+_BY_SLOPE = {"stress_grad_p": (3, 3, 3), "storage_grad_p": (3,)}
+assert (*_TANGENT, *_BY_SLOPE) == tuple(f.name for f in fields(MacroTangent))
 
 
 class MacroForms:
@@ -57,6 +59,7 @@ class MacroForms:
         self._build_residual()
         self._build_tangent()
         self.matrix = compat.block_matrix(self._tangent)
+        self._tangent_by_slope: list[list[CompiledForm]] | None = None
         self._schur: tuple[CompiledForm, PETSc.Mat | None] | None = None
 
     def _at_points(self, shape: tuple[int, ...]) -> Function:
@@ -146,6 +149,27 @@ class MacroForms:
         flux = f["flux_p"] * dp + ufl.dot(f["flux_grad_p"], self._slope(dp))
         return by_pressure * dp * s - self._dt * ufl.dot(flux, self._slope(s))
 
+    def _by_slope(self) -> list[list[CompiledForm]]:
+        """Return the forms of the tangent where the stress and the storage depend on ∇p, made at the first call."""
+        if self._tangent_by_slope is None:
+            f, V, Q = self._functions, self._space.V, self._space.Q
+            f |= {name: self._at_points(shape) for name, shape in _BY_SLOPE.items()}
+            v, s, dp, of = ufl.TestFunction(V), ufl.TestFunction(Q), ufl.TrialFunction(Q), self._integral
+            slope, by_slope = self._slope(dp), f["stress_grad_p"]
+            rows = [
+                [sum(by_slope[i, 3 * j + k] * slope[k] for k in range(3)) for j in range(3)] for i in range(3)
+            ]
+            stress = f["stress_p"] * dp + ufl.as_matrix(rows)
+            stored = ufl.dot(f["storage_grad_p"], slope) * s
+            forces, volumes = compat.form(
+                [
+                    [of(ufl.inner(stress, self._gradient(v)))],
+                    [of(self._storage(s, dp, f["storage_p"]) + stored)],
+                ]
+            )
+            self._tangent_by_slope = [[self._tangent[0][0], *forces], [self._tangent[1][0], *volumes]]
+        return self._tangent_by_slope
+
     def _fill(self, name: str, values: Array) -> None:
         function = self._functions[name]
         points = len(self._slots)
@@ -168,12 +192,21 @@ class MacroForms:
         )
         return forces, stored, moved
 
-    def assemble(self, tangent: MacroTangent, dt: float) -> None:
-        """Assemble the derivative of the residual into ``matrix``."""
+    def assemble(self, tangent: MacroTangent, dt: float, by_slope: bool) -> None:
+        """Assemble the derivative of the residual into ``matrix``.
+
+        All processes are told alike whether stress or storage of any of them depend on ∇p (``by_slope``).
+        """
+        forms = self._by_slope() if by_slope else self._tangent
         for name in _TANGENT:
             self._fill(name, getattr(tangent, name))
+        if by_slope:
+            n = len(self._slots)
+            for name, shape in _BY_SLOPE.items():
+                values = getattr(tangent, name)
+                self._fill(name, np.zeros((n, *shape)) if values is None else values)
         self._dt.value = dt
-        compat.assemble_blocks(self._tangent, self.matrix)
+        compat.assemble_blocks(forms, self.matrix)
 
     def schur(self, mass: Array) -> PETSc.Mat:
         """Return the block of the pressures plus ∫ ``mass`` N N, ``mass`` (points,), by the last tangent.
@@ -341,7 +374,8 @@ class DolfinxDiscretisation(Discretisation[PETSc.Mat]):
 
     def system(self, tangent: MacroTangent, dt: float, surface: sparse.csr_matrix | None = None) -> PETSc.Mat:
         """Return a PETSc matrix, which the next call overwrites."""
-        self._forms.assemble(tangent, dt)
+        by_slope = any(getattr(tangent, name) is not None for name in _BY_SLOPE)
+        self._forms.assemble(tangent, dt, bool(self.communicator.max(float(by_slope))))
         self._solver.renew()
         self._tangent = tangent
         if surface is not None:

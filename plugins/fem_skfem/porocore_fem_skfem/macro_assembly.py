@@ -101,6 +101,9 @@ class ElementIntegrals:
         slopes = np.matmul(stiffness, g.swapaxes(2, 3)).reshape(e, 3 * q, 9 * a)
         forces = np.matmul(by_grad, slopes)
         stress_p = at_points(tangent.stress_p, 3, 3).swapaxes(2, 3)[..., None] * s.p[:, None, None, :]
+        if tangent.stress_grad_p is not None:
+            by_slope = at_points(tangent.stress_grad_p, 3, 3, 3).swapaxes(2, 3).reshape(e, q, 9, 3)
+            stress_p += np.matmul(by_slope, gp.swapaxes(2, 3)).reshape(stress_p.shape)
         forces_p = np.matmul(by_grad, stress_p.reshape(e, 3 * q, 3 * c))
         # Rows (q, 0) for the storage, (q, 1 … 3) for the flux.
         by_u = np.concatenate(
@@ -114,6 +117,9 @@ class ElementIntegrals:
         )
         by_pressure = by_value[..., None] * s.p[:, None, :]
         by_pressure[:, :, 1:] -= dt * np.matmul(at_points(tangent.flux_grad_p, 3, 3), gp.swapaxes(2, 3))
+        if tangent.storage_grad_p is not None:
+            by_slope = at_points(tangent.storage_grad_p, 1, 3)
+            by_pressure[:, :, :1] += np.matmul(by_slope, gp.swapaxes(2, 3))
         volumes_p = np.matmul(by_p, by_pressure.reshape(e, 4 * q, c))
         if s.revolved:
             stiffness = forces.reshape(e, a, 3, 3, a)
@@ -126,12 +132,14 @@ class ElementIntegrals:
 
 def _in_meridian(tangent: MacroTangent) -> MacroTangent:
     """Return the derivatives with those components alone that there are in a meridian."""
+    by_slope = tangent.stress_grad_p
     return replace(
         tangent,
         stress_grad_u=tangent.stress_grad_u * (MERIDIAN[:, :, None, None] * MERIDIAN),
         stress_p=tangent.stress_p * MERIDIAN,
         storage_grad_u=tangent.storage_grad_u * MERIDIAN,
         flux_grad_u=tangent.flux_grad_u * MERIDIAN,
+        stress_grad_p=None if by_slope is None else by_slope * MERIDIAN[:, :, None],
     )
 
 

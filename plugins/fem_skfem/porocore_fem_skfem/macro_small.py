@@ -29,7 +29,8 @@ class _Block(NamedTuple):
     """Part of all element matrices that comes from the same products.
 
     Each row of derivatives (elements, points) by the products gives the entries (elements, pairs) of one pair of kinds
-    of unknowns; these are 0, 1, 2 for the components of u and 3 for p.
+    of unknowns; these are 0, 1, 2 for the components of u and 3 for p. Terms of derivatives that a law may leave out
+    come last.
     """
 
     kinds: list[tuple[int, int]]  #: of each row
@@ -101,6 +102,8 @@ class Products:
             entries = self._entries[first : first + count * block.width].reshape(count, block.width)
             first += entries.size
             for number, (kind, rows, products) in enumerate(block.terms):
+                if kind not in derivatives:
+                    continue
                 values = derivatives[kind][rows].reshape(count, -1)
                 if number:
                     entries += values @ products
@@ -112,7 +115,8 @@ class Products:
         """Return the derivatives (rows, points, indices) that are integrated, by the number of indices of gradients.
 
         Those with two indices are of the stress by H, of the flux by H and of the flux by ∇p, those with one of the
-        stress by p, of the storage by H and of the flux by p; that without is of the storage by p.
+        stress by p, of the storage by H and of the flux by p; that without is of the storage by p. Those of the stress
+        and of the storage by ∇p, with two indices and one, are there where the law has them.
         """
         rows, n, order = self._rows, self._e * self._q, self._order
         stress, flux = tangent.stress_grad_u, tangent.flux_grad_u
@@ -128,7 +132,19 @@ class Products:
         rows["none"][0, :, 0] = tangent.storage_p
         for name, by in self._pull.items():
             np.matmul(rows[name].swapaxes(0, 1), by, out=self._pulled[name].swapaxes(0, 1))
-        return self._pulled if self._pull else rows
+        found = dict(self._pulled if self._pull else rows)
+        if tangent.stress_grad_p is not None:
+            by_slope = np.stack([tangent.stress_grad_p[:, k] for k in order]).reshape(3, n, 9)
+            found["stress by slope"] = self._pulled_back("two", by_slope)
+        if tangent.storage_grad_p is not None:
+            found["storage by slope"] = self._pulled_back("one", tangent.storage_grad_p[None])
+        return found
+
+    def _pulled_back(self, name: str, rows: Array) -> Array:
+        """Return rows (r, points, indices) of derivatives in coordinates of the reference element."""
+        if not self._pull:
+            return rows
+        return np.asarray(np.matmul(rows.swapaxes(0, 1), self._pull[name]).swapaxes(0, 1))
 
 
 def _blocks(
@@ -157,11 +173,16 @@ def _blocks(
             at += len(kinds)
     at = 0
     for members, slopes in groups:
-        blocks.append(block([(i, 3) for i in members], ("one", at, product(slopes, p))))
+        by_p = ("one", at, product(slopes, p)), ("stress by slope", at, product(slopes, p_slopes))
+        blocks.append(block([(i, 3) for i in members], *by_p))
         by_H = ("two", 9 + at, product(p_slopes, slopes)), ("one", 3 + at, product(p, slopes))
         blocks.append(block([(3, k) for k in members], *by_H))
         at += len(members)
-    by_p = ("one", 6, product(p_slopes, p)), ("none", 0, product(p, p))
+    by_p = (
+        ("one", 6, product(p_slopes, p)),
+        ("none", 0, product(p, p)),
+        ("storage by slope", 0, product(p, p_slopes)),
+    )
     return [*blocks, block([(3, 3)], ("two", 12, product(p_slopes, p_slopes)), *by_p)]
 
 

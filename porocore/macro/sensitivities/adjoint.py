@@ -79,10 +79,15 @@ class PointWeights(Batch):
         stress, storage, flux = self.stress.reshape(n, 1, 9), self.storage, self.flux[:, None, :]
         grad_u = stress @ tangent.stress_grad_u.reshape(n, 9, 9) + flux @ tangent.flux_grad_u.reshape(n, 3, 9)
         p = (stress @ tangent.stress_p.reshape(n, 9, 1) + flux @ tangent.flux_p[:, :, None])[:, 0, 0]
+        grad_p = (flux @ tangent.flux_grad_p)[:, 0]
+        if tangent.stress_grad_p is not None:
+            grad_p = grad_p + (stress @ tangent.stress_grad_p.reshape(n, 9, 3))[:, 0]
+        if tangent.storage_grad_p is not None:
+            grad_p = grad_p + storage[:, None] * tangent.storage_grad_p
         return PointWeights(
             grad_u.reshape(n, 3, 3) + storage[:, None, None] * tangent.storage_grad_u,
             p + storage * tangent.storage_p,
-            (flux @ tangent.flux_grad_p)[:, 0],
+            grad_p,
         )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from porocore.errors import ConfigurationError, DataError, SolveError
-from porocore.interfaces.law import Interval, LawMemory, MacroResponse
+from porocore.interfaces.law import Interval, LawMemory, MacroLaw, MacroResponse
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import History, MacroSolution, StepReport
 from porocore.macro.analytic import Terzaghi
@@ -77,20 +77,20 @@ class Solving(Suite):
         return cls.prepare(problem)
 
     @staticmethod
-    def tangent_and_slope(d: Any, load: float) -> tuple[Any, Any, Any]:
+    def tangent_and_slope(d: Any, load: float, law: MacroLaw = NONLINEAR) -> tuple[Any, Any, Any]:
         """Return the system of the tangent, the slope of the residual along a random direction, and the direction.
 
-        All unknowns are free to move, the law is nonlinear, and the state has no symmetry.
+        All unknowns are free to move, the ``law`` is nonlinear, and the state has no symmetry.
         """
         rng = np.random.default_rng(0)
         x, old = 0.02 * rng.standard_normal((2, d.mesh.size))
         states, _ = d.states(old)
-        memory = NONLINEAR.respond(states, np.zeros((len(states), 3)), NONLINEAR.initial(len(states))).memory
+        memory = law.respond(states, np.zeros((len(states), 3)), law.initial(len(states))).memory
         loads = d.loads(load)
 
         def residual(x: Any) -> Any:
             states, grad_p = d.states(x)
-            response = NONLINEAR.respond(states, grad_p, memory)
+            response = law.respond(states, grad_p, memory)
             return d.residual(response, 0.3, loads, x).values, response
 
         tangent = residual(x)[1].tangent

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -10,7 +10,16 @@ import numpy as np
 
 from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.core.inputs import flatten
-from porocore.interfaces.law import Interval, LawMemory, MacroLaw, MacroResponse
+from porocore.interfaces.law import (
+    Interval,
+    LawMemory,
+    LawWrapper,
+    MacroLaw,
+    MacroResponse,
+    MemoryChanges,
+    PointChanges,
+    ResponseChanges,
+)
 from porocore.macro.laws.closure import MeanGradientClosure
 from porocore.macro.laws.linear import LinearCellLaw, LinearCoefficients, LinearPoroelasticity
 from porocore.macro.laws.macro_law import CHUNK, ClosedLaw
@@ -125,6 +134,64 @@ def mean_gradient_law(reference: CellResponse | None = None) -> ClosedLaw:
     """The mean-gradient closure on the linear law <∇u¹>_s = M:H + Q p: a nonlinear law that costs nothing."""
     cell_law = LinearCellLaw(cubic_reference() if reference is None else reference)
     return ClosedLaw(cell_law, MeanGradientClosure(SOLID_FRACTION, NeoHookean(), CONDUCTIVITY))
+
+
+#: ∂P_E/∂(∇p) and ∂φ/∂(∇p) of a made-up law; no component is zero, and no two are alike.
+STRESS_GRAD_P: Array = 0.02 * np.cos(np.arange(1.0, 28.0)).reshape(3, 3, 3)
+STORAGE_GRAD_P: Array = 0.02 * np.cos(np.arange(28.0, 31.0))
+
+
+class GradientLaw(LawWrapper):
+    """A law whose stress and fluid volume grow with ∇_X p too, at the rates STRESS_GRAD_P and STORAGE_GRAD_P."""
+
+    def __init__(self, law: MacroLaw) -> None:
+        super().__init__(law)
+        self.name = self.identity = f"{law.name} by ∇p"
+
+    def respond_to_each(
+        self,
+        states: MacroState,
+        gradients: Sequence[Array],
+        memory: LawMemory,
+        *,
+        step: Interval | None = None,
+        tangent: bool = True,
+    ) -> list[MacroResponse]:
+        """Return the responses of the inner law and what the gradients add to them."""
+        found = super().respond_to_each(states, gradients, memory, step=step, tangent=tangent)
+        return [self._moved(*pair) for pair in zip(found, gradients, strict=True)]
+
+    def respond_to_changes(
+        self,
+        states: MacroState,
+        grad_p: Array,
+        memory: LawMemory,
+        changes: PointChanges,
+        before: MemoryChanges,
+        *,
+        step: Interval | None = None,
+    ) -> tuple[MacroResponse, ResponseChanges]:
+        """Return the same with the derivatives of the inner law and that of φ by the modulus, in whose units ∇p is."""
+        response, found = super().respond_to_changes(states, grad_p, memory, changes, before, step=step)
+        stored = -(grad_p @ STORAGE_GRAD_P)[:, None] * changes.modulus
+        return self._moved(response, grad_p), replace(found, storage=found.storage + stored)
+
+    @staticmethod
+    def _moved(response: MacroResponse, grad_p: Array) -> MacroResponse:
+        n, stored, tangent = len(grad_p), grad_p @ STORAGE_GRAD_P, response.tangent
+        if tangent is not None:
+            tangent = replace(
+                tangent,
+                stress_grad_p=np.broadcast_to(STRESS_GRAD_P, (n, 3, 3, 3)),
+                storage_grad_p=np.broadcast_to(STORAGE_GRAD_P, (n, 3)),
+            )
+        return replace(
+            response,
+            stress=response.stress + np.tensordot(grad_p, STRESS_GRAD_P, axes=(1, 2)),
+            storage=response.storage + stored,
+            memory=replace(response.memory, fluid_volume=response.memory.fluid_volume + stored),
+            tangent=tangent,
+        )
 
 
 class AlteredLaw(MacroLaw):
