@@ -14,7 +14,7 @@ from porocore.macro.laws.composed import BoundLaw, RegionLaw, TurnedLaw
 from porocore.macro.laws.linear import LinearisedLaw
 from porocore.states import BodyPlace, MacroState
 from porocore.testing.synthetic.cell import BoundCell, ParametricCell, parametric_law, porosity
-from porocore.testing.synthetic.response import linear_law
+from porocore.testing.synthetic.response import GradientLaw, linear_law
 
 N = 6
 INTEGRATED = ("stress", "storage", "flux")
@@ -37,6 +37,7 @@ def laws():
         "mean-gradient": (parametric_law(closure="mean-gradient"), False),
         "turned": (TurnedLaw(parametric_law()), True),
         "regions": (TurnedLaw(RegionLaw([parametric_law(), linear_law()])), True),
+        "gradient": (TurnedLaw(RegionLaw([GradientLaw(parametric_law()), linear_law()])), True),
         "linearised": (LinearisedLaw(parametric_law()), False),
         "bound": (BoundLaw(RegionLaw([parametric_law(), linear_law()]), {"radius": 0.2}), "stiffness"),
     }
@@ -60,8 +61,9 @@ def test_the_tangent_is_the_slope_from_a_memory_with_other_parameters(name):
         slope = (getattr(ends[0], response) - getattr(ends[1], response)) / (2 * h)
         by_H, by_p = getattr(tangent, f"{response}_grad_u"), getattr(tangent, f"{response}_p")
         found = np.einsum("n...kl,nkl->n...", by_H, along.grad_u) + np.einsum("n...,n->n...", by_p, along.p)
-        if response == "flux":
-            found = found + np.einsum("nij,nj->ni", tangent.flux_grad_p, along_grad)
+        by_grad = getattr(tangent, f"{response}_grad_p")
+        if by_grad is not None:
+            found = found + np.einsum("n...j,nj->n...", by_grad, along_grad)
         np.testing.assert_allclose(found, slope, rtol=1e-6, atol=1e-7 * np.abs(slope).max())
 
 

@@ -12,7 +12,7 @@ import warnings
 import weakref
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, overload
 
 import numpy as np
 
@@ -147,6 +147,10 @@ def make_function(space: FunctionSpace) -> Function:
     return made
 
 
+@overload
+def form(integrals: list[list[Form]]) -> list[list[CompiledForm]]: ...
+@overload
+def form(integrals: Form) -> CompiledForm: ...
 def form(integrals: Form | list[list[Form]]) -> CompiledForm:
     """Return a form, or lists of forms, compiled or taken from the cache."""
     return _compile(_comm_of(integrals), fem.form, integrals)

@@ -15,7 +15,7 @@ from porocore.errors import ConfigurationError, SolveError
 from porocore.interfaces.solution import History
 from porocore.macro.problem import NewtonSettings
 from porocore.plugins import registry
-from porocore.testing.synthetic.response import confined_column, linear_law, mean_gradient_law
+from porocore.testing.synthetic.response import GradientLaw, confined_column, linear_law, mean_gradient_law
 from porocore_fem_dolfinx.conformance import TestDolfinxMacroSolver
 from porocore_fem_dolfinx.macro import DolfinxMacroSolver
 
@@ -85,7 +85,11 @@ def other_solver():
     return registry.registry().get("macro solver", "skfem")()
 
 
-@pytest.mark.parametrize("law", [linear_law(), mean_gradient_law()], ids=["linear", "nonlinear"])
+@pytest.mark.parametrize(
+    "law",
+    [linear_law(), mean_gradient_law(), GradientLaw(mean_gradient_law())],
+    ids=["linear", "nonlinear", "gradient"],
+)
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_histories_and_fields_are_those_of_scikit_fem(name, law):
     """At round-off; a solver that keeps its factor takes more iterations, and shorter ones."""

@@ -14,7 +14,7 @@ if not find_spec("dolfinx"):
 from porocore.errors import ConfigurationError, SolveError
 from porocore.macro.problem import MacroProblem
 from porocore.testing.macro_checks.runs import SHORT
-from porocore.testing.synthetic.response import confined_column, linear_law, mean_gradient_law
+from porocore.testing.synthetic.response import GradientLaw, confined_column, linear_law, mean_gradient_law
 from porocore_fem_dolfinx import macro_assembly, macro_linear
 from porocore_fem_dolfinx.macro import DolfinxMacroSolver
 
@@ -49,7 +49,11 @@ def solve(problem, law, **options):
     return solution, reports
 
 
-@pytest.mark.parametrize("law", [linear_law(), mean_gradient_law()], ids=["linear", "nonlinear"])
+@pytest.mark.parametrize(
+    "law",
+    [linear_law(), mean_gradient_law(), GradientLaw(mean_gradient_law())],
+    ids=["linear", "nonlinear", "gradient"],
+)
 @pytest.mark.parametrize("name", PROBLEMS)
 def test_the_iteration_agrees_with_the_factor(name, law):
     expected, _ = solve(PROBLEMS[name], law, solver="direct")

@@ -173,8 +173,8 @@ def _blocks(
             at += len(kinds)
     at = 0
     for members, slopes in groups:
-        by_p = ("one", at, product(slopes, p)), ("stress by slope", at, product(slopes, p_slopes))
-        blocks.append(block([(i, 3) for i in members], *by_p))
+        stress = ("one", at, product(slopes, p)), ("stress by slope", at, product(slopes, p_slopes))
+        blocks.append(block([(i, 3) for i in members], *stress))
         by_H = ("two", 9 + at, product(p_slopes, slopes)), ("one", 3 + at, product(p, slopes))
         blocks.append(block([(3, k) for k in members], *by_H))
         at += len(members)

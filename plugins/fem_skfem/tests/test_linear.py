@@ -12,7 +12,7 @@ from porocore.macro.integration.discretisation import StepFailed
 from porocore.macro.linear_systems import LinearWork
 from porocore.macro.problem import Boundary, MacroProblem, body_mesh
 from porocore.testing.macro_checks.runs import NONLINEAR
-from porocore.testing.synthetic.response import confined_column
+from porocore.testing.synthetic.response import GradientLaw, confined_column
 from porocore_fem_skfem import macro_linear, pardiso
 from porocore_fem_skfem.factor import OutOfMemoryError, SingularError
 from porocore_fem_skfem.linalg import SuperLUFactor, refine
@@ -212,8 +212,9 @@ class Blocks(SkfemDiscretisation):
     largest_small = 0
 
 
+@pytest.mark.parametrize("law", [NONLINEAR, GradientLaw(NONLINEAR)], ids=["plain", "gradient"])
 @pytest.mark.parametrize("name", ["column", "bent", "drained", "pushed", "plate"])
-def test_a_small_body_has_the_system_of_a_large_one(name):
+def test_a_small_body_has_the_system_of_a_large_one(name, law):
     """Integrated into the equations at once and solved by a band, against blocks of nodes and SuperLU."""
     column = {"elements": 6} if name == "column" else {"elements": (2, 3, 1)}
     drained = {face: {"displacement": (0, None, 0), "pressure": 0} for face in ("x-", "x+")}
@@ -243,7 +244,7 @@ def test_a_small_body_has_the_system_of_a_large_one(name):
     x, right = np.zeros(mesh.size), rng.standard_normal(mesh.size)
     x[small.free] = 0.01 * rng.standard_normal(len(small.free))
     states, grad_p = small.states(x)
-    tangent = NONLINEAR.respond(states, grad_p, NONLINEAR.initial(len(states))).tangent
+    tangent = law.respond(states, grad_p, law.initial(len(states))).tangent
     systems = small.system(tangent, 0.3), large.system(tangent, 0.3)
     assert isinstance(systems[0], SmallSystem)
     assert not isinstance(systems[1], SmallSystem)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Any, ClassVar
 
 from porocore.testing import MacroLawSuite
-from porocore.testing.synthetic.response import AlteredLaw, linear_law, mean_gradient_law
+from porocore.testing.synthetic.response import AlteredLaw, GradientLaw, linear_law, mean_gradient_law
 
 
 class Law(MacroLawSuite):
@@ -17,9 +17,12 @@ class Law(MacroLawSuite):
     linear: ClassVar[bool] = False
     constant: ClassVar[bool] = False
 
+    by_gradient: ClassVar[bool] = False
+
     @classmethod
     def make_law(cls):
-        law: Any = AlteredLaw(linear_law() if cls.linear else mean_gradient_law(), cls.alter)
+        law: Any = linear_law() if cls.linear else mean_gradient_law()
+        law = AlteredLaw(GradientLaw(law) if cls.by_gradient else law, cls.alter)
         law.constant_tangent = cls.constant
         return law
 
@@ -35,6 +38,24 @@ class TestFine(Law):
 class TestFineAndConstant(Law):
     caught_by = ""
     linear, constant = True, True
+
+
+class TestFineByTheGradientOfThePressure(Law):
+    caught_by = ""
+    linear, constant, by_gradient = True, True, True
+
+
+class TestForgetsTheGradientOfThePressure(Law):
+    """The storage depends on it, and the tangent says nothing of that."""
+
+    caught_by = "test_the_tangent_is_the_derivative_of_the_response"
+    by_gradient = True
+
+    @staticmethod
+    def alter(response, states, memory):
+        if response.tangent is None:
+            return response
+        return replace(response, tangent=replace(response.tangent, storage_grad_p=None))
 
 
 class TestStiffTangent(Law):

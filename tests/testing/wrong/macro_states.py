@@ -31,6 +31,34 @@ class TestForgetsTheFluxBySqueezing(Law):
             return super().system(replace(tangent, flux_grad_u=0 * tangent.flux_grad_u), dt, follower)
 
 
+class TestForgetsTheStressByTheGradient(Law):
+    """Of the pressure."""
+
+    caught_by = "test_tangent_knows_what_depends_on_the_gradient_of_the_pressure"
+
+    class elements(Elements):
+        def system(self, tangent, dt, surface=None):
+            return super().system(replace(tangent, stress_grad_p=None), dt, surface)
+
+
+class TestForgetsTheStorageByTheGradient(Law):
+    """Of the pressure."""
+
+    caught_by = "test_tangent_knows_what_depends_on_the_gradient_of_the_pressure"
+
+    class elements(Elements):
+        def system(self, tangent, dt, surface=None):
+            return super().system(replace(tangent, storage_grad_p=None), dt, surface)
+
+
+class TestDoesNotTranspose(Law):
+    caught_by = "test_tangent_knows_what_depends_on_the_gradient_of_the_pressure"
+
+    class elements(Elements):
+        def transposed(self, system):
+            return system
+
+
 class TestOneGradientAnElement(Law):
     caught_by = "test_gradients_of_a_quadratic_displacement_and_a_linear_pressure_are_exact"
 
