@@ -28,7 +28,7 @@ from porocore.macro.laws.linear import LinearisedLaw
 from porocore.macro.laws.macro_law import AdaptiveLaw
 from porocore.plugins.registry import registry
 from porocore.testing.synthetic.porous_family import PorousFamilyLaw
-from porocore.testing.synthetic.response import linear_law
+from porocore.testing.synthetic.response import GradientLaw, linear_law
 from tests.helpers.anisotropic_cell import AXES, FIELDS, anisotropic_law, block
 from tests.helpers.anisotropic_cell import linear_law as anisotropic_linear_law
 from tests.helpers.sensitivity_bodies import LAYERS, UNKNOWNS, column, law, layers, pressed
@@ -107,6 +107,12 @@ HATS = [CellParameterChange("radius", weight=HatFunction.along(1, (0.0, 0.7, 1.5
 @CLOSURES
 def test_gradients_are_sums_of_sensitivities(make_solver, closure):
     given = law("radius", "poisson_ratio", "viscosity", closure=closure)
+    problem = column(radius=0.0, poisson_ratio=1.0, viscosity=0.01)
+    compare(make_solver, problem, given, [*CHANGES, *HATS])
+
+
+def test_stress_and_storage_that_depend_on_the_gradient_of_the_pressure_have_gradients(make_solver):
+    given = GradientLaw(law("radius", "poisson_ratio", "viscosity"))
     problem = column(radius=0.0, poisson_ratio=1.0, viscosity=0.01)
     compare(make_solver, problem, given, [*CHANGES, *HATS])
 

@@ -27,7 +27,7 @@ from porocore.macro.laws.linear import LinearisedLaw
 from porocore.macro.laws.macro_law import AdaptiveLaw, ClosedLaw
 from porocore.plugins.registry import registry
 from porocore.testing.synthetic.porous_family import PorousFamilyLaw, porous_training_set
-from porocore.testing.synthetic.response import linear_law, mean_gradient_law
+from porocore.testing.synthetic.response import GradientLaw, linear_law, mean_gradient_law
 from tests.helpers.anisotropic_cell import AXES, anisotropic_law, block
 from tests.helpers.anisotropic_cell import linear_law as anisotropic_linear_law
 from tests.helpers.sensitivity_bodies import LAYERS, TIME, UNKNOWNS, column, law, layers, pressed
@@ -153,6 +153,11 @@ def test_a_surrogate_of_a_family_has_derivatives(make_solver):
     given = ClosedLaw(surrogate, make_closure("potential", 0.6, NeoHookean(), np.eye(3), law="deformed"))
     unknowns = {name: UNKNOWNS[name] for name in ("radius", "poisson_ratio", "viscosity", "load", "initial")}
     check(make_solver, column, given, unknowns, together=True)
+
+
+def test_stress_and_storage_that_depend_on_the_gradient_of_the_pressure_have_derivatives(make_solver):
+    given = GradientLaw(law("radius", "poisson_ratio", "viscosity"))
+    check(make_solver, column, given, UNKNOWNS, together=True, modulus="modulus")
 
 
 @pytest.mark.parametrize("given", [linear_law(), mean_gradient_law()], ids=["linear", "mean-gradient"])

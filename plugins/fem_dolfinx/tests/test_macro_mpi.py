@@ -21,11 +21,13 @@ if shutil.which("mpirun") is None and not os.environ.get("CI"):
     pytest.skip("mpirun is missing", allow_module_level=True)
 
 from porocore.interfaces.solution import History, MacroSolution
+from porocore.macro.laws.composed import RegionLaw
 from porocore.macro.problem import MacroProblem
 from porocore.plugins.registry import registry
 from porocore.testing.macro_checks.bodies import squeezed
 from porocore.testing.macro_checks.runs import NONLINEAR, STORM, TIMID
 from porocore.testing.synthetic.cell import parametric_law
+from porocore.testing.synthetic.response import GradientLaw
 
 BEGIN = """
     import sys
@@ -115,14 +117,21 @@ DERIVATIVES = """
 SOLVED = """
     import json
     from porocore.macro.problem import MacroProblem
+    from porocore.macro.laws.composed import RegionLaw
     from porocore.testing.macro_checks.runs import NONLINEAR
     from porocore.testing.synthetic.cell import parametric_law
+    from porocore.testing.synthetic.response import GradientLaw
 
     problem, law, options = json.loads((folder / "problem.json").read_text())
     solver = registry().get("macro solver", backend)(**options)
     prepared = solver.prepare(MacroProblem.model_validate(problem))
     assert all(map(len, prepared.plates)), "a plate lies on one process alone"
-    solution = solver.solve(prepared, {"one cell": NONLINEAR, "family": parametric_law()}[law])
+    laws = {"one cell": NONLINEAR, "family": parametric_law(), "layer": RegionLaw([NONLINEAR, GradientLaw(NONLINEAR)])}
+    if law == "layer":
+        mesh = prepared.mesh
+        inside = mesh.points[mesh.cells[prepared.elements], 1].mean(axis=1).min() < 0.3
+        assert prepared.communicator.sum(float(inside)) == 1, "the layer lies on both processes"
+    solution = solver.solve(prepared, laws[law])
     if solver.communicator.rank == 0:
         assert "iterative" not in options.values() or solution.work["iterations"][1:].all()
         solution.save(folder / "solution.h5")
@@ -406,6 +415,29 @@ def test_two_processes_see_the_fields_of_their_elements(tmp_path):
         np.testing.assert_allclose(
             getattr(two.element_cells, name), getattr(one.element_cells, name), rtol=0, atol=1e-13
         )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("solver", ["direct", "iterative"])
+def test_two_processes_agree_on_a_tangent_that_depends_on_more_in_a_layer_of_one(tmp_path, solver):
+    """Stress and storage depend on the gradient of the pressure there alone, where one process has its elements."""
+    problem = {
+        "body": {"kind": "box", "elements": (1, 6, 1), "size": (0.3, 1, 0.3)},
+        "boundary": {"y-": {"displacement": (0, 0, 0)}, "y+": {"traction": (0.1, 1, 0), "pressure": 0}},
+        "load": -0.01,
+        "time": FEW_STEPS,
+        "regions": {"low": {"kind": "layer", "below": 0.3}},
+        "newton": {"tolerance": 1e-11},
+    }
+    one = solved_by_one(problem, RegionLaw([NONLINEAR, GradientLaw(NONLINEAR)]), solver="direct")
+    two = solved_by_two(tmp_path, problem, "layer", solver=solver)
+    plain = solved_by_one(problem, RegionLaw([NONLINEAR, NONLINEAR]), solver="direct")
+    for name in ("u", "p"):
+        mine, theirs, other = (getattr(each.profiles[-1], name) for each in (two, one, plain))
+        np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-8 * abs(theirs).max(), err_msg=name)
+        assert abs(theirs - other).max() > 1e-4 * abs(theirs).max()
+    most = plain.history.iterations.max() + 1
+    assert max(each.history.iterations.max() for each in (one, two)) <= most
 
 
 @pytest.mark.slow
