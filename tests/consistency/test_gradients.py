@@ -26,12 +26,13 @@ from porocore.macro.laws.closure import make_closure
 from porocore.macro.laws.composed import BoundLaw, RegionLaw
 from porocore.macro.laws.linear import LinearisedLaw
 from porocore.macro.laws.macro_law import AdaptiveLaw
+from porocore.macro.laws.relaxation import RelaxingLaw
 from porocore.plugins.registry import registry
 from porocore.testing.synthetic.porous_family import PorousFamilyLaw
 from porocore.testing.synthetic.response import GradientLaw, linear_law
 from tests.helpers.anisotropic_cell import AXES, FIELDS, anisotropic_law, block
 from tests.helpers.anisotropic_cell import linear_law as anisotropic_linear_law
-from tests.helpers.sensitivity_bodies import LAYERS, UNKNOWNS, column, law, layers, pressed
+from tests.helpers.sensitivity_bodies import LAYERS, RELAXING, UNKNOWNS, column, law, layers, pressed
 
 #: Difference of gradients from sensitivities, as a share of the largest of a sum.
 ALIKE = 1e-9
@@ -115,6 +116,14 @@ def test_stress_and_storage_that_depend_on_the_gradient_of_the_pressure_have_gra
     given = GradientLaw(law("radius", "poisson_ratio", "viscosity"))
     problem = column(radius=0.0, poisson_ratio=1.0, viscosity=0.01)
     compare(make_solver, problem, given, [*CHANGES, *HATS])
+
+
+@CLOSURES
+def test_a_solid_that_relaxes_has_gradients(make_solver, closure):
+    given = RelaxingLaw(law("radius", "poisson_ratio", "viscosity", closure=closure), 2)
+    values = {name: value for name, (_, value) in RELAXING.items()}
+    problem = column(radius=0.0, poisson_ratio=1.0, viscosity=0.01, **values)
+    compare(make_solver, problem, given, [*CHANGES, *(change for change, _ in RELAXING.values())])
 
 
 @pytest.mark.slow

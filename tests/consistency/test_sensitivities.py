@@ -25,12 +25,13 @@ from porocore.macro.laws.closure import make_closure
 from porocore.macro.laws.composed import BoundLaw, NearestMemberLaw, RegionLaw
 from porocore.macro.laws.linear import LinearisedLaw
 from porocore.macro.laws.macro_law import AdaptiveLaw, ClosedLaw
+from porocore.macro.laws.relaxation import RelaxingLaw
 from porocore.plugins.registry import registry
 from porocore.testing.synthetic.porous_family import PorousFamilyLaw, porous_training_set
 from porocore.testing.synthetic.response import GradientLaw, linear_law, mean_gradient_law
 from tests.helpers.anisotropic_cell import AXES, anisotropic_law, block
 from tests.helpers.anisotropic_cell import linear_law as anisotropic_linear_law
-from tests.helpers.sensitivity_bodies import LAYERS, TIME, UNKNOWNS, column, law, layers, pressed
+from tests.helpers.sensitivity_bodies import LAYERS, RELAXING, TIME, UNKNOWNS, column, law, layers, pressed
 
 #: Difference from central differences, as a share of the largest derivative of a series.
 ACCURACY = 1e-6
@@ -108,6 +109,21 @@ def check(make_solver, problem, law, unknowns, *, together=False, modulus=None):
 def test_the_derivative_along_all_unknowns_is_the_limit_of_differences(make_solver, closure):
     given = law("radius", "poisson_ratio", "viscosity", closure=closure)
     check(make_solver, column, given, UNKNOWNS, together=True, modulus="modulus")
+
+
+@pytest.mark.parametrize("closure", ["potential", pytest.param("mean-gradient", marks=pytest.mark.slow)])
+def test_a_solid_that_relaxes_has_derivatives(make_solver, closure):
+    """By strengths and times, too, along all unknowns together and each of the branches alone."""
+    given = RelaxingLaw(law("radius", "poisson_ratio", "viscosity", closure=closure), 2)
+    check(make_solver, column, given, UNKNOWNS | RELAXING, together=True, modulus="modulus")
+
+
+@pytest.mark.slow
+def test_each_number_of_a_branch_has_derivatives(make_solver):
+    given, base = RelaxingLaw(law("radius", "poisson_ratio", "viscosity"), 2), {}
+    for name in ("radius", "poisson_ratio", "viscosity"):
+        base[name] = UNKNOWNS[name][1]
+    check(make_solver, partial(column, **base), given, RELAXING)
 
 
 def test_heave_and_suction_have_derivatives(make_solver):

@@ -43,6 +43,15 @@ UNKNOWNS = {
 }
 
 
+#: Two branches: one relaxes within a step, one beyond the end.
+RELAXING = {
+    "relaxation.1.strength": (CellParameterChange("relaxation.1.strength"), 0.7),
+    "relaxation.1.time": (CellParameterChange("relaxation.1.time"), 0.4),
+    "relaxation.2.strength": (CellParameterChange("relaxation.2.strength"), 0.3),
+    "relaxation.2.time": (CellParameterChange("relaxation.2.time"), 6.0),
+}
+
+
 def column(
     *,
     modulus: float = 1.0,
@@ -58,6 +67,7 @@ def column(
         found["radius"] = f"{0.2 + fields['radius']!r} + 0.01*y"
         found["poisson_ratio"] = f"{fields['poisson_ratio']!r}*(0.33 - 0.01*y)"
         found["viscosity"] = fields["viscosity"] / modulus
+        found |= {name: value for name, value in fields.items() if "." in name}
     top = {"traction": (0, traction / modulus, 0), "pressure": pressure / modulus}
     data = {
         "body": {"kind": "box", "elements": (1, 3, 1), "size": (0.5, 1.5, 0.5)},
