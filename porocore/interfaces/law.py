@@ -362,6 +362,13 @@ class MacroLaw(ABC):
         """
         return self.initial(len(points))
 
+    def rest_changes(self, points: MacroState, changes: PointChanges) -> Array:
+        """Return the derivatives (n, k) of the fluid volume of :meth:`initial_at`.
+
+        A law whose cell holds another volume at rest where an unknown changes overrides this.
+        """
+        return np.zeros_like(changes.modulus)
+
     @abstractmethod
     def respond(
         self,
@@ -542,6 +549,10 @@ class LawWrapper(MacroLaw):
     def initial_at(self, points: MacroState) -> LawMemory:
         """Return the memory of the inner law at rest, at its own points."""
         return self.memory_out(self.law.initial_at(self.states_in(points)), points.at_rest())
+
+    def rest_changes(self, points: MacroState, changes: PointChanges) -> Array:
+        """Return the derivatives of the inner law's fluid volume at rest, at its own points."""
+        return self.law.rest_changes(self.states_in(points), self.changes_in(changes))
 
     def respond(
         self,

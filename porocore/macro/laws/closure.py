@@ -508,6 +508,10 @@ class Closure(ABC):
         """
         return LawMemory.forgetful(states, summed)
 
+    def fluid_changes(self, by: CellChanges) -> Array:
+        """Return the changes (n, k) of the fluid volume of a cell at rest."""
+        return by.porosity
+
     def check(self, cell: CellResponse, law: str) -> None:
         """Refuse a cell law whose prediction lacks what this closure reads.
 
@@ -845,6 +849,10 @@ class PotentialClosure(Closure):
     def memory(self, states: MacroState, cell: CellResponse, summed: Array | None = None) -> LawMemory:
         """Return the memory with φ of the cell in this state."""
         return LawMemory.forgetful(states, provided(cell.fluid_volume))
+
+    def fluid_changes(self, by: CellChanges) -> Array:
+        """Return the changes of φ of the cell at rest."""
+        return provided(by.fluid_volume)
 
     @staticmethod
     def _tangent(pore: PulledBack, cell: CellTangent, solid_fraction: float | Array) -> MacroTangent:

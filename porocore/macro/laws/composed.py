@@ -111,6 +111,13 @@ class RegionLaw(MacroLaw):
         ]
         return replace(_joined(LawMemory, parts, len(points)), states=points.at_rest())
 
+    def rest_changes(self, points: MacroState, changes: PointChanges) -> Array:
+        """Return the derivatives of the fluid volume at rest, by the law of each point's region."""
+        found = np.zeros_like(changes.modulus)
+        for k, law, rows in self._regions(points):
+            found[rows] = law.rest_changes(self._seen(points[rows], k), self._changes_seen(changes[rows], k))
+        return found
+
     def respond(
         self,
         states: MacroState,

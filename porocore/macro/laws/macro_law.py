@@ -28,7 +28,7 @@ from porocore.interfaces.law import (
     UndeformedCells,
     fingerprint,
 )
-from porocore.macro.laws.closure import Closure, ClosurePoints, cell_changes
+from porocore.macro.laws.closure import CellChanges, Closure, ClosurePoints, cell_changes
 from porocore.macro.laws.composed import BoundLaw
 from porocore.plugins.border import check_prediction, prediction_of
 from porocore.states import Array, CellResponse, IntArray, MacroState
@@ -185,18 +185,30 @@ class ClosedLaw(MacroLaw):
         step: Interval | None = None,
     ) -> tuple[MacroResponse, ResponseChanges]:
         """Return the response and its derivatives by unknowns; see :class:`MacroLaw`."""
-        closure, cells = self.closure, self._cells_of(states, memory)
-        at = ClosurePoints(states, self._predicted(states, memory, True), grad_p, memory, *cells)
-        K = closure.conductivity if at.cells is None else at.cells.conductivity
-        undeformed = None if closure.law == "deformed" else K
-        by = cell_changes(self.cell_law, states, at.cell, changes, undeformed, closure.responses)
+        at, by = self._changed(states, grad_p, memory, changes)
         closed = [
-            closure.respond_to_changes(at[part], by[part], before[part]) for part in _parts(len(states))
+            self.closure.respond_to_changes(at[part], by[part], before[part]) for part in _parts(len(states))
         ]
         if len(closed) == 1:
             return closed[0]
         responses, derivatives = map(list, zip(*closed, strict=True))
         return MacroResponse.concatenate(responses), ResponseChanges.concatenate(derivatives)
+
+    def rest_changes(self, points: MacroState, changes: PointChanges) -> Array:
+        """Return the derivatives of the fluid volume at rest; see :class:`MacroLaw`."""
+        rest = points.at_rest()
+        by = self._changed(rest, np.zeros((len(rest), 3)), self.initial_at(rest), changes)[1]
+        return self.closure.fluid_changes(by)
+
+    def _changed(
+        self, states: MacroState, grad_p: Array, memory: LawMemory, changes: PointChanges
+    ) -> tuple[ClosurePoints, CellChanges]:
+        """Return what the closure is given at the points, and the changes of the cell's responses."""
+        closure, cells = self.closure, self._cells_of(states, memory)
+        at = ClosurePoints(states, self._predicted(states, memory, True), grad_p, memory, *cells)
+        K = closure.conductivity if at.cells is None else at.cells.conductivity
+        undeformed = None if closure.law == "deformed" else K
+        return at, cell_changes(self.cell_law, states, at.cell, changes, undeformed, closure.responses)
 
     def _cells_of(
         self, states: MacroState, memory: LawMemory

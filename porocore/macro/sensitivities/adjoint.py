@@ -199,10 +199,12 @@ class UnitChanges:
         n, still = len(states), np.zeros((len(states), 3))
         # One column at least, so that laws are asked for something.
         c = max(len(self.parts), 1)
-        before = MemoryChanges.zeros(n, law.memory_size, c)
-        response, found = law.respond_to_changes(
-            states, still, law.initial_at(states), self._points(n, c), before
+        points, rest = self._points(n, c), law.initial_at(states)
+        before = replace(
+            MemoryChanges.zeros(n, law.memory_size, c), fluid_volume=law.rest_changes(states, points)
         )
+        response, found = law.respond_to_changes(states, still, rest, points, before)
+        found = replace(found, storage=before.fluid_volume + found.storage)
         return UnitDerivatives(response, _columns(found, slice(len(self.parts))), _columns(found, slice(0)))
 
     def of_unknowns(self, weights: Array, changes: PointChanges) -> Array:

@@ -218,7 +218,9 @@ class SensitivityTracker:
         self._rows.append(
             np.stack([np.concatenate([*nodal, nothing]) for nodal in self._nodal(x, [0.0] * len(self._x))])
         )
-        self._remember(self._law.initial_at(memory.states), memory.states, self._memory, None)
+        states, points = memory.states, self._directions.points(memory.states)
+        before = replace(self._memory, fluid_volume=self._law.rest_changes(states, points))
+        self._remember(self._law.initial_at(states), states, before, None)
         self.add_profile()
 
     def add_profile(self) -> None:
