@@ -26,10 +26,10 @@ import numpy as np
 from porocore.core.fields import Batch, provided
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import (
+    ExtendedLaw,
     InternalVariable,
     Interval,
     LawMemory,
-    LawWrapper,
     MacroLaw,
     MacroResponse,
     MacroTangent,
@@ -138,7 +138,7 @@ class _Solved:
         return _Slopes(share, rise[:, None, None] * t.storage_grad_u, by_gradient)
 
 
-class ChargedLaw(LawWrapper):
+class ChargedLaw(ExtendedLaw):
     """A law of a cell whose pores hold fixed charges; its states' pressure is the effective one, μ.
 
     Its own parameters follow those of the law: ``charges.density``, the concentration c_F0 of the charges in the fluid
@@ -159,68 +159,26 @@ class ChargedLaw(LawWrapper):
     """
 
     def __init__(self, law: MacroLaw, osmotic: float) -> None:
-        super().__init__(law)
         if not osmotic > 0:
             raise ConfigurationError(
                 f"charges: expected a positive osmotic pressure per concentration, got {osmotic:g}"
             )
         if DENSITY in law.parameters:
             raise ConfigurationError(f"charges: the law '{law.name}' has charges already")
+        super().__init__(law, (DENSITY, BATH), (PRESSURE, CHARGE))
         self.osmotic = float(osmotic)
         self.identity = fingerprint("charged", law.identity, self.osmotic)
-        self.parameters = (*law.parameters, DENSITY, BATH)
-        self.internal = (*law.internal, PRESSURE, CHARGE)
         self.constant_tangent = False
-
-    def parameters_of(self, region: int) -> tuple[str, ...]:
-        """Return those of the law and its own; see :class:`~porocore.interfaces.law.MacroLaw`."""
-        return (*self.law.parameters_of(region), DENSITY, BATH)
-
-    def states_in(self, states: MacroState) -> MacroState:
-        """Return the states without the law's own parameters, at μ in the place of p.
-
-        Raises
-        ------
-        ConfigurationError
-            The parameters are missing.
-        """
-        theta = states.parameters
-        if theta is None:
-            raise ConfigurationError(
-                f"charges: expected the parameters {', '.join(self.parameters)} with the states, got none"
-            )
-        return replace(states, parameters=theta[:, :-2] if self.law.parameters else None)
 
     def memory_in(self, memory: LawMemory, states: MacroState) -> LawMemory:
         """Return the memory of the uncharged cell, which stood at p."""
-        before = replace(self.states_in(memory.states), p=memory.internal[:, -2])
-        return replace(memory, states=before, internal=memory.internal[:, :-2])
+        found = super().memory_in(memory, states)
+        return replace(found, states=replace(found.states, p=memory.internal[:, -2].copy()))
 
-    def changes_in(self, changes: PointChanges) -> PointChanges:
-        """Return the changes without those of the law's own parameters."""
-        theta = changes.parameters
-        inner = theta[:, :-2] if theta is not None and self.law.parameters else None
-        return replace(changes, parameters=inner)
-
-    def memory_changes_in(self, before: MemoryChanges, states: MacroState) -> MemoryChanges:
-        """Return the derivatives of the memory of the uncharged cell."""
-        return replace(before, internal=before.internal[:, :-2])
-
-    def initial(self, n: int) -> LawMemory:
-        """Return no memory, for the charges are parameters.
-
-        Raises
-        ------
-        ValueError
-            Always; :meth:`initial_at` is given the parameters.
-        """
-        raise ValueError(f"expected the parameters {', '.join(self.parameters)}; call initial_at")
-
-    def initial_at(self, points: MacroState) -> LawMemory:
-        """Return the memory at rest, H = 0 and p = 0, where the charges do not act yet."""
-        inner = self.law.initial_at(self.states_in(points))
-        charge = provided(points.parameters)[:, -2] * inner.fluid_volume
-        return self._remembered(inner, np.zeros(len(points)), charge, points.at_rest())
+    def own_at_rest(self, points: MacroState, inner: LawMemory) -> Array:
+        """Return p = 0, for the charges do not act yet, and Q."""
+        density = self.own_parameters(points)[:, 0]
+        return np.column_stack([np.zeros(len(points)), density * inner.fluid_volume])
 
     def respond_to_each(
         self,
@@ -232,16 +190,14 @@ class ChargedLaw(LawWrapper):
         tangent: bool = True,
     ) -> list[MacroResponse]:
         """Return the responses at the pressure of the cell; see :class:`~porocore.interfaces.law.MacroLaw`."""
-        at = self._points(states, memory, step)
+        at, further = self._points(states, memory, step), gradients[1:]
         found = [self._solved(at, gradients[0])]
-        if provided(found[0].response.tangent).storage_grad_p is None:
-            p = found[0].p
-            others = self.law.respond_to_each(
-                at.at_pressure(p), gradients[1:], at.memory, step=step, tangent=tangent
-            )
+        if provided(found[0].response.tangent).storage_grad_p is not None:
+            found += [self._solved(at, grad_p) for grad_p in further]
+        elif further:
+            there = at.at_pressure(found[0].p)
+            others = self.law.respond_to_each(there, further, at.memory, step=step, tangent=tangent)
             found += [replace(found[0], response=response) for response in others]
-        else:
-            found += [self._solved(at, grad_p) for grad_p in gradients[1:]]
         return [self._closed(at, solved, states, tangent) for solved in found]
 
     def respond_to_changes(
@@ -268,32 +224,17 @@ class ChargedLaw(LawWrapper):
             moved += solved.osmotic.by_bath[:, None] * changes.parameters[:, -1]
         return self._closed(at, solved, states, True), self._chained(solved, by, moved, charge)
 
-    def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
-        """Ask the law of the uncharged cell; see :class:`~porocore.interfaces.law.MacroLaw`."""
-        reached = response.memory
-        seen = replace(response, memory=self.memory_in(reached, reached.states))
-        changed = self.law.before_accept(seen, self.memory_in(memory, memory.states))
-        if changed is None:
-            return None
-        return self._remembered(changed, memory.internal[:, -2], memory.internal[:, -1], memory.states)
-
     def reasons(self, states: MacroState) -> list[str]:
         """Return the reasons that the law knows at the pressures of the cell in equilibrium with the bath."""
         found = self.respond(states, np.zeros((len(states), 3)), self.initial_at(states), tangent=False)
         return self.law.reasons(replace(self.states_in(states), p=found.memory.internal[:, -2]))
 
-    @staticmethod
-    def _remembered(inner: LawMemory, p: Array, charge: Array, states: MacroState) -> LawMemory:
-        """Return the memory with p and Q (n,) behind what the inner law remembers."""
-        return LawMemory(states, inner.fluid_volume, np.column_stack([inner.internal, p, charge]))
-
     def _points(self, states: MacroState, memory: LawMemory, step: Interval | None) -> _Points:
-        seen, theta = self.states_in(states), provided(states.parameters)
-        if step is None:
-            charge = theta[:, -2] * self.law.initial_at(seen).fluid_volume
-        else:
-            charge = memory.internal[:, -1]
-        return _Points(seen, self.memory_in(memory, states), charge, theta[:, -1], step)
+        seen, (density, bath) = self.states_in(states), self.own_parameters(states).T
+        charge = (
+            memory.internal[:, -1] if step is not None else density * self.law.initial_at(seen).fluid_volume
+        )
+        return _Points(seen, self.memory_in(memory, states), charge, bath, step)
 
     def _charge_changes(
         self, at: _Points, states: MacroState, changes: PointChanges, before: MemoryChanges
@@ -301,11 +242,10 @@ class ChargedLaw(LawWrapper):
         """Return the derivatives (n, k) of Q."""
         if at.step is not None:
             return before.internal[:, -1]
-        fluid = self.law.initial_at(at.states).fluid_volume
-        found = provided(states.parameters)[:, -2, None] * self.law.rest_changes(
-            at.states, self.changes_in(changes)
-        )
+        density = self.own_parameters(states)[:, 0, None]
+        found: Array = density * self.law.rest_changes(at.states, self.changes_in(changes))
         if changes.parameters is not None:
+            fluid = self.law.initial_at(at.states).fluid_volume
             found = found + fluid[:, None] * changes.parameters[:, -2]
         return found
 
@@ -351,10 +291,11 @@ class ChargedLaw(LawWrapper):
         """Return the response of the charged cell."""
         found, left = solved.response, solved.left
         stress = np.where(left[:, None, None], np.nan, found.stress) if left.any() else found.stress
+        internal = np.column_stack([found.memory.internal, solved.p, at.charge])
         return replace(
             found,
             stress=stress,
-            memory=self._remembered(found.memory, solved.p, at.charge, states),
+            memory=replace(found.memory, states=states, internal=internal),
             tangent=self._tangent(solved) if tangent else None,
         )
 

@@ -134,6 +134,10 @@ class EvolvingLaw(LawWrapper):
         """Return the states with the parameters of the inner law alone."""
         return replace(states, parameters=provided(states.parameters)[:, : len(self.law.parameters)])
 
+    def changes_in(self, changes: PointChanges) -> PointChanges:
+        """Return the changes of the parameters of the inner law alone."""
+        return replace(changes, parameters=provided(changes.parameters)[:, : len(self.law.parameters)])
+
     def memory_in(self, memory: LawMemory, states: MacroState) -> LawMemory:
         """Return the memory of the inner law, with the evolved parameters in its states."""
         v = self.law.memory_size
