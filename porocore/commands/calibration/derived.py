@@ -13,7 +13,7 @@ from porocore.commands.calibration.experiment import relative_scales
 from porocore.commands.calibration.infer import Inference
 from porocore.commands.calibration.plan import AXES, CalibrationPlan, Experiment, Occurrence, occurrences
 from porocore.commands.calibration.problem import values_at
-from porocore.commands.calibration.profiles import ROOT_95, Interval, IntervalEnd
+from porocore.commands.calibration.profiles import ROOT_95, ConfidenceInterval, IntervalEnd
 from porocore.core.units import ResultUnits, pretty
 from porocore.macro.laws.linear import PROPERTIES, SAME, EffectiveProperties
 from porocore.states import Array
@@ -99,7 +99,7 @@ class DerivedNumber:
     words: str
     unit: str
     value: float
-    interval: Interval
+    interval: ConfidenceInterval
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,7 +262,7 @@ def _unit(units: ResultUnits, quantity: str) -> tuple[str, float]:
 
 def derived_intervals(
     inference: Inference, numbers: Callable[[Array], Mapping[str, float]], linear: Callable[[str], bool]
-) -> dict[str, tuple[float, Interval]]:
+) -> dict[str, tuple[float, ConfidenceInterval]]:
     """Return value and 95 % interval of each number, by the covariance of the fit (delta method).
 
     The intervals hold the values of exact curves, too, where those of the unknowns do. An end is None where the data do
@@ -296,7 +296,7 @@ def derived_intervals(
         low, high = (
             IntervalEnd(None if end.value is None else float(back(end.value)), end.reason) for end in ends
         )
-        found[name] = value, Interval(low, high)
+        found[name] = value, ConfidenceInterval(low, high)
     return found
 
 

@@ -13,7 +13,7 @@ from porocore.commands.calibration.infer import Inference
 from porocore.commands.calibration.plan import FittedField
 from porocore.commands.calibration.posterior import Posterior
 from porocore.commands.calibration.problem import Unknown
-from porocore.commands.calibration.profiles import ROOT_95, ConfidenceInterval, ParameterPlane
+from porocore.commands.calibration.profiles import ROOT_95, ParameterPlane, ProfileInterval
 from porocore.commands.calibration.results import Calibration
 from porocore.core.units import pretty
 from porocore.report.figures.style import (
@@ -546,7 +546,7 @@ def _panel(axes: Axes, inference: Inference, i: int, truth: float | None) -> Non
     axes.set_xlabel(_labelled(unknown.name, unknown.unit))
 
 
-def _band(axes: Axes, interval: ConfidenceInterval, low: float, high: float) -> None:
+def _band(axes: Axes, interval: ProfileInterval, low: float, high: float) -> None:
     """Shade the interval between the sides of the panel; an arrow points to one on which it has no end."""
     ends = [side if end is None else end for end, side in zip(interval.values, (low, high), strict=True)]
     if interval.values != (None, None):
@@ -566,7 +566,7 @@ def _band(axes: Axes, interval: ConfidenceInterval, low: float, high: float) -> 
             )
 
 
-def smooth_profile(interval: ConfidenceInterval, index: int) -> tuple[Array, Array]:
+def smooth_profile(interval: ProfileInterval, index: int) -> tuple[Array, Array]:
     """Return coordinates (n,) of an unknown and the rise there, through the points of its profile.
 
     The signed root is interpolated, which is a straight line where the model is linear.

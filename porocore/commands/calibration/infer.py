@@ -19,9 +19,9 @@ from porocore.commands.calibration.directions import (
 from porocore.commands.calibration.minimum import LinearPrecision, Minimum, Objective, minimise
 from porocore.commands.calibration.problem import MANY_VALUES, Fitted, Misfit, Unknown, values_at
 from porocore.commands.calibration.profiles import (
-    ConfidenceInterval,
     LowerPoint,
     ParameterPlane,
+    ProfileInterval,
     confidence_interval,
     parameter_plane,
 )
@@ -92,8 +92,8 @@ class Inference:
     with_priors: LinearPrecision
     without_priors: LinearPrecision
     directions: tuple[NonIdentifiableDirection, ...]
-    intervals: tuple[ConfidenceInterval, ...]
-    data_intervals: tuple[ConfidenceInterval, ...]
+    intervals: tuple[ProfileInterval, ...]
+    data_intervals: tuple[ProfileInterval, ...]
     suggestions: tuple[Suggestion, ...]
     plane: ParameterPlane | None
     evaluations: int
@@ -169,8 +169,8 @@ class Inference:
 
 
 def _widened(
-    unknowns: Sequence[Unknown], intervals: Sequence[ConfidenceInterval], error: SystematicError
-) -> tuple[ConfidenceInterval, ...]:
+    unknowns: Sequence[Unknown], intervals: Sequence[ProfileInterval], error: SystematicError
+) -> tuple[ProfileInterval, ...]:
     rows = zip(unknowns, intervals, error.shift, strict=True)
     return tuple(interval.widened(one, float(shift)) for one, interval, shift in rows)
 
@@ -259,7 +259,7 @@ def _require_moved(misfit: Misfit, best: Fitted) -> None:
         )
 
 
-def _intervals(objective: Objective, start: Array) -> tuple[Minimum, tuple[ConfidenceInterval, ...]]:
+def _intervals(objective: Objective, start: Array) -> tuple[Minimum, tuple[ProfileInterval, ...]]:
     """Return the minimum next to a point, and all intervals about it; again from a lower point that a profile meets."""
     everything = np.arange(len(start))
     for _ in range(MOST_RESTARTS):
@@ -275,7 +275,7 @@ def _intervals(objective: Objective, start: Array) -> tuple[Minimum, tuple[Confi
 def _plane(
     objective: Objective,
     best: Minimum,
-    intervals: Sequence[ConfidenceInterval],
+    intervals: Sequence[ProfileInterval],
     rays: int,
 ) -> ParameterPlane | None:
     """Return the plane of the two unknowns that have the widest distributions, in limits.

@@ -18,7 +18,7 @@ from porocore.commands.calibration.figures import (
 from porocore.commands.calibration.infer import Inference
 from porocore.commands.calibration.plan import CalibrationPlan
 from porocore.commands.calibration.problem import Unknown
-from porocore.commands.calibration.profiles import Interval
+from porocore.commands.calibration.profiles import ConfidenceInterval
 from porocore.commands.calibration.results import Calibration
 from porocore.commands.calibration.suggestions import Suggestion
 from porocore.core.console import duration
@@ -131,7 +131,7 @@ def ends_text(ends: tuple[float | None, float | None]) -> str:
     return " … ".join(number(value) for value in ends)
 
 
-def open_text(interval: Interval) -> str:
+def open_text(interval: ConfidenceInterval) -> str:
     """Return why ends of an interval are none."""
     names, found = {"low": "lower", "high": "upper"}, interval.open_ends
     if len(found) == len(names) and len(set(found.values())) == 1:

@@ -427,7 +427,7 @@ def interval_words(ends: tuple[float | None, float | None]) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Interval:
+class ConfidenceInterval:
     """95 % interval of a number.
 
     Attributes
@@ -452,7 +452,7 @@ class Interval:
 
 
 @dataclass(frozen=True, eq=False)
-class ConfidenceInterval(Interval):
+class ProfileInterval(ConfidenceInterval):
     """95 % interval of one unknown, with its profile.
 
     Attributes
@@ -467,7 +467,7 @@ class ConfidenceInterval(Interval):
     coordinates: Array
     roots: Array
 
-    def widened(self, unknown: Unknown, shift: float) -> ConfidenceInterval:
+    def widened(self, unknown: Unknown, shift: float) -> ProfileInterval:
         """Return the interval that holds the values of this one, and all of them after a shift of the coordinate."""
         low, high = (
             _shifted(end, unknown, move)
@@ -492,7 +492,7 @@ def confidence_interval(
     best: Minimum,
     index: int,
     strict: bool = True,
-) -> ConfidenceInterval:
+) -> ProfileInterval:
     """Return the 95 % interval of an unknown by its profile likelihood.
 
     The ends are where the least sum of squares over all other unknowns has risen by 3.84, the 95 % quantile of χ²
@@ -516,7 +516,7 @@ def confidence_interval(
     ends = [
         _end(walk, sign, objective.misfit.unknowns, index) for walk, sign in zip(walks, (-1, 1), strict=True)
     ]
-    return ConfidenceInterval(
+    return ProfileInterval(
         ends[0],
         ends[1],
         np.array([point.fitted.coordinates for _, point in points]),
