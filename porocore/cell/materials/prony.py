@@ -44,6 +44,11 @@ class Relaxation(StrictModel):
         """Branches whose strength is not 0; the others never have a stress."""
         return tuple(branch for branch in self.branches if branch.strength > 0)
 
+    def in_times_of(self, unit: float) -> Relaxation:
+        """Return it with its times in a ``unit``, a multiple of the present one."""
+        branches = tuple(each.model_copy(update={"time": each.time / unit}) for each in self.branches)
+        return self.model_copy(update={"branches": branches})
+
 
 def decays_and_shares(ratio: Array) -> tuple[Array, Array]:
     """Return e = exp(−a) and c = (1 − e)/a of steps a = Δt/τ ≥ 0: what is left of an overstress, and of one that grows.

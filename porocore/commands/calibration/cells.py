@@ -35,7 +35,14 @@ from porocore.sampling.datasets.dataset import Dataset
 from porocore.states import Array, MacroState
 from porocore.study.config.config import RunConfig
 from porocore.study.run import pipeline
-from porocore.study.run.composition import RunLaw, macro_laws, make_backend, porosity_of
+from porocore.study.run.composition import (
+    RunLaw,
+    law_of_cell,
+    macro_laws,
+    make_backend,
+    porosity_of,
+    with_memory,
+)
 from porocore.study.run.folder import RunFolder
 from porocore.study.run.results import load_reference
 from porocore.study.run.solving import body_progress, prepared_body
@@ -103,13 +110,20 @@ class FamilyCells:
 
     def law(self) -> MacroLaw:
         """Return the law that knows the further cells of all rounds."""
+        if not self.config.cells:
+            return with_memory(self._in_equilibrium(), self.config)
+        with ExitStack() as stack:
+            (run,) = macro_laws(self.folder, stack, ("surrogate",)).values()
+            return run.law
+
+    def _in_equilibrium(self) -> MacroLaw:
+        """Return that law of the only cell, as the cell is learned."""
         with ExitStack() as stack:
             if any(self.rounds):
                 law = self._adaptive(stack)[1]
                 # What it has learned so far; it learns no more.
                 return ClosedLaw(law.cell_law, law.closure, identity=self.identity(), name=law.name)
-            (run,) = macro_laws(self.folder, stack, ("surrogate",)).values()
-            return run.law
+            return law_of_cell(self.folder, stack, "surrogate").law
 
     def at_rest(self) -> Callable[[Array], EffectiveProperties] | None:
         """Return the properties of the undeformed cell by the values (m,) of its parameters, as they were learned.
@@ -122,7 +136,7 @@ class FamilyCells:
         reference = load_reference(self.folder)
         if not config.cell.is_family:
             return lambda parameters: reference.properties(config.cell, config.conductivity)
-        law, names = self.law(), [each.name for each in config.cell.parameters]
+        law, names = self._in_equilibrium(), [each.name for each in config.cell.parameters]
         porosity = porosity_of(law, reference)
         assert callable(porosity)
 
@@ -137,19 +151,20 @@ class FamilyCells:
 
     def _adaptive(self, stack: ExitStack) -> tuple[RunLaw, AdaptiveLaw]:
         """Return the law that learns on the way, with its solves, and the same as what it is."""
-        (run,) = macro_laws(self.folder, stack, ("fallback",), store=self._store).values()
-        law = run.law
-        if not isinstance(law, AdaptiveLaw):
+        if self.config.cells:
             raise DataError(
                 "the body has several cells, beyond whose sampled states none are solved; sample wider ranges"
             )
-        return run, law
+        run = law_of_cell(self.folder, stack, "fallback", store=self._store)
+        assert isinstance(run.law, AdaptiveLaw)
+        return run, run.law
 
     def extend(self, models: Sequence[ExperimentModel], values: Array) -> list[str]:
         """Solve cells where bodies with these values of the unknowns leave the sampled states; return their keys."""
         before = set(chain(*self.rounds))
         with ExitStack() as stack:
-            run, law = self._adaptive(stack)
+            run, learning = self._adaptive(stack)
+            law = with_memory(learning, self.config)
             for model in models:
                 units, name = model.config.result_units, model.experiment.name
                 stack.enter_context(using_units(units))

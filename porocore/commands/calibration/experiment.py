@@ -52,6 +52,7 @@ from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.points import BodyPoints
 from porocore.macro.boundary.symmetry import part_weights, whole_sensitivities, whole_specimen
 from porocore.macro.composition.fields import GridField
+from porocore.macro.composition.law_numbers import with_law_numbers
 from porocore.macro.integration.stepping import Stepper
 from porocore.macro.problem import MacroProblem, TimePlan
 from porocore.plugins.border import body_gradients_of, body_sensitivities_of, body_solution_of
@@ -61,7 +62,7 @@ from porocore.study.run.composition import make_backend
 from porocore.study.run.solving import prepared_body
 
 #: Sections of the body whose numbers depend on modulus, viscosity and pore size; lengths do not.
-SCALED = ("boundary", "contact", "body_force", "initial")
+SCALED = ("boundary", "contact", "body_force", "initial", "charges", "evolution")
 
 
 @dataclass(frozen=True)
@@ -76,8 +77,9 @@ class RelativeScales:
         """Return the factor from a number in the units of these scales to that of the study."""
         if not quantity:
             return 1.0
+        one, of = Fraction(1), QUANTITIES[quantity].factor
         modulus, viscosity, pore = map(Fraction, (self.modulus, self.viscosity, self.pore))
-        return float(QUANTITIES[quantity].factor(ExactScales(modulus, Fraction(1), pore, viscosity)))
+        return float(of(ExactScales(modulus, one, pore, viscosity)) / of(ExactScales(one, one, one, one)))
 
 
 def relative_scales(values: Mapping[StudyNumber, float]) -> RelativeScales:
@@ -128,7 +130,13 @@ class BodyAtValues:
             elif number.kind == "indenter":
                 macro = with_indenter(macro, number, value)
         macro = macro.model_copy(update={"fields": fields, "loads": (load,)})
-        return cls(_scaled(macro, scales).problem(load), scales, shift, cameras)
+        unit = scales.factor("time")
+        relaxations = {
+            name: None if each is None else each.in_times_of(unit)
+            for name, each in config.relaxations.items()
+        }
+        problem = with_law_numbers(_scaled(macro, scales).problem(load), relaxations)
+        return cls(problem, scales, shift, cameras)
 
 
 def control_fields(values: Mapping[StudyNumber, float]) -> dict[str, GridField]:

@@ -58,7 +58,7 @@ def with_law_numbers(setup: Setup, relaxations: Mapping[str | None, Relaxation |
     Parameters
     ----------
     setup
-        Body with charges and evolution.
+        Body with charges and evolution; numbers that stand among its fields already stay.
     relaxations
         Those of the cells by name; None names the cell of the rest of the body.
     """
@@ -70,7 +70,7 @@ def with_law_numbers(setup: Setup, relaxations: Mapping[str | None, Relaxation |
         fields |= {f"{EVOLUTION}.{parameter}.{name}": value for name, value in evolution.constants.items()}
     regions = {
         name: region.model_copy(
-            update={"fields": {**region.fields, **relaxation_numbers(relaxations[region.cell])}}
+            update={"fields": {**relaxation_numbers(relaxations[region.cell]), **region.fields}}
         )
         if region.cell is not None
         else region
@@ -78,4 +78,4 @@ def with_law_numbers(setup: Setup, relaxations: Mapping[str | None, Relaxation |
     }
     if not fields and regions == setup.regions:
         return setup
-    return setup.model_copy(update={"fields": {**setup.fields, **fields}, "regions": regions})
+    return setup.model_copy(update={"fields": {**fields, **setup.fields}, "regions": regions})

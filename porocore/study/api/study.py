@@ -34,7 +34,7 @@ from porocore.study.notes.at_rest import at_rest
 from porocore.study.notes.checks import check_backends, check_section
 from porocore.study.notes.outline import outline
 from porocore.study.run import pipeline
-from porocore.study.run.composition import USUAL_LAWS, LawKind, macro_laws, porosity_of, require_laws
+from porocore.study.run.composition import USUAL_LAWS, LawKind, law_of_cell, porosity_of, require_laws
 from porocore.study.run.folder import RunFolder
 from porocore.study.run.results import load_reference, load_solution, load_surrogate
 from porocore.study.store import chosen_store
@@ -281,7 +281,7 @@ class Study:
             files = folder.of_cell(cell)
             if not files.reference.exists():
                 pipeline.solve_reference(folder, console=self._console, store=self._store)
-            (run,) = macro_laws(files, stack, (kind,)).values()
+            run = law_of_cell(files, stack, kind)
             porosity = porosity_of(run.law, load_reference(files))
             return Law(run.law, porosity, self.units, one.cell.parameters)
 

@@ -21,6 +21,7 @@ import yaml
 from pydantic import AfterValidator, Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
 from porocore.cell.cell import Cell
+from porocore.cell.materials.prony import Relaxation
 from porocore.core.echo import cut, echo, joined, suggestion
 from porocore.core.files.plain_data import json_hash
 from porocore.core.files.yaml_document import Location, dotted
@@ -637,8 +638,12 @@ class RunConfig(StrictModel):
 
     def problem(self, load: float) -> MacroProblem:
         """Return the problem under one load whose fields have the numbers of its laws, too; that which is solved."""
-        relaxations = {name: self.cell_named(name).relaxation for name in self.cell_names}
-        return with_law_numbers(self.macro.problem(load), relaxations)
+        return with_law_numbers(self.macro.problem(load), self.relaxations)
+
+    @property
+    def relaxations(self) -> dict[str | None, Relaxation | None]:
+        """Relaxations of the cells by name; None for an elastic solid."""
+        return {name: self.cell_named(name).relaxation for name in self.cell_names}
 
     def cell_named(self, name: str | None) -> Cell:
         """Return the cell of this name; None names that of the rest of the body."""
@@ -765,9 +770,7 @@ class RunConfig(StrictModel):
         test = _hash(cell, ranges, held_out, *more)
         training = _hash(sampling, self.surrogate.model_dump(), self.surrogate_model)
         others = [(name, self.of_cell(name).stages.training) for name in self.cells]
-        relaxing = [
-            None if cell.relaxation is None else cell.relaxation.model_dump() for cell in self.all_cells
-        ]
+        relaxing = [None if each is None else each.model_dump() for each in self.relaxations.values()]
         # Without any it is a hash that is older than they are.
         memory = (relaxing,) if any(relaxing) else ()
         macro = _hash(training, self.closure, self.conductivity, self.macro.specification(), *others, *memory)

@@ -6,7 +6,7 @@ a surrogate learns from; the laws of the body.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -30,8 +30,10 @@ from porocore.interfaces.surrogate import MORE_STATES, TrainingSet, least_states
 from porocore.macro.laws.closure import CLOSURES, Closure
 from porocore.macro.laws.composed import RegionLaw
 from porocore.macro.laws.direct import AdaptiveSurrogate, DirectCellLaw, SolvesCells, cost_recorded
+from porocore.macro.laws.evolution import EvolvingLaw
 from porocore.macro.laws.linear import LinearisedLaw, LinearPoroelasticity
 from porocore.macro.laws.macro_law import AdaptiveLaw, ClosedLaw
+from porocore.macro.laws.relaxation import RelaxingLaw
 from porocore.macro.reference import CellReference
 from porocore.plugins.kinds import Kind
 from porocore.plugins.registry import registry
@@ -221,8 +223,9 @@ def study_facts(
 def explorer(config: RunConfig, reference: CellReference, around: BodyAround | None = None) -> MacroExplorer:
     """Return the macro problem of a study on a coarse mesh; ``around`` is the body of several cells, if it has them."""
     closure = reference.closure(config.closure, config.cell.solid, config.conductivity)
-    body = BodyAround(config.macro) if around is None else around
-    return MacroExplorer(body, closure, partial(make_backend, "macro solver", config))
+    body = BodyAround(config.problem, config.macro) if around is None else around
+    with_its_memory = partial(with_memory, config=config)
+    return MacroExplorer(body, closure, partial(make_backend, "macro solver", config), with_its_memory)
 
 
 def _body_around(folder: RunFolder) -> BodyAround | None:
@@ -231,11 +234,16 @@ def _body_around(folder: RunFolder) -> BodyAround | None:
     if not whole.cells:
         return None
     others: dict[str | None, MacroLaw] = {
-        name: LinearPoroelasticity(linear_coefficients(folder.whole.of_cell(name)))
+        name: with_memory(
+            LinearPoroelasticity(linear_coefficients(folder.whole.of_cell(name))),
+            whole.of_cell(name),
+            linear=True,
+        )
         for name in whole.cell_names
         if name != folder.cell
     }
-    return BodyAround(whole.fields_of(folder.cell), folder.cell, others)
+    macro = whole.fields_of(folder.cell)
+    return BodyAround(whole.model_copy(update={"macro": macro}).problem, macro, folder.cell, others)
 
 
 def held_out_states(config: RunConfig, samples: Dataset) -> RandomStates:
@@ -375,31 +383,69 @@ def macro_laws(
     direct_closure: str | None = None,
     store: ResultStore | None = None,
 ) -> dict[str, RunLaw]:
-    """Return the laws of a run by name; processes that a law needs end with ``stack``."""
+    """Return the laws of a run by name, with their memory; processes that a law needs end with ``stack``."""
     found = dict[str, RunLaw]()
-    config = folder.config
-    closure = direct_closure or config.closure
-    for kind, name in zip(dict.fromkeys(kinds), law_names(config.closure, kinds, closure), strict=True):
-        rest, *others = (
-            (files.cell, _law_of_cell(files, kind, name, stack, closure, store))
+    for kind, name in zip(dict.fromkeys(kinds), _names(folder, kinds, direct_closure), strict=True):
+        of_cells = {
+            files.cell: (files.config, law_of_cell(files, stack, kind, direct_closure, store))
             for files in folder.of_each_cell
-        )
-        named = {cell: each.law for cell, each in others if cell is not None}
-        law = RegionLaw.by_cell(config.macro.regions, rest[1].law, named)
-        found[name] = RunLaw(law, tuple(solves for _, each in (rest, *others) for solves in each.solves))
+        }
+        laws = {
+            cell: with_memory(each.law, config, linear=kind == "linear")
+            for cell, (config, each) in of_cells.items()
+        }
+        law = by_region(folder.config, laws)
+        found[name] = RunLaw(law, tuple(solves for _, each in of_cells.values() for solves in each.solves))
     return found
 
 
-def _law_of_cell(
+def _names(folder: RunFolder, kinds: Sequence[LawKind], direct_closure: str | None) -> list[str]:
+    closure = folder.config.closure
+    return law_names(closure, kinds, direct_closure or closure)
+
+
+def by_region(config: RunConfig, laws: Mapping[str | None, MacroLaw]) -> MacroLaw:
+    """Return the law of a body by those of its cells; None names that of the rest of the body, or the only one."""
+    named = {name: law for name, law in laws.items() if name is not None}
+    return RegionLaw.by_cell(config.macro.regions, laws[None], named)
+
+
+def with_memory(law: MacroLaw, config: RunConfig, *, linear: bool = False) -> MacroLaw:
+    """Return the law of a cell with what the study lets it remember: rates of its parameters, and relaxation.
+
+    The parameters evolve inside, so that the solid relaxes from what it has become. Its own numbers are parameters of
+    the law, whose values :meth:`~porocore.study.config.config.RunConfig.problem` has.
+
+    Parameters
+    ----------
+    law
+        Law of a closure, or a ``linear`` one, in equilibrium.
+    config
+        Study of the cell alone.
+    """
+    ranges = {each.name: (each.lower, each.upper) for each in config.cell.parameters}
+    rates = {
+        name: evolution.rate_of(name, law.parameters)
+        for name, evolution in config.macro.evolution.items()
+        if name in law.parameters
+    }
+    if rates:
+        law = EvolvingLaw(law, rates, ranges)
+    if config.cell.relaxation is not None:
+        law = RelaxingLaw(law, len(config.cell.relaxation.branches), small_strain=linear)
+    return law
+
+
+def law_of_cell(
     folder: RunFolder,
-    kind: LawKind,
-    name: str,
     stack: ExitStack,
-    direct_closure: str,
-    store: ResultStore | None,
+    kind: LawKind,
+    direct_closure: str | None = None,
+    store: ResultStore | None = None,
 ) -> RunLaw:
-    """Return the law of a kind of one cell; see :func:`macro_laws`."""
+    """Return the law of a kind of one cell in equilibrium; see :func:`macro_laws`."""
     config = folder.config
+    (name,) = _names(folder, (kind,), direct_closure)
     if kind == "surrogate":
         return RunLaw(_of_the_surrogate(folder))
     if kind == "linear" and config.cell.parameters:
@@ -413,7 +459,7 @@ def _law_of_cell(
     rest = reference.resting(config.conductivity)
     identity = config.stages.cell + ("" if rest.conductivity is None else "-deformed")
     cells = DirectCellLaw(pool, rest, identity, *_members(config.cell, config.fem))
-    closure = reference.closure(direct_closure, config.cell.solid, config.conductivity)
+    closure = reference.closure(direct_closure or config.closure, config.cell.solid, config.conductivity)
     return RunLaw(ClosedLaw(cells, closure, name=name), (CellSolves(cells, folder.direct_work, pool),))
 
 

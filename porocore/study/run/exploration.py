@@ -30,6 +30,8 @@ class BodyAround:
 
     Attributes
     ----------
+    problem
+        Returns the problem under a load.
     macro
         Set-up of the whole body, with fields of that cell's parameters alone.
     cell
@@ -38,6 +40,7 @@ class BodyAround:
         Laws of all cells by name, that of the explored one left out.
     """
 
+    problem: Callable[[float], MacroProblem]
     macro: MacroSettings
     cell: str | None = None
     laws: Mapping[str | None, MacroLaw] = field(default_factory=dict)
@@ -66,10 +69,19 @@ class MacroExplorer:
         Closure of that cell.
     make_solver
         Makes the macro solver when it is first needed.
+    with_memory
+        Gives the law of that cell in equilibrium its memory.
     """
 
-    def __init__(self, body: BodyAround, closure: Closure, make_solver: Callable[[], MacroSolver]) -> None:
+    def __init__(
+        self,
+        body: BodyAround,
+        closure: Closure,
+        make_solver: Callable[[], MacroSolver],
+        with_memory: Callable[[MacroLaw], MacroLaw],
+    ) -> None:
         self._body, self._closure, self._make_solver = body, closure, make_solver
+        self._with_memory = with_memory
         self._solver: MacroSolver | None = None
 
     def __call__(self, data: TrainingSet, *, elements: int, steps: int) -> Exploration:
@@ -85,12 +97,14 @@ class MacroExplorer:
         results: list[float] = []
         for load in self._body.macro.loads:
             law = VisitedStates(ClosedLaw(cells, self._closure))
-            problem = self._body.macro.problem(load)
+            problem = self._body.problem(load)
             moved = [name for name, boundary in problem.boundary.items() if boundary.is_moved]
             coarse = coarse_problem(problem, elements, steps)
             prepared = self._solver.prepare(coarse)
             try:
-                solution = body_solution_of(self._solver, prepared, self._body.law_with(law), coarse)
+                solution = body_solution_of(
+                    self._solver, prepared, self._body.law_with(self._with_memory(law)), coarse
+                )
             except SolveError:
                 results += [np.nan] * (2 + 2 * len(moved))
             else:

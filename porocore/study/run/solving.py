@@ -97,7 +97,7 @@ def solve(
             note_once(line)
             if stays:
                 continue
-            clock, problem = solves.begin(case, note_once), config.macro.problem(case.load)
+            clock, problem = solves.begin(case, note_once), config.problem(case.load)
             title, stem = f"{case.law}, load {case.load:g}", folder.solution(*case).stem
             with (
                 solver.communicator.holding(timed(folder.timings, case.stage, clock)),
@@ -158,7 +158,7 @@ class _Here:
         if self._prepared is None or self._prepared[0].load != case.load:
             self._prepared = None  # which makes room for the next
             config = self._folder.config
-            problem = config.macro.problem(case.load)
+            problem = config.problem(case.load)
             prepared = prepared_body(self._solver, config.macro_backend, problem)
             self._prepared = problem, prepared
             if line := self._solver.remark(prepared):

@@ -117,7 +117,7 @@ def solve_point(tell: Tell, folder: RunFolder, laws: Sequence[LawKind]) -> str:
         solver = make_backend("macro solver", config)
         done, count = 0, len(runs) * len(config.macro.loads)
         for load in config.macro.loads:
-            problem, prepared = config.macro.problem(load), None
+            problem, prepared = config.problem(load), None
             for name, run in runs.items():
                 if not folder.solution(name, load).exists():
 
