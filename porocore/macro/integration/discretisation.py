@@ -558,4 +558,4 @@ class Discretisation(ABC, Generic[System]):
         return np.asarray(self.communicator.sum(whole))
 
     def _by_element(self, values: Array) -> Array:
-        return values.reshape(len(self.elements), -1, *values.shape[1:])
+        return values.reshape(len(self.elements), self.mesh.weights.shape[1], *values.shape[1:])
