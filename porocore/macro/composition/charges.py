@@ -20,6 +20,7 @@ from porocore.macro.composition.fields import (
     TableField,
     as_field,
 )
+from porocore.macro.laws.charges import OsmoticPressure
 from porocore.states import Array
 
 #: Key of the density.
@@ -106,7 +107,8 @@ class Charges(StrictModel):
     def osmotic_pressure(self, charge: float, time: float = 0.0) -> float:
         """Return π [E] at a charge density c_F of the fluid and a time of the bath."""
         bath = self.bath.at(time) if isinstance(self.bath, TimeFunction) else self.bath
-        return float(self.osmotic * charge**2 / (np.hypot(charge, 2 * bath) + 2 * bath))
+        at = (np.array([number]) for number in (1.0, charge, bath))
+        return float(OsmoticPressure.at(*at, self.osmotic).value[0])
 
 
 def require_charges(charges: Charges, mesh: BodyMesh, times: Array) -> None:

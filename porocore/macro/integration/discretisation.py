@@ -537,12 +537,14 @@ class Discretisation(ABC, Generic[System]):
 
     def points_to_mesh(self, values: Array) -> Array:
         """Return values at all quadrature points (all points, ...), from those of this process (points, ...)."""
-        return self._all_elements(self._by_element(values)).reshape(-1, *values.shape[1:])
+        whole = self._all_elements(self._by_element(values))
+        return whole.reshape(self.mesh.weights.size, *values.shape[1:])
 
     def points_from_mesh(self, whole: Array) -> Array:
         """Return the values of this process from those at all quadrature points."""
         by_element = whole.reshape(*self.mesh.weights.shape, *whole.shape[1:])
-        return by_element[self.elements].reshape(-1, *whole.shape[1:])
+        count = len(self.elements) * self.mesh.weights.shape[1]
+        return by_element[self.elements].reshape(count, *whole.shape[1:])
 
     def means(self, values: Array) -> Array:
         """Return means over this process's elements (elements, ...) of values at its points (points, ...)."""

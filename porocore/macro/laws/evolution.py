@@ -15,6 +15,7 @@ from porocore.core.echo import joined
 from porocore.core.fields import Batch, provided
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import (
+    ExtendedLaw,
     InternalVariable,
     Interval,
     LawMemory,
@@ -117,7 +118,7 @@ class EvolvingLaw(LawWrapper):
         self.rates = dict(rates)
         self._ranges = np.array([ranges[name] for name in rates], dtype=float)
         self._columns = [law.parameters.index(name) for name in rates]
-        self._own = tuple(f"evolution.{name}.{c}" for name, rate in rates.items() for c in rate.constants)
+        self._own = constant_names(rates)
         self.parameters = (*law.parameters, *self._own)
         self.internal = (*law.internal, *(InternalVariable(name, group=name) for name in rates))
         self.constant_tangent = False
@@ -452,6 +453,32 @@ class _Search:
         start = np.where(shorter, theta, self._from[rows])
         self._way[rows], self._from[rows] = np.where(shorter, way, self._way[rows]), start
         return np.where(shorter, theta + way, (theta + start) / 2)
+
+
+class UnevolvedLaw(ExtendedLaw):
+    """Law without derivatives by parameters in a body that evolves: its parameters stay those of the beginning.
+
+    Parameters
+    ----------
+    law
+        Law that is asked, such as a linear one.
+    rates
+        Rates by the names of the parameters that would evolve, whose constants do nothing.
+    """
+
+    def __init__(self, law: MacroLaw, rates: Mapping[str, Rate]) -> None:
+        super().__init__(law, constant_names(rates), ())
+
+    def memory_out(self, memory: LawMemory, states: MacroState) -> LawMemory:
+        """Return the memory of points with all parameters."""
+        return replace(memory, states=states)
+
+
+def constant_names(rates: Mapping[str, Rate]) -> tuple[str, ...]:
+    """Return the names of the constants of rates as parameters of a law, by the names of the parameters that evolve."""
+    return tuple(
+        f"evolution.{name}.{constant}" for name, rate in rates.items() for constant in rate.constants
+    )
 
 
 def _check(law: MacroLaw, rates: Mapping[str, Rate], ranges: Mapping[str, tuple[float, float]]) -> None:

@@ -335,7 +335,7 @@ class _Derivatives:
         d_p = -(d_b + self._p_r[:, None] * d_gain) / one_more[:, None]
 
         def moved(fixed: Array, by_p: Array) -> Array:
-            return fixed + by_p[..., None] * d_p.reshape(n, *(1,) * (by_p.ndim - 1), k)
+            return np.asarray(fixed + by_p[..., None] * d_p.reshape(n, *(1,) * (by_p.ndim - 1), k))
 
         d_P, d_flux = moved(found.stress, t.stress_p), moved(found.flux, t.flux_p)
         d_storage, inner = moved(found.storage, t.storage_p), moved(found.internal, found.internal_p)

@@ -27,10 +27,11 @@ from porocore.interfaces.law import MacroLaw
 from porocore.interfaces.records import RestData
 from porocore.interfaces.sampler import Explore, Remember, Sampler, StudyFacts, StudySampler, make_anew
 from porocore.interfaces.surrogate import MORE_STATES, TrainingSet, least_states
+from porocore.macro.laws.charges import ChargedLaw
 from porocore.macro.laws.closure import CLOSURES, Closure
 from porocore.macro.laws.composed import RegionLaw
 from porocore.macro.laws.direct import AdaptiveSurrogate, DirectCellLaw, SolvesCells, cost_recorded
-from porocore.macro.laws.evolution import EvolvingLaw
+from porocore.macro.laws.evolution import EvolvingLaw, UnevolvedLaw
 from porocore.macro.laws.linear import LinearisedLaw, LinearPoroelasticity
 from porocore.macro.laws.macro_law import AdaptiveLaw, ClosedLaw
 from porocore.macro.laws.relaxation import RelaxingLaw
@@ -411,15 +412,16 @@ def by_region(config: RunConfig, laws: Mapping[str | None, MacroLaw]) -> MacroLa
 
 
 def with_memory(law: MacroLaw, config: RunConfig, *, linear: bool = False) -> MacroLaw:
-    """Return the law of a cell with what the study lets it remember: rates of its parameters, and relaxation.
+    """Return the law of a cell with what the study lets it remember: rates of parameters, relaxation, fixed charges.
 
-    The parameters evolve inside, so that the solid relaxes from what it has become. Its own numbers are parameters of
-    the law, whose values :meth:`~porocore.study.config.config.RunConfig.problem` has.
+    They stand one in the other in this order: the charges turn the pressure of the body into that of the pores, the
+    relaxation this one into that of the equilibrium, and the evolution gives the cell its parameters. Their own numbers
+    are parameters of the law, whose values :meth:`~porocore.study.config.config.RunConfig.problem` has.
 
     Parameters
     ----------
     law
-        Law of a closure, or a ``linear`` one, in equilibrium.
+        Law of a closure, or a ``linear`` one, in equilibrium; the parameters of the latter stay as they begin.
     config
         Study of the cell alone.
     """
@@ -430,10 +432,11 @@ def with_memory(law: MacroLaw, config: RunConfig, *, linear: bool = False) -> Ma
         if name in law.parameters
     }
     if rates:
-        law = EvolvingLaw(law, rates, ranges)
+        law = UnevolvedLaw(law, rates) if linear else EvolvingLaw(law, rates, ranges)
     if config.cell.relaxation is not None:
         law = RelaxingLaw(law, len(config.cell.relaxation.branches), small_strain=linear)
-    return law
+    charges = config.macro.charges
+    return law if charges is None else ChargedLaw(law, charges.osmotic)
 
 
 def law_of_cell(
