@@ -107,8 +107,8 @@ class Charges(StrictModel):
     def osmotic_pressure(self, charge: float, time: float = 0.0) -> float:
         """Return π [E] at a charge density c_F of the fluid and a time of the bath."""
         bath = self.bath.at(time) if isinstance(self.bath, TimeFunction) else self.bath
-        at = (np.array([number]) for number in (1.0, charge, bath))
-        return float(OsmoticPressure.at(*at, self.osmotic).value[0])
+        found = OsmoticPressure.at(np.ones(1), np.array([charge]), np.array([bath]), self.osmotic)
+        return float(found.value[0])
 
 
 def require_charges(charges: Charges, mesh: BodyMesh, times: Array) -> None:
