@@ -12,10 +12,11 @@ from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.errors import ConfigurationError
 from porocore.interfaces.law import Interval, MemoryChanges, PointChanges
 from porocore.macro.laws.closure import make_closure
+from porocore.macro.laws.composed import RegionLaw, TurnedLaw
 from porocore.macro.laws.evolution import EvolvingLaw
-from porocore.macro.laws.macro_law import ClosedLaw
+from porocore.macro.laws.macro_law import ClosedLaw, Law
 from porocore.macro.laws.rates import NAMED_RATES, Rate
-from porocore.states import Doubt, MacroState
+from porocore.states import BodyPlace, Doubt, MacroState
 from porocore.testing.expect import STEPS, central_difference
 from porocore.testing.synthetic.porous_family import PorousFamilyLaw
 
@@ -389,6 +390,70 @@ def test_each_gradient_has_its_own_parameters():
     assert (flowing.memory.internal < memory.internal).all()
     alone = law.respond(at, grad_p, memory, step=Interval(0, 1))
     np.testing.assert_array_equal(alone.stress, flowing.stress)
+
+
+def test_axes_and_regions_see_the_same_evolution():
+    law = evolving(**COUPLED)
+    at, grad_p = states(law, CONSTANTS), gradients()
+    R = np.linalg.qr(np.random.default_rng(3).standard_normal((4, 3, 3)))[0]
+    R *= np.sign(np.linalg.det(R))[:, None, None]
+    turned = replace(at, grad_u=R @ at.grad_u @ R.swapaxes(1, 2), place=BodyPlace(np.array([0, 1, 1, 0]), R))
+    flow = (R @ grad_p[:, :, None])[..., 0]
+    other = TurnedLaw(RegionLaw([law, evolving(**COUPLED)]))
+    expected = law.respond(at, grad_p, law.initial_at(at), step=STEP)
+    found = other.respond(turned, flow, other.initial_at(turned), step=STEP)
+    np.testing.assert_allclose(found.memory.internal, expected.memory.internal, rtol=1e-12)
+    np.testing.assert_allclose(found.stress, R @ expected.stress @ R.swapaxes(1, 2), atol=1e-13)
+    by = np.einsum("nia,njb,nkc,nabc->nijk", R, R, R, expected.tangent.stress_grad_p)
+    np.testing.assert_allclose(found.tangent.stress_grad_p, by, atol=1e-13)
+
+
+def test_a_region_without_evolution_stays_as_it_is():
+    law, plain = evolving(swelling="a*mean_stress"), cells()
+    at = states(law, [1.0])
+    at = replace(at, place=BodyPlace(np.array([0, 1, 1, 0])))
+    both = RegionLaw([plain, law])
+    found = both.respond(at, gradients(), both.initial_at(at), step=STEP)
+    bare = at.with_parameters(at.parameters[:, : len(CELL)])
+    expected = plain.respond(bare, gradients(), plain.initial_at(bare))
+    np.testing.assert_array_equal(found.stress[[0, 3]], expected.stress[[0, 3]])
+    assert (found.memory.internal[[1, 2], 0] != 1).all()
+
+
+def test_the_place_of_a_point_is_known_in_a_rate():
+    law = evolving(radius="a*(x - 2*z)")
+    at = states(law, [0.01])
+    X = np.random.default_rng(5).random((4, 3))
+    at = replace(at, place=BodyPlace(np.zeros(4, int), None, X))
+    found, _ = course(law, at, [0.0, 2.0])
+    np.testing.assert_allclose(
+        found[0, :, 0], at.parameters[:, 0] + 0.02 * (X[:, 0] - 2 * X[:, 2]), rtol=1e-13
+    )
+
+
+def test_the_mean_gradient_closure_takes_rates_of_time_alone():
+    """Of a porosity that changes within the step it has no derivatives, which a rate that follows the state needs."""
+    closed = ClosedLaw(PorousFamilyLaw(*CELL), make_closure("mean-gradient", 0.6, NeoHookean(), np.eye(3)))
+    free = EvolvingLaw(closed, {"radius": Rate("-a*radius", CELL, ["a"])}, RANGES)
+    at, grad_p = states(free, [0.1]), gradients()
+    found = free.respond(at, grad_p, free.initial_at(at), step=Interval(0, 1))
+    bare = at.with_parameters(at.parameters[:, : len(CELL)])
+    later = bare.with_parameters(np.column_stack([found.memory.internal[:, 9], bare.parameters[:, 1:]]))
+    expected = closed.respond(later, grad_p, closed.initial_at(bare))
+    np.testing.assert_array_equal(found.storage, expected.storage)
+    np.testing.assert_array_equal(found.memory.internal[:, :9], expected.memory.internal)
+    follows = EvolvingLaw(closed, {"radius": Rate("-a*flux", CELL, ["a"])}, RANGES)
+    with pytest.raises(ConfigurationError, match="choose closure: potential"):
+        follows.respond(at, grad_p, follows.initial_at(at), step=Interval(0, 1))
+
+
+def test_the_law_of_a_point_evolves_without_a_flux():
+    law = evolving(radius="-a*flux*radius + a*0.01")
+    at = states(law, [0.5])
+    found = Law(law, 0.4).response(at.grad_u, at.p, parameters=at.parameters, times=(0.0, 2.0))
+    np.testing.assert_allclose(found.memory.internal[:, 0], at.parameters[:, 0] + 0.01, rtol=1e-12)
+    expected = law.respond(at, np.zeros((4, 3)), law.initial_at(at), step=Interval(0, 2))
+    np.testing.assert_array_equal(found.tangent.stress_grad_u, expected.tangent.stress_grad_u)
 
 
 @pytest.mark.parametrize(

@@ -510,12 +510,15 @@ class Law:
                 f"before: expected the response at the same {n} states, got one at {len(before)}"
             )
         memory = self._law.initial_at(states) if before is None else before.memory
-        # The flux under a unit gradient along an axis is a column of −K_ref, and so are its derivatives.
-        units = [np.broadcast_to(axis, (n, 3)) for axis in np.eye(3)] if tangent else [np.zeros((n, 3))]
+        # The flux under a unit gradient along an axis is a column of −K_ref, and so are its derivatives. The state is
+        # that without a flux, which some laws follow.
+        units = [np.broadcast_to(axis, (n, 3)) for axis in np.eye(3)] if tangent else []
         step = None if times is None else Interval(*map(float, times))
-        found = self._law.respond_to_each(states, units, memory, step=step, tangent=tangent)
+        found = self._law.respond_to_each(
+            states, [np.zeros((n, 3)), *units], memory, step=step, tangent=tangent
+        )
         first = found[0]
-        tangents = [response.tangent for response in found if response.tangent is not None]
+        tangents = [provided(response.tangent) for response in found] if tangent else []
         return LawResponse(
             stress=first.stress,
             fluid_volume=first.memory.fluid_volume,
@@ -523,7 +526,7 @@ class Law:
             deformation=first.deformation,
             doubt=first.doubt,
             memory=first.memory,
-            tangent=_tangent(tangents) if tangents else None,
+            tangent=_tangent(*tangents) if tangents else None,
         )
 
     def reasons(
@@ -570,14 +573,13 @@ class Law:
                 self._ranges[name].require_inside(float(end))
 
 
-def _tangent(columns: list[MacroTangent]) -> LawTangent:
-    """Return the derivatives from those under a unit gradient of the pressure along each axis."""
-    first = columns[0]
+def _tangent(still: MacroTangent, *columns: MacroTangent) -> LawTangent:
+    """Return the derivatives from those without a gradient of the pressure, and under a unit one along each axis."""
     return LawTangent(
-        stress_grad_u=first.stress_grad_u,
-        stress_p=first.stress_p,
-        fluid_volume_grad_u=first.storage_grad_u,
-        fluid_volume_p=first.storage_p,
+        stress_grad_u=still.stress_grad_u,
+        stress_p=still.stress_p,
+        fluid_volume_grad_u=still.storage_grad_u,
+        fluid_volume_p=still.storage_p,
         conductivity_grad_u=-np.stack([column.flux_grad_u for column in columns], axis=2),
         conductivity_p=-np.stack([column.flux_p for column in columns], axis=2),
     )
