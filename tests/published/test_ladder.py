@@ -12,6 +12,7 @@ QUICK = {
     ("spheres", "c = 0.064"),
     ("cylinders", "c = 0.2"),
     ("homogeneous", "diagonal H"),
+    ("relaxation", "limits"),
     ("terzaghi", "10 cells"),
     ("mandel", "moved plates"),
     ("xie-leo", "closed form"),

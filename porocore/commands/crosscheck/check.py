@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
@@ -23,6 +24,7 @@ from porocore.commands.crosscheck.bodies import (
     train,
 )
 from porocore.commands.crosscheck.comparison import Comparison, SharedSamples, failures_of, share_samples
+from porocore.commands.crosscheck.relaxation import CellPath, PathRun, check_relaxation
 from porocore.core.console import Console
 from porocore.core.files.plain_data import json_ready
 from porocore.interfaces.law import MacroLaw
@@ -43,6 +45,8 @@ class CrossCheck:
         Line by line, failures first within each part.
     cells, samples, surrogates, bodies
         The results; ``samples`` is None where no cell solver could solve them.
+    paths
+        Those of a cell whose solid relaxes, where these were compared.
     """
 
     config: RunConfig
@@ -51,6 +55,7 @@ class CrossCheck:
     samples: SharedSamples | None
     surrogates: tuple[SurrogateRun, ...]
     bodies: tuple[BodyRun, ...]
+    paths: tuple[PathRun, ...] = ()
 
     @property
     def failed(self) -> tuple[Comparison, ...]:
@@ -103,6 +108,20 @@ def crosscheck(config: RunConfig, who: Backends, *, console: Console) -> CrossCh
     return CrossCheck(config, tuple(found), tuple(cells), samples, tuple(surrogates), tuple(bodies))
 
 
+def crosscheck_relaxation(
+    config: RunConfig, names: Sequence[str], paths: Sequence[CellPath], *, console: Console
+) -> CrossCheck:
+    """Compare the law of a solid that relaxes with the cell along paths, by each named cell solver.
+
+    Raises
+    ------
+    PorocoreError
+        The case cannot be used: its solid does not relax, or a path cannot be followed.
+    """
+    runs, found = check_relaxation(config, names, paths, console)
+    return CrossCheck(config, tuple(found), (), None, (), (), tuple(runs))
+
+
 FORMAT, VERSION = "porocore-crosscheck", 1
 
 
@@ -139,6 +158,7 @@ def document(result: CrossCheck) -> dict[str, Any]:
             for run in result.surrogates
         },
         "bodies": [_body(run) for run in result.bodies],
+        "paths": [_path(run) for run in result.paths],
         "versions": versions(),
         "configuration": result.config.model_dump(mode="json"),
     }
@@ -164,6 +184,26 @@ def _response(response: CellResponse) -> dict[str, Any]:
     values |= {name: getattr(response.tangent, name, None) for name in DERIVATIVES}
     return {"status": Status(int(response.status[0])).name} | {
         name: None if value is None else value[0] for name, value in values.items()
+    }
+
+
+def _path(run: PathRun) -> dict[str, Any]:
+    names = ("stress", "fluid_volume", "status")
+    return {
+        "backend": run.backend,
+        "path": run.path.name,
+        "time": run.path.times,
+        "grad_u": run.path.states.grad_u,
+        "p": run.path.states.p,
+        "cell": {name: getattr(run.cell, name) for name in names},
+        "law": {
+            "stress": run.stress,
+            "fluid_volume": run.fluid_volume,
+            "status": [int(status) for status in run.statuses],
+        },
+        "stress_error": run.stress_error,
+        "fluid_error": run.fluid_error,
+        "seconds": run.seconds,
     }
 
 

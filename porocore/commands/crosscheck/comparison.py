@@ -26,7 +26,7 @@ from porocore.study.run.folder import RunFolder
 from porocore.study.run.pipeline import sample, solve_reference
 from porocore.study.run.results import load_reference
 
-Part = Literal["plugin", "cell", "surrogate", "body"]
+Part = Literal["plugin", "cell", "surrogate", "body", "relaxation"]
 
 #: Of averages, derivatives and K: two backends solve the same algebraic equations to some 1e-11.
 CELL = 1e-8
@@ -43,9 +43,10 @@ class Comparison:
     Attributes
     ----------
     part
-        Of the study: the cell solvers, the surrogates, or the macro solvers; or a plugin that cannot be used.
+        Of the study: the cell solvers, the surrogates, the macro solvers, or the law of a solid that relaxes; or a
+        plugin that cannot be used.
     case
-        The state of the cell, or the law of the body.
+        The state or the path of the cell, or the law of the body.
     quantity
         What is compared.
     one, other

@@ -13,6 +13,8 @@ from matplotlib.figure import Figure
 from porocore.commands.crosscheck.bodies import BodyRun, history_difference
 from porocore.commands.crosscheck.check import CrossCheck, document
 from porocore.commands.crosscheck.comparison import BODY, Comparison, Part
+from porocore.commands.crosscheck.relaxation import PathRun
+from porocore.core.fields import provided
 from porocore.core.files.atomic import write_text
 from porocore.core.files.plain_data import write_json
 from porocore.report.figures.style import DASHED, DOTTED, GREY, TIME_COLOURS, legend_above, new_figure, styled
@@ -89,6 +91,31 @@ def difference_figure(runs: Sequence[BodyRun]) -> Figure:
     return figure
 
 
+@styled
+def path_figure(run: PathRun) -> Figure:
+    """Stress and fluid volume of the relaxing cell and of the law along one path, by the number of the step."""
+    P, steps = provided(run.cell.stress), np.arange(len(run.path.times))
+    figure = new_figure(11.5, 3.4)
+    left, right = figure.subplots(1, 2)
+    largest = np.abs(np.nan_to_num(P)).max(axis=0)
+    shown = [(i, j) for i, j in np.ndindex(3, 3) if largest[i, j] > 1e-3 * largest.max()]
+    for k, (i, j) in enumerate(shown):
+        colour, label = TIME_COLOURS[k % 6], f"$P_{{{i + 1}{j + 1}}}$"
+        left.plot(steps, P[:, i, j], color=colour, lw=5.0, alpha=0.35, label=label)
+        left.plot(steps, run.stress[:, i, j], color=colour, lw=1.7, ls=DASHED)
+    right.plot(
+        steps, provided(run.cell.fluid_volume), color=TIME_COLOURS[0], lw=5.0, alpha=0.35, label="cell"
+    )
+    right.plot(steps, run.fluid_volume, color=TIME_COLOURS[0], lw=1.7, ls=DASHED, label="law")
+    left.set_ylabel("stress $P_E/E$ [–]")
+    right.set_ylabel("fluid volume φ [–]")
+    for axes in (left, right):
+        axes.set_xlabel("step of the path")
+        axes.margins(x=0.01)
+        axes.legend(loc="best")
+    return figure
+
+
 #: Title, what the first column holds, and what is compared, of each part.
 PARTS: dict[Part, tuple[str, str, str]] = {
     "plugin": ("Plugins", "kind", "Installed plugins that cannot be used."),
@@ -105,6 +132,13 @@ PARTS: dict[Part, tuple[str, str, str]] = {
         "Every surrogate was trained on the same solved states. Its largest error on held-out states, and the largest "
         "difference of every two at states between them, are shares of the range of what was solved. Two may differ by "
         "three times the sum of their own errors.",
+    ),
+    "relaxation": (
+        "Solid that relaxes",
+        "path",
+        "The law that relaxes the stress and the pressure of the cell in equilibrium, against the cell with the stress "
+        "history of each of its points. Differences of P_E are relative to its largest component along the path, those "
+        "of φ to its change.",
     ),
     "body": (
         "Macro solvers",
@@ -137,6 +171,7 @@ def render(result: CrossCheck) -> str:
         .render(
             title=result.config.title or "Crosscheck",
             comparisons=result.comparisons,
+            paths=result.paths,
             failed=result.failed,
             worst=result.worst,
             summary=summarise(result.comparisons),
@@ -175,13 +210,18 @@ def times(result: CrossCheck) -> list[tuple[str, str, float]]:
         )
     rows += [(run.name, "training", run.seconds) for run in result.surrogates]
     rows += [(run.backend, f"body, law {run.law}", run.seconds) for run in result.bodies]
+    rows += [
+        (run.backend, f"cell, {run.path.name}, {what}", seconds)
+        for run in result.paths
+        for what, seconds in run.seconds.items()
+    ]
     return rows
 
 
 def _sections(result: CrossCheck) -> Iterator[dict[str, Any]]:
     for part, (title, case, text) in PARTS.items():
         lines = [line for line in result.comparisons if line.part == part]
-        pictures = _pictures(result) if part == "body" else []
+        pictures = _pictures(result) if part == "body" else _paths(result) if part == "relaxation" else []
         if lines or pictures:
             yield {
                 "part": part,
@@ -191,6 +231,16 @@ def _sections(result: CrossCheck) -> Iterator[dict[str, Any]]:
                 "lines": lines,
                 "pictures": pictures,
             }
+
+
+def _paths(result: CrossCheck) -> list[Picture]:
+    return [
+        Pictures().svg(
+            f"path-{k}", path_figure(run), f"{run.path.name}, {run.backend}: cell with its history, and law"
+        )
+        for k, run in enumerate(result.paths, start=1)
+        if np.isfinite(run.stress_error)
+    ]
 
 
 def _pictures(result: CrossCheck) -> list[Picture]:

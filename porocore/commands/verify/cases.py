@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from porocore.commands.backends import FEM, Backends, advice, attempt, find_backends
-from porocore.commands.verify import cell_cases, linear_cases, xie_leo
+from porocore.commands.verify import cell_cases, linear_cases, relaxation_cases, xie_leo
 from porocore.commands.verify.case import Check, VerificationCase
 from porocore.core.echo import echo
 from porocore.core.files.plain_data import json_ready
@@ -22,6 +22,7 @@ CASES: dict[str, VerificationCase] = {
         cell_cases.CYLINDER_ARRAY,
         cell_cases.HOMOGENEOUS,
         cell_cases.IDENTITIES,
+        relaxation_cases.RELAXATION,
         linear_cases.TERZAGHI_CASE,
         linear_cases.MANDEL_CASE,
         linear_cases.UNCONFINED,
