@@ -84,6 +84,8 @@ def imports(path):
 #: Configurations that signatures below them mention, by imports for type checkers only; no further ones.
 MENTIONED = {
     ("interfaces.cell", "cell.cell"),
+    ("interfaces.cell", "cell.materials.prony"),
+    ("plugins.border", "cell.materials.prony"),
     ("interfaces.macro", "macro.problem"),
     ("plugins.border", "macro.problem"),
     ("cell.family.mesh", "cell.cell"),
@@ -243,6 +245,7 @@ def test_what_comes_out_of_a_plugin_passes_the_border():
                     "solve_one": True,
                     "ask": of.endswith("sampler") and module != "porocore.sampling.campaign",
                     "solve": of.endswith("solver"),
+                    "relax": of.endswith("solver"),
                     "conductivity": of.endswith("solver"),
                 }
                 if crosses.get(called, False):

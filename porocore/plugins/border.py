@@ -26,6 +26,7 @@ from porocore.plugins.hookspecs import short_repr
 from porocore.states import Array, CellResponse, MacroState
 
 if TYPE_CHECKING:
+    from porocore.cell.materials.prony import Relaxation
     from porocore.macro.problem import MacroProblem
 
 
@@ -196,10 +197,26 @@ def solution_of(solver: CellSolver, prepared: Any, states: MacroState, **how: An
     PluginError
         The response is not what its fields declare for n states, or the micro displacements do not belong to them.
     """
-    solution = solver.solve(prepared, states, **how)
+    return _checked_cells(solver, solver.solve(prepared, states, **how), len(states))
+
+
+def relaxed_solution_of(
+    solver: CellSolver, prepared: Any, path: MacroState, times: Array, relaxation: Relaxation
+) -> CellSolution:
+    """Return what ``solver.relax(prepared, path, times, relaxation)`` returns.
+
+    Raises
+    ------
+    PluginError
+        As of :func:`solution_of`.
+    """
+    return _checked_cells(solver, solver.relax(prepared, path, times, relaxation), len(path))
+
+
+def _checked_cells(solver: CellSolver, solution: Any, n: int) -> CellSolution:
     if not isinstance(solution, CellSolution):
         raise refuse(solver, f"expected a CellSolution, got {short_repr(solution)}")
-    if fault := response_fault(solution.response, len(states)) or _fields_fault(solution.fields, len(states)):
+    if fault := response_fault(solution.response, n) or _fields_fault(solution.fields, n):
         raise refuse(solver, fault)
     return solution
 

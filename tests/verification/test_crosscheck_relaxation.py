@@ -82,22 +82,24 @@ def test_the_simpler_law_would_not_pass(followed):
     assert found.fluid_error < 5e-3
 
 
-#: Bounds of the errors of stress and φ in the table of docs/crosscheck.md, as they came out; the quadratic cell.
+#: Bounds of the errors of stress and φ in the table of docs/crosscheck.md. Those of a load that is held without contact
+#: are what the law has to reach, the others what came out, rounded up; on quadratic elements.
 TABLE = {
     "10 %, held": (ramp_and_hold, PRESSED, 0.0, 0.002, 0.005),
     "10 %, p = 0.1, held": (ramp_and_hold, PRESSED, 0.1, 0.002, 0.005),
     "20 %, held": (ramp_and_hold, 2 * PRESSED, 0.0, 0.002, 0.005),
     "20 %, p = 0.1, held": (ramp_and_hold, 2 * PRESSED, 0.1, 0.002, 0.005),
     "10 %, two ramps": (load_and_reload, PRESSED, 0.0, 0.006, 0.005),
-    "10 %, p = 0.1, two ramps": (load_and_reload, PRESSED, 0.1, 0.006, 0.006),
-    "20 %, two ramps": (load_and_reload, 2 * PRESSED, 0.0, 0.02, 0.005),
+    "10 %, p = 0.1, two ramps": (load_and_reload, PRESSED, 0.1, 0.005, 0.006),
+    "20 %, two ramps": (load_and_reload, 2 * PRESSED, 0.0, 0.025, 0.006),
     "20 %, p = 0.1, two ramps": (load_and_reload, 2 * PRESSED, 0.1, 0.01, 0.01),
     "10 %, half way back": (there_and_back, PRESSED, 0.0, 0.012, 0.005),
     "10 %, p = 0.1, half way back": (there_and_back, PRESSED, 0.1, 0.012, 0.015),
     "20 %, half way back": (there_and_back, 2 * PRESSED, 0.0, 0.03, 0.01),
-    "30 %, held, in contact": (ramp_and_hold, 3 * PRESSED, 0.0, 0.002, 0.005),
-    "30 %, two ramps, in contact": (load_and_reload, 3 * PRESSED, 0.0, 0.1, 0.1),
+    "30 %, held, in contact": (ramp_and_hold, 3 * PRESSED, 0.0, 0.004, 0.005),
+    "30 %, two ramps, in contact": (load_and_reload, 3 * PRESSED, 0.0, 0.1, 0.025),
 }
+#: On linear elements, since shear needs the whole cell.
 SHEARS = {
     "shear 10 %, held": (ramp_and_hold, SHEARED, 0.0, 0.002, 0.005),
     "shear 10 %, p = 0.1, held": (ramp_and_hold, SHEARED, 0.1, 0.002, 0.005),

@@ -1,4 +1,4 @@
-"""Law of a relaxing solid against its cell, which knows the history of each of its points, along paths of (H, p)."""
+"""Law of a solid that relaxes against the cell with the history of its points, along paths (CellPath)."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ from porocore.interfaces.law import CellLaw, Interval
 from porocore.macro.laws.closure import make_closure
 from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.macro.laws.relaxation import RelaxingLaw
+from porocore.plugins.border import relaxed_solution_of, solution_of
 from porocore.plugins.registry import registry
 from porocore.states import Array, CellResponse, MacroState, Status
 from porocore.study.config.config import RunConfig
@@ -153,9 +154,8 @@ class _SolvedCells(CellLaw):
         rows = []
         for k in range(len(states)):
             state = replace(states[k : k + 1], parameters=None)
-            found = self._solver.solve(
-                self._prepared, state, start=[self._start], tangent=tangent, fields=True
-            )
+            how = {"start": [self._start], "tangent": tangent, "fields": True}
+            found = solution_of(self._solver, self._prepared, state, **how)
             self._start = (found.fields or [None])[0] or self._start
             self.statuses.append(Status(int(found.response.status[0])))
             rows.append(replace(found.response, extrema=None, slopes=None))
@@ -253,12 +253,13 @@ def run_path(
         The path cannot be followed.
     """
     began = time.perf_counter()
-    found = solver.relax(prepared, path.states, path.times, relaxation).response
+    found = relaxed_solution_of(solver, prepared, path.states, path.times, relaxation).response
     followed = time.perf_counter()
     cells = _SolvedCells(solver, prepared, cell.identity)
-    porosity = float(provided(cells.predict(MacroState.zeros(1), tangent=False).fluid_volume)[0])
+    at_rest = solution_of(solver, prepared, MacroState.zeros(1), tangent=False).response
     # No flux is compared, so the conductivity does not matter.
-    closure = make_closure("potential", 1 - porosity, cell.solid, np.zeros((3, 3)))
+    solid_fraction = 1 - float(provided(at_rest.fluid_volume)[0])
+    closure = make_closure("potential", solid_fraction, cell.solid, np.zeros((3, 3)))
     law = RelaxingLaw(ClosedLaw(cells, closure), len(relaxation.branches))
     stress, fluid = follow_law(law, path, relaxation)
     seconds = {"with its history": followed - began, "in equilibrium": time.perf_counter() - followed}

@@ -36,7 +36,7 @@ def _cell(long: bool) -> Cell:
 
 
 def limits(solver: CellSolver, long: bool) -> Sequence[Check]:
-    """At once P_E = a P_E,∞(H, p/a) with a = 1 + Σγ, in the end that of equilibrium."""
+    """P_E = a P_E,∞(H, p/a) with a = 1 + Σγ at once, and that of equilibrium in the end."""
     prepared, (H, p), a = solver.prepare(_cell(long)), STATE, 2.5
     states = MacroState(np.stack([np.zeros((3, 3)), H, H]), np.array([0.0, p, p]))
     found = solver.relax(prepared, states, np.array([0.0, 0.0, 1e14]), TWO).response
