@@ -166,15 +166,9 @@ class InitialPressureChange:
 #: Series of the history that have derivatives, as :class:`~porocore.interfaces.solution.History` has them.
 HISTORY_SERIES = ("settlement", "heave", "pressure_max", "pressure_min", "drained")
 
-MacroChange: TypeAlias = (
-    CellParameterChange
-    | ModulusChange
-    | ViscosityChange
-    | LoadChange
-    | BoundaryChange
-    | IndenterChange
-    | InitialPressureChange
-)
+#: Changes of what the points of a body consist of.
+PointChange: TypeAlias = CellParameterChange | ModulusChange | ViscosityChange
+MacroChange: TypeAlias = PointChange | LoadChange | BoundaryChange | IndenterChange | InitialPressureChange
 
 
 @dataclass(frozen=True, eq=False)

@@ -91,6 +91,28 @@ class Boundary(StrictModel):
         """True if a displacement other than zero is prescribed."""
         return any(u is not None and u != 0 for u in (*self.displacement, self.normal))
 
+    def without_values(self) -> Boundary:
+        """Return conditions that prescribe the same and are all zero."""
+        held = {
+            name: None if getattr(self, name) is None else 0.0 for name in ("normal", "plate", "pressure")
+        }
+        return self.model_copy(
+            update={
+                **held,
+                "displacement": tuple(None if u is None else 0.0 for u in self.displacement),
+                "traction": (0.0, 0.0, 0.0),
+                "follower": 0.0,
+                "flux": 0.0,
+            }
+        )
+
+    def supports_alone(self) -> Boundary:
+        """Return conditions without values in which displacements that are moved are free."""
+        held = self.without_values()
+        free = tuple(None if u is None or u != 0 else 0.0 for u in self.displacement)
+        normal = None if self.normal is None or self.normal != 0 else 0.0
+        return held.model_copy(update={"displacement": free, "normal": normal})
+
     @property
     def time_functions(self) -> Iterator[TimeFunction]:
         """Time functions among its values."""

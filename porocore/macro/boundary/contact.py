@@ -491,6 +491,11 @@ class IndenterContact:
     def _is_round(self) -> bool:
         return self.contact.indenter.touches_circle(section=self.contact.facets.mesh.is_section)
 
+    @property
+    def penetration(self) -> float:
+        """Largest depth of the indenter in the body, at least 0."""
+        return max(-float(self.gap.min(initial=0.0)), 0.0)
+
     def measured(self) -> Array:
         """Return the values of :data:`porocore.interfaces.solution.CONTACT`, of this part of the body."""
         area = touched_area(self.contact, self.whole, self.motion).value if self.touched.any() else 0.0
@@ -501,7 +506,7 @@ class IndenterContact:
                 area,
                 np.sqrt(area / np.pi) if self._is_round else 0.0,
                 self.pressure.max(initial=0.0),
-                max(-float(self.gap.min(initial=0.0)), 0.0),
+                self.penetration,
                 self._seepage[0].sum() if self.contact.indenter.drains else 0.0,
             ]
         )

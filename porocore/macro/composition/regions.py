@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, Protocol, TypeVar
 
@@ -482,6 +483,12 @@ class BodyFields:
         place = BodyPlace(self._region, axes, self.points.places)
         self._last = time, CellsAtPoints(parameters, place)
         return self._last[1]
+
+    def held(self, time: float) -> BodyFields:
+        """Return the fields of the body at ``time`` as those of all times."""
+        found = copy(self)
+        found._last, found.varies = (time, self.at(time)), False
+        return found
 
     def in_region(self, region: str | None, n: int) -> npt.NDArray[np.bool_]:
         """Return which of the n points lie in a region, (n,); all without its name.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import partial
 from operator import attrgetter
 from pathlib import Path
@@ -91,10 +91,13 @@ class HistoryRecorder:
         start = dict.fromkeys(HISTORY, 0.0)
         start |= {**_flagged(d, response), "stress_spread": _spread(d, response)}
         start |= self._extremes(whole)
-        sums = np.zeros(3 * len(d.boundary.supports) + len(d.boundary.drains))
-        loads = d.loads(d.boundary.amplitudes(d.problem, 0.0))
+        sums = [np.zeros(3 * len(d.boundary.supports) + len(d.boundary.drains))]
+        loads = d.loads_at(0.0)
+        if d.origin is not None:  # a state of equilibrium, with the forces that hold it
+            still = replace(response, storage=0.0 * response.storage)
+            sums = self.sums(d.residual(still, 1.0, loads, x).values, still, 1.0)
         touched = [state.measured() for state in d.contact_states(whole, loads)]
-        extra = np.concatenate([self.probe @ whole, sums, *touched, np.zeros(len(WORK))])
+        extra = np.concatenate([self.probe @ whole, *sums, *touched, np.zeros(len(WORK))])
         self.rows.append((*(start[name] for name in HISTORY), *map(float, extra)))
         self.add_profile(x, response, 0.0, loads)
 
@@ -294,13 +297,14 @@ class CheckpointFile:
         if path is None or not d.communicator.on_root(path.exists):
             return None
         record = HistoryRecorder(d, law.internal)
-        whole, known, rows, profiles, step, rate, before, (times, earlier) = d.communicator.on_root(
+        whole, known, rows, profiles, step, rate, before, (times, earlier), origin = d.communicator.on_root(
             partial(self._read, path, record.columns, len(control.scales))
         )
         control.length, control.scales = before
         if rate is not None:
             control.rate = TimeState(rate.x[d.unknowns], d.points_from_mesh(rate.internal))
         x = whole[d.unknowns]
+        d.origin = None if origin is None else origin[d.unknowns]
         predictor.times, predictor.states = times, [*(state[d.unknowns] for state in earlier), x]
         for name, value in step.items():
             setattr(stepper, name, value)
@@ -342,7 +346,8 @@ class CheckpointFile:
                 raise ValueError("attributes 'length' and 'scales' are those of no step")
             profiles = [read_profile(file, name) for name in numbered(file, "profiles")]
             earlier = _read_earlier(file, step["time"], mesh.size)
-            return whole, known, rows, profiles, step, rate, before, earlier
+            origin = file.array("origin", mesh.size) if "origin" in file else None
+            return whole, known, rows, profiles, step, rate, before, earlier, origin
 
     def save_if_due(
         self,
@@ -359,6 +364,8 @@ class CheckpointFile:
         if path is None or not (d.communicator.on_root(self._is_late) or stepper.done):
             return
         arrays = {"x": d.gathered(x)}
+        if d.origin is not None:
+            arrays["origin"] = d.gathered(d.origin)
         if control.rate is not None:
             arrays["rate/x"] = d.gathered(control.rate.x)
             arrays["rate/internal"] = d.points_to_mesh(control.rate.internal)

@@ -201,6 +201,8 @@ class Discretisation(ABC, Generic[System]):
         self.linear = LinearWork()  # the backend fills it
         self.keeps_factor = False  # whether to solve again with a system costs little
         self.contact_scales = ContactScales()  # those of the law of a solve
+        #: (local unknowns,) State from which prescribed displacements are counted; None: the undeformed one.
+        self.origin: Array | None = None
 
     @property
     def n_points(self) -> int:
@@ -219,6 +221,14 @@ class Discretisation(ABC, Generic[System]):
     def loads(self, acting: Array | float) -> Loads:
         """Return the loads from the values of the time functions (functions,); one number is that of the ramp."""
         return self._loads(np.atleast_1d(np.asarray(acting, dtype=float)))
+
+    def loads_at(self, time: float) -> Loads:
+        """Return the loads at ``time`` of a run, whose prescribed displacements are counted from the origin."""
+        found = self.loads(self.boundary.amplitudes(self.problem, time))
+        if self.origin is None:
+            return found
+        moved = np.where(self.is_force[self.prescribed], self.origin[self.prescribed], 0.0)
+        return replace(found, values=found.values + moved)
 
     def loads_of(self, boundary: BoundaryData) -> Callable[[Array], Loads]:
         """Return the loads of this process, by the values (functions,) of the time functions.

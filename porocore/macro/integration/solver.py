@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from porocore.core.echo import echo
 from porocore.core.fields import provided
 from porocore.core.models.bounds import LARGEST_NUMBER
 from porocore.core.parallel.memory import freed_memory_kept
-from porocore.errors import ConfigurationError
+from porocore.errors import ConfigurationError, SolveError
 from porocore.interfaces.law import Interval, LawMemory, MacroLaw, MacroResponse
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.sensitivities import HistoryWeights, MacroChange, MacroSensitivities
@@ -23,6 +23,7 @@ from porocore.macro.boundary.symmetry import ACROSS, across_plane
 from porocore.macro.composition.regions import BodyFields, CellsAtPoints
 from porocore.macro.integration.checkpoint import CheckpointFile, HistoryRecorder
 from porocore.macro.integration.discretisation import Discretisation, StepFailed
+from porocore.macro.integration.free_swelling import FreeSwelling, require_apart, starts_swollen
 from porocore.macro.integration.newton import Linearisations, Predictor, Step, newton_step
 from porocore.macro.integration.stepping import ErrorControl, Reached, Stepper, TimeState
 from porocore.macro.laws.composed import TurnedLaw
@@ -130,62 +131,123 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
         tracker: SensitivityTracker | RunTape | None = None,
     ) -> MacroSolution:
         """Return the solution of a law in the axes of its material; a ``tracker`` follows its steps."""
-        problem = d.problem
+        problem, d.origin = d.problem, None
         if d.boundary.contacts:
             d.contact_scales = _contact_scales(d, law, body)
         saved = CheckpointFile(checkpoint, d, law, self.checkpoint_seconds, body)
-        stepper, predictor = Stepper(problem.time, problem.corners), Predictor()
-        control = ErrorControl(d, law.internal)
-        reached = Reached(d.boundary, problem) if problem.time.tolerance is not None else None
-        x, memory, record = saved.load(stepper, control, predictor) or _at_rest(d, law, predictor, body)
-        linearisations = Linearisations(d, law, varies=body.varies)
-        newton = _newton(d, law, linearisations)
-        d.begin()
-        if tracker is not None:
-            tracker.begin(x, memory, record)
-        while not stepper.done:
-            time = stepper.next()
-            interval, loads = Interval(stepper.time, time), d.loads(d.boundary.amplitudes(problem, time))
-            finer = None
-            try:
-                here = {"guess": predictor.guess(time), "fields": _fields_at(d, body, time)}
-                before = d.loads(d.boundary.amplitudes(problem, stepper.time))
-                step = newton(memory, x, interval, loads, before=before, **here)
-                changed = law.before_accept(step.response, memory)
-                if changed is None and reached is not None and control.rate is None:
-                    finer = _halved(newton, d, body, memory, x, stepper.time, time)
-            except StepFailed as failure:
-                stepper.reject(str(failure), partial(_flagged_points, d, law, memory, x, stepper.time))
-                continue
-            if changed is not None:
-                memory = changed
-                if tracker is not None:
-                    tracker.renew(memory, stepper.time)
-                continue
-            old, new = TimeState(x, memory.internal), TimeState(step.x, step.response.memory.internal)
-            error = None
-            if reached is not None:
-                error = control.error(old, new, interval.length, finer, reached(time))
-            if not stepper.tolerates(error):
-                continue
-            control.accept(old, new, interval.length)
+        course = _Course(Stepper(problem.time, problem.corners), ErrorControl(d, law.internal), Predictor())
+        known = saved.load(course.stepper, course.control, course.predictor)
+        if known is None and starts_swollen(problem):
+            known = self._swollen(d, body, law, course.predictor, tracker)
+        elif known is None:
+            known = _at_rest(d, law, course.predictor, body)
             if tracker is not None:
-                tracker.add(step, memory, interval, loads, linearisations)
-            x, memory = step.x, step.response.memory
-            work, notes = d.linear.take()
-            record.add_step(step, time, interval.length, loads, work)
-            if stepper.is_profile(time):
-                record.add_profile(step.x, step.response, time, loads)
-                if tracker is not None:
-                    tracker.add_profile()
-            stepper.accept(error)
-            if stepper.at_corner:
-                control.reset()
-            predictor.add(time, x, stepper.at_corner)
-            saved.save_if_due(stepper, control, predictor, x, step.response, record)
-            if on_step is not None:
-                on_step(_report(record, step, time, work, notes))
-        return record.solution(law.name, body)
+                tracker.begin(*known)
+        _run_through(d, body, law, course, known, saved, on_step, tracker)
+        return known[2].solution(law.name, body)
+
+    def _swollen(
+        self,
+        d: Discretisation,
+        body: BodyFields,
+        law: MacroLaw,
+        predictor: Predictor,
+        tracker: SensitivityTracker | RunTape | None,
+    ) -> tuple[Array, LawMemory, HistoryRecorder]:
+        """Return the state of free swelling in the bath, from which prescribed displacements are counted."""
+        free = FreeSwelling.prepared(self.prepare, d, body, law)
+        follower = None if tracker is None else tracker.of_swelling(free)
+        course = _Course(Stepper(free.d.problem.time), ErrorControl(free.d, law.internal), Predictor())
+        start = _at_rest(free.d, free.law, course.predictor, free.body)
+        if follower is not None:
+            follower.begin(*start)
+        unsaved = CheckpointFile(None, free.d, free.law, 0.0)
+        try:
+            x, memory = _run_through(free.d, free.body, free.law, course, start, unsaved, None, follower)
+        except SolveError as error:
+            raise SolveError(f"the free swelling of the body in its bath is not found: {error}") from None
+        d.origin = free.local(d, x)
+        record = HistoryRecorder(d, law.internal)
+        states, grad_p = d.states(d.origin)
+        states = _fields_at(d, body, 0.0).given_to(states)
+        response = law.respond(states, grad_p, memory, tangent=False)
+        record.add_start(d.origin, response)
+        require_apart(d)
+        predictor.add(0.0, d.origin, kink=True)
+        known = d.origin, response.memory, record
+        if tracker is not None:
+            tracker.begin(*known)
+        return known
+
+
+@dataclass
+class _Course:
+    """Course of a run in time: its steps, their error, and states that are continued."""
+
+    stepper: Stepper
+    control: ErrorControl
+    predictor: Predictor
+
+
+def _run_through(
+    d: Discretisation,
+    body: BodyFields,
+    law: MacroLaw,
+    course: _Course,
+    start: tuple[Array, LawMemory, HistoryRecorder],
+    saved: CheckpointFile,
+    on_step: Callable[[StepReport], None] | None,
+    tracker: SensitivityTracker | RunTape | None,
+) -> tuple[Array, LawMemory]:
+    """Take all steps that are left, record them, and return unknowns and memory at the end."""
+    problem, stepper, control, predictor = d.problem, course.stepper, course.control, course.predictor
+    x, memory, record = start
+    reached = Reached(d.boundary, problem) if problem.time.tolerance is not None else None
+    linearisations = Linearisations(d, law, varies=body.varies)
+    newton = _newton(d, law, linearisations)
+    d.begin()
+    while not stepper.done:
+        time = stepper.next()
+        interval, loads = Interval(stepper.time, time), d.loads_at(time)
+        finer = None
+        try:
+            here = {"guess": predictor.guess(time), "fields": _fields_at(d, body, time)}
+            step = newton(memory, x, interval, loads, before=d.loads_at(stepper.time), **here)
+            changed = law.before_accept(step.response, memory)
+            if changed is None and reached is not None and control.rate is None:
+                finer = _halved(newton, d, body, memory, x, stepper.time, time)
+        except StepFailed as failure:
+            stepper.reject(str(failure), partial(_flagged_points, d, law, memory, x, stepper.time))
+            continue
+        if changed is not None:
+            memory = changed
+            if tracker is not None:
+                tracker.renew(memory, stepper.time)
+            continue
+        old, new = TimeState(x, memory.internal), TimeState(step.x, step.response.memory.internal)
+        error = None
+        if reached is not None:
+            error = control.error(old, new, interval.length, finer, reached(time))
+        if not stepper.tolerates(error):
+            continue
+        control.accept(old, new, interval.length)
+        if tracker is not None:
+            tracker.add(step, memory, interval, loads, linearisations)
+        x, memory = step.x, step.response.memory
+        work, notes = d.linear.take()
+        record.add_step(step, time, interval.length, loads, work)
+        if stepper.is_profile(time):
+            record.add_profile(step.x, step.response, time, loads)
+            if tracker is not None:
+                tracker.add_profile()
+        stepper.accept(error)
+        if stepper.at_corner:
+            control.reset()
+        predictor.add(time, x, stepper.at_corner)
+        saved.save_if_due(stepper, control, predictor, x, step.response, record)
+        if on_step is not None:
+            on_step(_report(record, step, time, work, notes))
+    return x, memory
 
 
 def _composed(d: Discretisation, law: MacroLaw) -> tuple[BodyFields, MacroLaw]:
@@ -228,9 +290,9 @@ def _halved(
 ) -> TimeState:
     """Return what is reached at ``end`` after two steps of half the length from ``x`` at ``begin``."""
     middle = begin + (end - begin) / 2
-    before = d.loads(d.boundary.amplitudes(d.problem, begin))
+    before = d.loads_at(begin)
     for interval in (Interval(begin, middle), Interval(middle, end)):
-        loads = d.loads(d.boundary.amplitudes(d.problem, interval.end))
+        loads = d.loads_at(interval.end)
         fields = _fields_at(d, body, interval.end)
         step = newton(memory, x, interval, loads, fields=fields, before=before)
         x, memory, before = step.x, step.response.memory, loads

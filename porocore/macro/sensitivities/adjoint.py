@@ -38,6 +38,7 @@ from porocore.interfaces.sensitivities import (
     LoadChange,
     MacroChange,
     ModulusChange,
+    PointChange,
     ViscosityChange,
 )
 from porocore.interfaces.solution import CONTACT
@@ -50,6 +51,7 @@ from porocore.macro.integration.discretisation import (
     StepFailed,
     SurfaceTangent,
 )
+from porocore.macro.integration.free_swelling import FreeSwelling
 from porocore.macro.integration.newton import ROUND_OFF, Linearisation, Linearisations, Step, largest_free
 from porocore.macro.sensitivities.changes import Directions
 from porocore.macro.sensitivities.direct import CORRECTIONS, SMALL, TOO_LARGE
@@ -467,6 +469,23 @@ class HistoryRows:
         ]
 
 
+class _LastState(HistoryRows):
+    """Weights (local unknowns, f) of the last state of a run alone."""
+
+    def __init__(self, last: int, weights: Array) -> None:
+        self._last, self._of_last = last, weights
+
+    def start(self, x: Array) -> Array:
+        """Return no weights of the initial state."""
+        return np.zeros_like(self._of_last)
+
+    def step(self, number: int, x: Array, dt: float, loads: Loads) -> RowWeights:
+        """Return the weights of a step, of which the last alone has some."""
+        nothing, f = np.zeros_like(self._of_last), self._of_last.shape[1]
+        mine = self._of_last if number == self._last else nothing
+        return RowWeights(mine, nothing, None, np.zeros(f), np.zeros((0, f)), np.ones(f, bool))
+
+
 def _require_series(record: HistoryRecorder, weights: HistoryWeights) -> None:
     """Refuse weights of series that the run does not have, and those of another shape."""
     d, steps, count = record.d, len(record.rows), weights.count
@@ -555,6 +574,13 @@ class RunTape:
     def __init__(self) -> None:
         self.steps: list[TapedStep] = []
         self.profiles: list[int] = []
+        #: The swelling with which the run begins, and its own tape.
+        self.swelling: tuple[FreeSwelling, RunTape] | None = None
+
+    def of_swelling(self, free: FreeSwelling) -> RunTape:
+        """Return the tape of the swelling with which the run begins."""
+        self.swelling = free, RunTape()
+        return self.swelling[1]
 
     def begin(self, x: Array, memory: LawMemory, record: HistoryRecorder) -> None:
         """Take the initial state."""
@@ -609,7 +635,7 @@ class GradientPass:
     def __init__(
         self, d: Discretisation, body: BodyFields, law: MacroLaw, changes: Sequence[MacroChange]
     ) -> None:
-        self._d, self._law = d, law
+        self._d, self._body, self._law, self._changes = d, body, law, tuple(changes)
         self._directions = Directions(d, body, law, changes)
         self._unit = UnitChanges(self._directions.at_first)
         self._loaded = [
@@ -631,12 +657,32 @@ class GradientPass:
             A linear system has no solution.
         """
         d, f = self._d, weights.count
-        rows = HistoryRows(tape.history, tape.profiles, weights)
+        end = [MemoryWeights.zeros(d.n_points, self._law.memory_size)] * f
+        first = self._back(tape, HistoryRows(tape.history, tape.profiles, weights), end, np.zeros(f, bool))
+        if tape.swelling is not None:
+            self._shared += self._of_swelling(*tape.swelling, first)
+        else:
+            first = first + (self._at_rest(tape.steps[0]) if tape.steps else 0.0)
+            for j, start in enumerate(self._directions.start()):
+                if start.any():
+                    self._own[:, j] += start[: d.owned] @ first[: d.owned]
+        return np.asarray(self._shared + d.communicator.sum(self._own))
+
+    def _back(
+        self,
+        tape: RunTape,
+        rows: HistoryRows,
+        memory: list[MemoryWeights],
+        begun: npt.NDArray[np.bool_],
+    ) -> Array:
+        """Go back over all steps from the weights of the memory at the end; return those of the initial state."""
+        f = len(begun)
         #: Shares of this process, and of all together.
         self._own = np.zeros((f, len(self._directions)))
         self._shared = np.zeros_like(self._own)
-        self._begun = np.zeros(f, bool)
-        self._memory = [MemoryWeights.zeros(d.n_points, self._law.memory_size)] * f
+        self._memory, self._begun = memory, begun
+        #: Weights of the state from which prescribed displacements are counted.
+        self._origin = np.zeros((len(self._d.unknowns), f))
         for number in range(len(tape.steps), 0, -1):
             step = tape.steps[number - 1]
             try:
@@ -644,12 +690,21 @@ class GradientPass:
             except StepFailed as failure:
                 when = units_now().text(step.time, "time", 6)
                 raise SolveError(f"the gradients at t = {when} have no solution: {failure}") from failure
-        first = rows.start(tape.start) + (self._at_rest(tape.steps[0]) if tape.steps else 0.0)
-        first = first[: d.owned]
-        for j, start in enumerate(self._directions.start()):
-            if start.any():
-                self._own[:, j] += start[: d.owned] @ first
-        return np.asarray(self._shared + d.communicator.sum(self._own))
+        return np.asarray(rows.start(tape.start) + self._origin)
+
+    def _of_swelling(self, free: FreeSwelling, tape: RunTape, first: Array) -> Array:
+        """Return the gradients (f, k) by way of the swollen state, of which the unknowns weigh ``first``."""
+        chosen = [j for j, each in enumerate(self._changes) if isinstance(each, PointChange)]
+        found = np.zeros_like(self._own)
+        if not chosen:
+            return found
+        back = GradientPass(free.d, free.body, free.law, [self._changes[j] for j in chosen])
+        local = np.stack([free.weights(self._d, column) for column in first.T], axis=1)
+        rows = _LastState(len(tape.steps), local)
+        back._back(tape, rows, self._memory, np.ones(len(found), bool))
+        back._at_rest(tape.steps[0])
+        found[:, chosen] = back._shared + free.d.communicator.sum(back._own)
+        return found
 
     def _step(self, step: TapedStep, rows: RowWeights) -> None:
         """Go back over one step."""
@@ -718,6 +773,7 @@ class GradientPass:
         """Add the shares of the unknowns of the loads; ``total`` are derivatives by prescribed values."""
         d = self._d
         owned = d.prescribed < d.owned
+        self._origin[d.prescribed, sum_] += np.where(d.is_force[d.prescribed], total[d.prescribed], 0.0)
         for j, values, external, flow, touched in loads:
             self._own[sum_, j] += total[d.prescribed[owned]] @ values[owned]
             self._own[sum_, j] += external[: d.owned] @ rows[: d.owned]

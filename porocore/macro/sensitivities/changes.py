@@ -26,7 +26,7 @@ from porocore.interfaces.sensitivities import (
 from porocore.macro.boundary.conditions import Loads, boundary_data
 from porocore.macro.composition.regions import BodyFields
 from porocore.macro.integration.discretisation import Discretisation
-from porocore.macro.problem import Boundary, MacroProblem
+from porocore.macro.problem import MacroProblem
 from porocore.states import Array, MacroState
 
 #: Change of the loads of a process at a time.
@@ -145,7 +145,7 @@ def alone_at(problem: MacroProblem, change: BoundaryChange) -> MacroProblem:
             f"sensitivities: expected a component 0, 1 or 2 on the surface {echo(change.surface)}, got "
             f"{echo(change.component)}"
         )
-    faces = {name: _zero(face) for name, face in problem.boundary.items()}
+    faces = {name: face.without_values() for name, face in problem.boundary.items()}
     face, zero = problem.boundary[change.surface], faces[change.surface]
     value = getattr(face, change.quantity)
     vector = change.quantity in ("displacement", "traction")
@@ -164,20 +164,6 @@ def alone_at(problem: MacroProblem, change: BoundaryChange) -> MacroProblem:
     faces[change.surface] = zero.model_copy(update={change.quantity: one})
     none = {"boundary": faces, "body_force": (0.0, 0.0, 0.0), "contact": {}}
     return problem.model_copy(update=none)
-
-
-def _zero(face: Boundary) -> Boundary:
-    """Return conditions that prescribe the same and are all zero."""
-    held = {name: None if getattr(face, name) is None else 0.0 for name in ("normal", "plate", "pressure")}
-    return face.model_copy(
-        update={
-            **held,
-            "displacement": tuple(None if u is None else 0.0 for u in face.displacement),
-            "traction": (0.0, 0.0, 0.0),
-            "follower": 0.0,
-            "flux": 0.0,
-        }
-    )
 
 
 class Directions:

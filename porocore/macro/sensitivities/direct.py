@@ -24,12 +24,19 @@ from porocore.interfaces.law import (
     MemoryChanges,
     ResponseChanges,
 )
-from porocore.interfaces.sensitivities import HISTORY_SERIES, MacroChange, MacroSensitivities
+from porocore.interfaces.sensitivities import (
+    HISTORY_SERIES,
+    MacroChange,
+    MacroSensitivities,
+    ModulusChange,
+    PointChange,
+)
 from porocore.interfaces.solution import CONTACT
 from porocore.macro.boundary.conditions import Loads
 from porocore.macro.composition.regions import BodyFields
 from porocore.macro.integration.checkpoint import OUTFLOW, HistoryRecorder, extremes
 from porocore.macro.integration.discretisation import Discretisation, Residual, StepFailed, SurfaceTangent
+from porocore.macro.integration.free_swelling import FreeSwelling
 from porocore.macro.integration.newton import (
     ROUND_OFF,
     Linearisation,
@@ -191,6 +198,7 @@ class SensitivityTracker:
     """
 
     _record: HistoryRecorder
+    _chosen: list[int]
 
     def __init__(
         self,
@@ -208,20 +216,43 @@ class SensitivityTracker:
         #: Values by unknown of each step: series of the history; probes; reactions and inflows.
         self._rows: list[Array] = []
         self._profiles: list[Array] | None = [] if profiles else None
+        #: The swelling with which the run begins, and what follows it.
+        self._swelling: tuple[FreeSwelling, SensitivityTracker] | None = None
+        self._origin: list[Array] | None = None
+
+    def of_swelling(self, free: FreeSwelling) -> SensitivityTracker:
+        """Return what follows the swelling with which the run begins, by those unknowns that change the points."""
+        self._chosen = [j for j, each in enumerate(self._changes) if isinstance(each, PointChange)]
+        chosen = [self._changes[j] for j in self._chosen] or [ModulusChange()]
+        self._swelling = free, SensitivityTracker(free.d, free.body, free.law, chosen)
+        return self._swelling[1]
 
     def begin(self, x: Array, memory: LawMemory, record: HistoryRecorder) -> None:
         """Take the initial state, t = 0, and the memory of it."""
         self._record, boundary = record, self._d.boundary
+        if self._swelling is not None:
+            self._begin_swollen(*self._swelling)
         nothing = np.zeros(
             3 * len(boundary.supports) + len(boundary.drains) + len(CONTACT) * len(boundary.contacts)
         )
         self._rows.append(
             np.stack([np.concatenate([*nodal, nothing]) for nodal in self._nodal(x, [0.0] * len(self._x))])
         )
-        states, points = memory.states, self._directions.points(memory.states)
-        before = replace(self._memory, fluid_volume=self._law.rest_changes(states, points))
-        self._remember(self._law.initial_at(states), states, before, None)
+        if self._swelling is None:
+            states, points = memory.states, self._directions.points(memory.states)
+            before = replace(self._memory, fluid_volume=self._law.rest_changes(states, points))
+            self._remember(self._law.initial_at(states), states, before, None)
         self.add_profile()
+
+    def _begin_swollen(self, free: FreeSwelling, swelling: SensitivityTracker) -> None:
+        """Take the derivatives of the swollen state."""
+        known, memory = swelling._memory, self._memory
+        for place, j in enumerate(self._chosen):
+            self._x[j] = free.local(self._d, swelling._x[place])
+            memory.grad_u[..., j] = known.grad_u[..., place]
+            memory.fluid_volume[:, j] = known.fluid_volume[:, place]
+            memory.internal[..., j] = known.internal[..., place]
+        self._origin = [each.copy() for each in self._x]
 
     def add_profile(self) -> None:
         """Keep the derivatives of the nodal fields of the last accepted state, of which there is a profile."""
@@ -259,6 +290,9 @@ class SensitivityTracker:
         d, record, states = self._d, self._record, step.response.memory.states
         time, dt = interval.end, interval.length
         points, own = self._directions.points(states), self._directions.loads(time)
+        if self._origin is not None:  # from which prescribed displacements are counted
+            moved = zip(own, self._origin, strict=True)
+            own = [replace(each, values=each.values + x[d.prescribed]) for each, x in moved]
         response, fixed = self._law.respond_to_changes(
             states, d.states(step.x)[1], memory, points, self._memory, step=interval
         )
