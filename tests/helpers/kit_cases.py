@@ -45,6 +45,7 @@ SUITES: dict[str, type[Suite]] = {
     "macro_flat_bodies": porocore.testing.MacroSolverSuite,
     "macro_histories": porocore.testing.MacroSolverSuite,
     "macro_runs": porocore.testing.MacroSolverSuite,
+    "macro_memory": porocore.testing.MacroSolverSuite,
     "macro_columns": porocore.testing.MacroSolverSuite,
     "macro_sensitivities": porocore.testing.MacroSolverSuite,
 }

@@ -41,6 +41,10 @@ SIDES: dict[str, Any] = {face: {"displacement": (0, None, 0)} for face in ("x-",
 HELD: dict[str, Any] = {"displacement": (0, 0, 0)}
 
 
+class Killed(Exception):
+    """A run that ends without warning."""
+
+
 class Solving(Suite):
     """A suite that solves macro problems with the solver under test."""
 
@@ -69,6 +73,25 @@ class Solving(Suite):
         """Solve a problem with a new solver."""
         solver = cls.offered(problem)
         return solver.solve(solver.prepare(problem), law, **how)
+
+    @classmethod
+    def stopped(
+        cls,
+        problem: MacroProblem,
+        law: MacroLaw,
+        seconds: float,
+        path: Path,
+        stop: Callable[[StepReport], None],
+    ) -> None:
+        """Run with a checkpoint every so many seconds until ``stop`` raises :class:`Killed`."""
+        cls.needs_checkpoints()
+        cls.offered(problem)
+        solver = cls.make_solver(checkpoint_seconds=seconds)
+        try:
+            solver.solve(solver.prepare(problem), law, checkpoint=path, on_step=stop)
+        except Killed:
+            return
+        raise Violation("on_step raises an error", "that the run ends with it", "a run to its end")
 
     @classmethod
     def discretise(cls, problem: MacroProblem) -> Any:
@@ -118,10 +141,6 @@ class Solving(Suite):
         return exact if solver.meshes == "core" else max(exact, solver.accuracy)
 
 
-class Killed(Exception):
-    """A run that ends without warning."""
-
-
 def _unaltered(response: MacroResponse, states: MacroState, memory: LawMemory) -> MacroResponse:
     return response
 
@@ -141,20 +160,8 @@ class Runs(Solving):
             if report.time >= after:
                 raise Killed
 
-        cls.stopped(0, path, stop)
+        cls.stopped(STORM, TIMID, 0, path, stop)
         holds(path.exists(), "checkpoint_seconds=0, killed after a step", "a checkpoint", "none")
-
-    @classmethod
-    def stopped(cls, seconds: float, path: Path, stop: Callable[[StepReport], None]) -> None:
-        """Run with a checkpoint every so many seconds until ``stop`` raises."""
-        cls.needs_checkpoints()
-        cls.offered(STORM)
-        solver = cls.make_solver(checkpoint_seconds=seconds)
-        try:
-            solver.solve(solver.prepare(STORM), TIMID, checkpoint=path, on_step=stop)
-        except Killed:
-            return
-        raise Violation("on_step raises an error", "that the run ends with it", "a run to its end")
 
     @pytest.fixture(scope="class")
     @classmethod
@@ -307,7 +314,7 @@ class Runs(Solving):
                 raise Killed
 
         path = tmp_path / "macro.h5"
-        self.stopped(3600, path, stop)
+        self.stopped(STORM, TIMID, 3600, path, stop)
         holds(not path.exists(), "checkpoint_seconds=3600, killed after a step", "no checkpoint yet", "one")
 
     def test_a_checkpoint_of_another_problem_or_law_is_refused(self, tmp_path: Any) -> None:

@@ -38,6 +38,7 @@ from porocore.interfaces.law import (
     MacroTangent,
     MemoryChanges,
     PointChanges,
+    columns_of,
 )
 from porocore.interfaces.solution import History
 from porocore.macro.laws.linear import LinearCellLaw
@@ -47,6 +48,7 @@ from porocore.testing.expect import holds, near, require, same, states_text
 from porocore.testing.macro_checks.bodies import Bodies, Plates
 from porocore.testing.macro_checks.contact import Contacts
 from porocore.testing.macro_checks.flat_bodies import OUTER, SHAPES, FlatBodies
+from porocore.testing.macro_checks.memory import Memories
 from porocore.testing.macro_checks.runs import (
     ALPHA,
     C22,
@@ -254,6 +256,8 @@ class MacroLawSuite(Suite):
         Time step over which the law is asked; None: as for a state that has stood for long.
     derivatives
         Whether the law gives derivatives by unknowns.
+    unchanged
+        Names of the internal variables that do not change in a step, such as those that depend on parameters alone.
     """
 
     sizes: ClassVar[tuple[float, float, float]] = (0.02, 0.02, 0.02)
@@ -261,6 +265,7 @@ class MacroLawSuite(Suite):
     values: ClassVar[Mapping[str, tuple[float, float]]] = {}
     step: ClassVar[Interval | None] = None
     derivatives: ClassVar[bool] = False
+    unchanged: ClassVar[tuple[str, ...]] = ()
 
     @classmethod
     def make_law(cls) -> MacroLaw:
@@ -396,15 +401,23 @@ class MacroLawSuite(Suite):
             same(f"{name}, asked again", getattr(again, name), getattr(first, name), state)
         same("the internal variables, asked again", again.memory.internal, first.memory.internal, state)
 
-    def test_internal_variables_are_handed_back(self, law: MacroLaw) -> None:
-        """As many as the law declares, and not those with which the step began."""
+    def test_the_memory_is_that_of_the_end(self, law: MacroLaw) -> None:
+        """H and p that were asked for; internal variables as declared, and not those with which the step began."""
         (states, grad_p), memory = self.random(14), self.before(law, 15)
         found = law.respond(states, grad_p, memory, step=self.step, tangent=False).memory
-        state, shape = states_text(states), (POINTS, law.memory_size)
+        state = states_text(states)
+        for name in ("grad_u", "p"):
+            wanted = getattr(states, name)
+            within = ROUND_OFF * float(np.abs(wanted).max())
+            near(f"{name} of the memory", getattr(found.states, name), wanted, state, within=within)
+        rest, shape = self.at_rest(law, states).internal.shape, (POINTS, law.memory_size)
+        holds(rest == shape, f"{state}, at rest", f"internal variables {shape}", rest)
         holds(found.internal.shape == shape, state, f"internal variables {shape}", found.internal.shape)
-        if law.internal:
-            changed = bool((found.internal != memory.internal).any())
-            holds(changed, state, "internal variables that the step changes", "those at its beginning")
+        for name, columns in columns_of(law.internal).items():
+            changed = bool((found.internal[:, columns] != memory.internal[:, columns]).any())
+            expected = name not in self.unchanged
+            what = f"{name} to {'change' if expected else 'stay'} in a step"
+            holds(changed == expected, state, what, "a change" if changed else "the values at its beginning")
 
     def test_a_tangent_that_is_said_to_be_constant_is_so(self, law: MacroLaw) -> None:
         """The same at all points, for all states, gradients and memories: ``constant_tangent``."""
@@ -459,7 +472,9 @@ class MacroLawSuite(Suite):
             near(name, getattr(plain, name), wanted, state, within=ROUND_OFF * float(np.abs(wanted).max()))
 
 
-class MacroSolverSuite(KnownStates, Plates, Contacts, Bodies, FlatBodies, Histories, Runs, RunDerivatives):
+class MacroSolverSuite(
+    KnownStates, Plates, Contacts, Bodies, FlatBodies, Histories, Runs, Memories, RunDerivatives
+):
     """Subclass it, name the class ``Test…`` and give it ``make_solver``.
 
     It expects that :meth:`~porocore.MacroSolver.prepare` returns a ``porocore.macro`` discretisation, that the

@@ -21,8 +21,10 @@ from porocore.interfaces.law import (
     ResponseChanges,
 )
 from porocore.macro.laws.closure import MeanGradientClosure
+from porocore.macro.laws.composed import BoundLaw
 from porocore.macro.laws.linear import LinearCellLaw, LinearCoefficients, LinearPoroelasticity
 from porocore.macro.laws.macro_law import CHUNK, ClosedLaw
+from porocore.macro.laws.relaxation import RelaxingLaw
 from porocore.macro.problem import Boundary, MacroProblem
 from porocore.states import Array, CellResponse, CellSlopes, CellTangent, MacroState, Status
 
@@ -134,6 +136,12 @@ def mean_gradient_law(reference: CellResponse | None = None) -> ClosedLaw:
     """The mean-gradient closure on the linear law <∇u¹>_s = M:H + Q p: a nonlinear law that costs nothing."""
     cell_law = LinearCellLaw(cubic_reference() if reference is None else reference)
     return ClosedLaw(cell_law, MeanGradientClosure(SOLID_FRACTION, NeoHookean(), CONDUCTIVITY))
+
+
+def relaxing_law(*branches: tuple[float, float]) -> BoundLaw:
+    """The mean-gradient closure of a solid with relaxing branches, strength γ and time τ of each."""
+    law = RelaxingLaw(mean_gradient_law(), len(branches))
+    return BoundLaw(law, dict(zip(law.parameters, (x for branch in branches for x in branch), strict=True)))
 
 
 #: ∂P_E/∂(∇p) and ∂φ/∂(∇p) of a made-up law; no component is zero, and no two are alike.

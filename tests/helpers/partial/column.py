@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from porocore.core.formulas import TimeFunction
+from porocore.interfaces.law import Interval, columns_of
 from porocore.interfaces.macro import MacroSolver
 from porocore.interfaces.solution import History, MacroSolution, Profile, StepReport
 from porocore.macro.integration.stepping import Stepper
@@ -105,7 +106,7 @@ class Column:
         """Newton's iteration: unknowns, the law's response and how many iterations it took."""
         settings, x = self.problem.newton, x.copy()
         for iteration in range(settings.iterations + 1):
-            response = law.respond(*self.states(x, time), memory)
+            response = law.respond(*self.states(x, time), memory, step=Interval(time - dt, time))
             bad = ~np.isfinite(response.stress).all(axis=(1, 2)) | ~np.isfinite(response.flux).all(axis=1)
             if bad.any():
                 raise Failed(f"the law has no values at {bad.sum()} of {len(bad)} points")
@@ -172,7 +173,7 @@ class ColumnMacroSolver(MacroSolver):
             min(start.pressure, 0.0),
             np.abs(x[: column.n + 1]).max(),
         ]
-        rows, profiles = [first], [self._profile(column, x, response, 0.0)]
+        rows, profiles = [first], [self._profile(column, law, x, response, 0.0)]
         while not stepper.done:
             time = stepper.next()
             dt = time - stepper.time
@@ -184,7 +185,7 @@ class ColumnMacroSolver(MacroSolver):
             x, memory = found, response.memory
             rows.append(self._row(column, x, response, rows[-1], time, dt, iterations))
             if stepper.is_profile(time):
-                profiles.append(self._profile(column, x, response, time))
+                profiles.append(self._profile(column, law, x, response, time))
             stepper.accept(None)
             if on_step is not None:
                 on_step(StepReport(time, problem.time.end, iterations, rows[-1][2]))
@@ -212,7 +213,7 @@ class ColumnMacroSolver(MacroSolver):
         ]
 
     @staticmethod
-    def _profile(column, x, response, time):
+    def _profile(column, law, x, response, time):
         """On the core's mesh of the same elements, so that a report can show it."""
         mesh, n = column.mesh, column.n
         y, centres = mesh.points[:, 1], (np.arange(n) + 0.5) * column.h
@@ -221,7 +222,8 @@ class ColumnMacroSolver(MacroSolver):
         bottom, top = column.ends_of_p(x, time)
         p = np.interp(y, [0, *centres, column.height], [bottom, *x[n + 1 :], top])
         layer = (mesh.points[mesh.cells].mean(axis=1)[:, 1] / column.h).astype(int)
-        states = response.memory.states
+        states, remembered = response.memory.states, response.memory.internal[layer]
+        columns = columns_of(law.internal)
         flux = np.zeros((len(layer), 3))
         flux[:, 1] = ((column.flux[1:] + column.flux[:-1]) / 2)[layer]
         return Profile(
@@ -235,6 +237,9 @@ class ColumnMacroSolver(MacroSolver):
             stress=response.stress[layer],
             flux=flux,
             element_p=states.p[layer],
+            internal={
+                each.name: remembered[:, columns[each.name]].reshape(-1, *each.shape) for each in law.internal
+            },
             flagged=response.flagged[layer].astype(float),
         )
 
