@@ -29,6 +29,8 @@ from porocore.interfaces.cell import CellSolver as CellSolver
 from porocore.interfaces.cell import ElementCells as ElementCells
 from porocore.interfaces.command import Command as Command
 from porocore.interfaces.command import FileCheck as FileCheck
+from porocore.interfaces.law import InternalVariable as InternalVariable
+from porocore.interfaces.law import Interval as Interval
 from porocore.interfaces.law import LawMemory as LawMemory
 from porocore.interfaces.law import MacroLaw as MacroLaw
 from porocore.interfaces.law import MacroResponse as MacroResponse
