@@ -11,9 +11,12 @@ from porocore.cell.materials.hyperelastic import NeoHookean
 from porocore.commands.verify.xie_leo import ClayLaw
 from porocore.interfaces.law import CellLaw, Interval, LawWrapper, MacroLaw
 from porocore.macro.analytic import XieLeo
+from porocore.macro.laws.charges import ChargedLaw
 from porocore.macro.laws.closure import PotentialClosure
 from porocore.macro.laws.composed import BoundLaw, RegionLaw, TurnedLaw
+from porocore.macro.laws.evolution import EvolvingLaw
 from porocore.macro.laws.macro_law import ClosedLaw
+from porocore.macro.laws.rates import Rate
 from porocore.macro.laws.relaxation import RelaxingLaw
 from porocore.states import BodyPlace
 from porocore.testing import MacroLawSuite
@@ -139,6 +142,47 @@ class TestRelaxingInRegions(TestRelaxing):
     def random(cls, seed):
         states, grad_p = super().random(seed)
         return replace(states, place=BodyPlace(np.arange(len(states)) % 2)), grad_p
+
+
+RATE = {"evolution.radius.a": (0.01, 0.03)}
+CHARGES = {"charges.density": (0.1, 0.3), "charges.bath": (0.1, 0.2)}
+
+
+def evolving_law():
+    """A cell whose pores grow with the flux and the pressure."""
+    rate = Rate("a*flux*(1 + p)", tuple(PARAMETERS), ["a"])
+    return EvolvingLaw(sensitivity_bodies.law(*PARAMETERS), {"radius": rate}, {"radius": (0.1, 0.4)})
+
+
+class TestEvolving(MacroLawSuite):
+    kit_version = "4"
+    values = TestParametric.values | RATE
+    step = Interval(1.0, 1.4)
+    derivatives = True
+
+    @classmethod
+    def make_law(cls):
+        return evolving_law()
+
+
+class TestCharged(MacroLawSuite):
+    kit_version = "4"
+    values = TestParametric.values | CHARGES
+    step = Interval(1.0, 1.4)
+    derivatives = True
+    unchanged = ("charge",)
+
+    @classmethod
+    def make_law(cls):
+        return ChargedLaw(sensitivity_bodies.law(*PARAMETERS), 0.25)
+
+
+class TestChargedRelaxingAndEvolving(TestCharged):
+    values = TestParametric.values | RATE | BRANCHES | CHARGES
+
+    @classmethod
+    def make_law(cls):
+        return ChargedLaw(RelaxingLaw(evolving_law(), 2), 0.25)
 
 
 class TestClay(MacroLawSuite):

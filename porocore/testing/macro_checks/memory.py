@@ -26,8 +26,8 @@ RELAXING = relaxing_law((1.0, 0.1), (0.5, 3.0))
 CREEP = confined_column(3, load=-0.1, time=SHORT | {"profiles": (1.0,)})
 #: The same by steps of the length that their error allows.
 ADAPTIVE = confined_column(3, load=-0.1, time=SHORT | {"profiles": (1.0,), "tolerance": 0.02})
-#: Strength and time of the only branch of a body that is held.
-FADING, FADING_TIME, TOLERANCE = relaxing_law((1.0, 1.0)), 1.0, 4e-3
+#: A body that is held: its solid of one branch, the time of that, in what time it is loaded, and time.tolerance.
+FADING, FADING_TIME, RAMP, TOLERANCE = relaxing_law((1.0, 1.0)), 1.0, 0.05, 4e-3
 #: An error of a step, by its closed form, that none exceeds whose estimate is accepted.
 LARGEST_ERROR = 3 * TOLERANCE
 
@@ -120,12 +120,12 @@ class Memories(Solving):
         """
         dry = {"pressure": 0}
         boundary = {**SIDES, "y-": HELD | dry, "y+": {"displacement": (None, 1, None)} | dry}
-        plan = {"end": 2.0, "step": 0.5, "ramp_increments": 1, "ramp_step": 0.05, "profiles": ()}
+        plan = {"end": 2.0, "step": 0.5, "ramp_increments": 1, "ramp_step": RAMP, "profiles": ()}
         problem = confined_column(
             2, load=-0.01, size=(0.1, 0.2, 0.1), boundary=boundary, time=plan | {"tolerance": TOLERANCE}
         )
         time = self.solve(problem, FADING).history.time
-        time = time[time >= plan["ramp_step"] * (1 - 1e-9)]
+        time = time[time >= RAMP * (1 - 1e-9)]
         lengths, left = np.diff(time), np.exp(-(time[1:] - time[0]) / FADING_TIME)
         largest = float((lengths**2 / 2 / FADING_TIME**2 * left).max())
         state = f"a drained body that is held while it relaxes, time.tolerance = {TOLERANCE:g}"

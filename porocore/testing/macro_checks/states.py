@@ -257,7 +257,7 @@ class MacroLawSuite(Suite):
     derivatives
         Whether the law gives derivatives by unknowns.
     unchanged
-        Names of the internal variables that do not change in a step, such as those that depend on parameters alone.
+        Names of the internal variables that a step leaves as they are, such as an overstress that has faded.
     """
 
     sizes: ClassVar[tuple[float, float, float]] = (0.02, 0.02, 0.02)
