@@ -110,7 +110,7 @@ def notes_on(source: Source) -> tuple[str, ...]:
     return tuple(notes)
 
 
-KIT_VERSION = "4.0"
+KIT_VERSION = "5.0"
 
 
 def complaint(pinned: str) -> str:

@@ -5,7 +5,7 @@
     from porocore.testing import SamplerSuite
 
     class TestMine(SamplerSuite):
-        kit_version = "4"
+        kit_version = "5"
 
         @classmethod
         def make_sampler(cls, inputs, **options):

@@ -3,7 +3,7 @@
 .. code-block:: python
 
     class TestMySampler(SamplerSuite):
-        kit_version = "4"
+        kit_version = "5"
 
         @classmethod
         def make_sampler(cls, inputs, **options):

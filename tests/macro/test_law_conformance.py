@@ -28,7 +28,7 @@ from tests.helpers import sensitivity_bodies
 
 
 class TestLinear(MacroLawSuite):
-    kit_version = "4"
+    kit_version = "5"
 
     @classmethod
     def make_law(cls):
@@ -36,7 +36,7 @@ class TestLinear(MacroLawSuite):
 
 
 class TestMeanGradient(MacroLawSuite):
-    kit_version = "4"
+    kit_version = "5"
     derivatives = True
 
     @classmethod
@@ -54,7 +54,7 @@ class PotentialCell(CellLaw):
 
 
 class TestPotential(MacroLawSuite):
-    kit_version = "4"
+    kit_version = "5"
     derivatives = True
 
     @classmethod
@@ -63,7 +63,7 @@ class TestPotential(MacroLawSuite):
 
 
 class TestParametric(MacroLawSuite):
-    kit_version = "4"
+    kit_version = "5"
     values: ClassVar[dict[str, tuple[float, float]]] = PARAMETERS
     derivatives = True
 
@@ -82,7 +82,7 @@ BRANCHES = {
 
 
 class TestRelaxing(MacroLawSuite):
-    kit_version = "4"
+    kit_version = "5"
     values = TestParametric.values | BRANCHES
     step = Interval(1.0, 1.4)
     derivatives = True
@@ -102,7 +102,7 @@ class TestRelaxed(TestRelaxing):
 
 
 class TestRelaxingMeanGradient(MacroLawSuite):
-    kit_version = "4"
+    kit_version = "5"
     values: ClassVar[dict[str, tuple[float, float]]] = BRANCHES
     step = Interval(1.0, 1.4)
     derivatives = True
@@ -155,7 +155,7 @@ def evolving_law():
 
 
 class TestEvolving(MacroLawSuite):
-    kit_version = "4"
+    kit_version = "5"
     values = TestParametric.values | RATE
     step = Interval(1.0, 1.4)
     derivatives = True
@@ -166,7 +166,7 @@ class TestEvolving(MacroLawSuite):
 
 
 class TestCharged(MacroLawSuite):
-    kit_version = "4"
+    kit_version = "5"
     values = TestParametric.values | CHARGES
     step = Interval(1.0, 1.4)
     derivatives = True
@@ -186,7 +186,7 @@ class TestChargedRelaxingAndEvolving(TestCharged):
 
 
 class TestClay(MacroLawSuite):
-    kit_version = "4"
+    kit_version = "5"
 
     @classmethod
     def make_law(cls):
@@ -194,7 +194,7 @@ class TestClay(MacroLawSuite):
 
 
 class TestBound(MacroLawSuite):
-    kit_version = "4"
+    kit_version = "5"
 
     @classmethod
     def make_law(cls):
@@ -202,7 +202,7 @@ class TestBound(MacroLawSuite):
 
 
 class TestWrapped(MacroLawSuite):
-    kit_version = "4"
+    kit_version = "5"
 
     @classmethod
     def make_law(cls):

@@ -250,7 +250,7 @@ def test_the_commands_of_porocore_pass_the_checks(offered, tmp_path):
     from porocore.testing import CommandSuite
 
     name = f"{offered.offer.group} {offered.offer.name}".strip()
-    suite = type("TestOwn", (CommandSuite,), {"name": name, "kit_version": "4"})
+    suite = type("TestOwn", (CommandSuite,), {"name": name, "kit_version": "5"})
     suite.make_command = classmethod(lambda cls: make_command(offered))
     one = suite()
     one.test_numbers_have_their_units_in_the_help()

@@ -15,7 +15,7 @@ SAMPLERS = ("sobol", "latin-hypercube", "active", "macro-driven")
 
 
 class _Rounds(SamplerSuite):
-    kit_version = "4"
+    kit_version = "5"
     name: str
     options = {"count": 30}  # noqa: RUF012
     budget = 30

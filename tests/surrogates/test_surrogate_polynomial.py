@@ -10,7 +10,7 @@ from porocore.testing.synthetic.potential_cell import potential_training_set
 
 
 class TestPolynomial(PotentialSuite):
-    kit_version = "4"
+    kit_version = "5"
     random = resumable = False
     invalid_options = (
         {"no_such_option": 1},

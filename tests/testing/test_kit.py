@@ -42,7 +42,7 @@ from porocore.testing import Suite
 import pytest
 
 class Checks(Suite):
-    kit_version = "4"
+    kit_version = "5"
     def test_holds(self): pass
     def test_breaks(self): assert 1 == 2
     @pytest.mark.parametrize("n", [1, 2])

@@ -10,7 +10,7 @@ from porocore_fem_dolfinx.macro import DolfinxMacroSolver
 
 
 class _CellSolver:
-    kit_version = "4"
+    kit_version = "5"
 
     @classmethod
     def make_solver(cls) -> DolfinxCellSolver:
@@ -28,7 +28,7 @@ class TestDolfinxCellContact(_CellSolver, CellContactSuite):
 class TestDolfinxMacroSolver(MacroSolverSuite):
     """Checks of bodies of any shape."""
 
-    kit_version = "4"
+    kit_version = "5"
 
     @classmethod
     def make_solver(cls, **options: Any) -> DolfinxMacroSolver:

@@ -10,7 +10,7 @@ from porocore_fem_skfem.macro import SkfemMacroSolver
 
 
 class _CellSolver:
-    kit_version = "4"
+    kit_version = "5"
 
     @classmethod
     def make_solver(cls) -> SkfemCellSolver:
@@ -28,7 +28,7 @@ class TestSkfemCellContact(_CellSolver, CellContactSuite):
 class TestSkfemMacroSolver(MacroSolverSuite):
     """Checks of bodies of any shape."""
 
-    kit_version = "4"
+    kit_version = "5"
 
     @classmethod
     def make_solver(cls, **options: Any) -> SkfemMacroSolver:

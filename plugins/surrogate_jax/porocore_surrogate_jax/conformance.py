@@ -3,5 +3,5 @@
 from porocore.testing.surrogate_checks.networks import network_suites
 from porocore_surrogate_jax.surrogate import JaxSurrogate
 
-SUITES = network_suites(JaxSurrogate, "4", __name__)
+SUITES = network_suites(JaxSurrogate, "5", __name__)
 globals().update(SUITES)

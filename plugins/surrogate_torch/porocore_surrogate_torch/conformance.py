@@ -3,5 +3,5 @@
 from porocore.testing.surrogate_checks.networks import network_suites
 from porocore_surrogate_torch.surrogate import TorchSurrogate
 
-SUITES = network_suites(TorchSurrogate, "4", __name__)
+SUITES = network_suites(TorchSurrogate, "5", __name__)
 globals().update(SUITES)

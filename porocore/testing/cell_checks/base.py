@@ -3,7 +3,7 @@
 .. code-block:: python
 
     class TestMyCellSolver(CellSolverSuite):
-        kit_version = "4"
+        kit_version = "5"
 
         @classmethod
         def make_solver(cls):

@@ -3,7 +3,7 @@
 .. code-block:: python
 
     class TestMyLaw(MacroLawSuite):
-        kit_version = "4"
+        kit_version = "5"
 
         @classmethod
         def make_law(cls):
@@ -12,7 +12,7 @@
 .. code-block:: python
 
     class TestMyMacroSolver(MacroSolverSuite):
-        kit_version = "4"
+        kit_version = "5"
 
         @classmethod
         def make_solver(cls, **options):

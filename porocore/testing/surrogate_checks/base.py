@@ -3,7 +3,7 @@
 .. code-block:: python
 
     class TestMySurrogate(SurrogateSuite):
-        kit_version = "4"
+        kit_version = "5"
 
         @classmethod
         def make_surrogate(cls):

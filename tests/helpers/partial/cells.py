@@ -30,7 +30,7 @@ class SolidCellSolver(CellSolver):
 
 
 class TestSolid(CellSolverSuite):
-    kit_version = "4"
+    kit_version = "5"
 
     @classmethod
     def make_solver(cls):

@@ -245,7 +245,7 @@ class ColumnMacroSolver(MacroSolver):
 
 
 class TestColumn(MacroSolverSuite):
-    kit_version = "4"
+    kit_version = "5"
 
     @classmethod
     def make_solver(cls, **options):

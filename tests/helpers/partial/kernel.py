@@ -79,7 +79,7 @@ class KernelSurrogate(Surrogate):
 
 
 class TestKernels(SurrogateSuite):
-    kit_version = "4"
+    kit_version = "5"
     random = False
     resumable = False
 

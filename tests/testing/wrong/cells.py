@@ -42,7 +42,7 @@ def with_slopes(response, **changed):
 
 
 class _Law(CellSolverSuite):
-    kit_version = "4"
+    kit_version = "5"
     caught_by: ClassVar[str]
     solver_class: ClassVar[type[LayeredCellSolver]] = Altered
 

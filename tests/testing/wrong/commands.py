@@ -97,7 +97,7 @@ class Fine(Command):
 
 
 class _Law(CommandSuite):
-    kit_version = "4"
+    kit_version = "5"
     name = "count"
     arguments = ("study.yaml",)
     results = ("all.txt",)

@@ -10,7 +10,7 @@ from tests.helpers.partial.column import ColumnMacroSolver
 
 
 class _Law(MacroSolverSuite):
-    kit_version = "4"
+    kit_version = "5"
     caught_by: ClassVar[str]
     solver: ClassVar[type[ColumnMacroSolver]] = ColumnMacroSolver
 

@@ -16,7 +16,7 @@ from porocore.testing.synthetic.response import AlteredLaw, GradientLaw, linear_
 class Law(MacroLawSuite):
     """Of a law whose responses are altered."""
 
-    kit_version = "4"
+    kit_version = "5"
     caught_by: ClassVar[str]
     linear: ClassVar[bool] = False
     constant: ClassVar[bool] = False
@@ -153,7 +153,7 @@ class RelaxingAtPoints(LawWrapper):
 class Remembering(MacroLawSuite):
     """Of a law with internal variables."""
 
-    kit_version = "4"
+    kit_version = "5"
     caught_by: ClassVar[str]
     values: ClassVar[dict[str, tuple[float, float]]] = {
         "relaxation.1.strength": (0.5, 1.5),

@@ -37,7 +37,7 @@ def with_slopes(response, **changed):
 
 
 class Law(PotentialSuite):
-    kit_version = "4"
+    kit_version = "5"
     random: ClassVar = False
     resumable: ClassVar = False
     caught_by: ClassVar[str]

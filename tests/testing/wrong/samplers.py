@@ -52,7 +52,7 @@ class Fine(Sampler):
 
 
 class _Law(SamplerSuite):
-    kit_version = "4"
+    kit_version = "5"
     budget = 12
     caught_by: ClassVar[str]
     sampler: ClassVar[type[Sampler]] = Fine

@@ -49,7 +49,7 @@ class Altered(Right):
 class Law(MacroSolverSuite):
     """Of a macro solver with other elements, or altered otherwise."""
 
-    kit_version = "4"
+    kit_version = "5"
     caught_by: ClassVar[str]
     elements: ClassVar[Any] = Elements
     solver: ClassVar[Any] = Altered

@@ -8,7 +8,7 @@ from porocore_cell_layered.cell_solver import LayeredCellSolver
 
 
 class TestLayeredCellSolver(CellSolverSuite):
-    kit_version = "4"
+    kit_version = "5"
 
     @classmethod
     def make_solver(cls):

@@ -5,7 +5,7 @@ from porocore_surrogate_gaussian_process.surrogate import GaussianProcessSurroga
 
 
 class TestGaussianProcessSurrogate(SurrogateSuite):
-    kit_version = "4"
+    kit_version = "5"
     random = False
     resumable = False
     invalid_options = ({"no_such_option": 1}, {"noise": 0}, {"noise": "low"}, {"noise": True})
