@@ -271,6 +271,14 @@ class ElementCells:
             theta = _at(self.values, profile)[elements]
         return replace(states, grad_u=H, parameters=theta)
 
+    def evolved(self, name: str, values: Array) -> ElementCells:
+        """Return the cells with other values (profiles, elements) of a parameter, where the cells have it."""
+        before = provided(self.values)
+        found = np.broadcast_to(before, (len(values), *before.shape[1:])).copy()
+        k = self.parameters.index(name)
+        found[..., k] = np.where(np.isnan(found[..., k]), np.nan, values)
+        return replace(self, values=found)
+
     def of_elements(self, elements: IntArray, parameters: Sequence[str]) -> ElementCells:
         """Return the cells of some elements, with these of the parameters, in this order."""
         columns = [self.parameters.index(name) for name in parameters]

@@ -205,8 +205,10 @@ def test_concentrations_are_multiples_of_the_modulus_by_the_gas_constant(load):
     assert charges.osmotic == 298.15
     # R T (√(200² + 300²) − 300) mol/m³
     expected = 8.31446261815324 * 298.15 * (np.sqrt(200.0**2 + 300.0**2) - 300)
-    assert charges.osmotic_pressure(charges.density) * 0.5e6 == pytest.approx(expected, rel=1e-12)
-    assert charges.osmotic_pressure(0.0) == 0.0
+    assert charges.osmotic_pressure(charges.density, charges.bath) * 0.5e6 == pytest.approx(
+        expected, rel=1e-12
+    )
+    assert charges.osmotic_pressure(0.0, charges.bath) == 0.0
 
 
 @pytest.mark.parametrize(

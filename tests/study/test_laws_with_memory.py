@@ -18,7 +18,7 @@ from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.macro.laws.relaxation import RelaxingLaw
 from porocore.study.config.config import RunConfig
 from porocore.study.config.loading import load_config
-from porocore.study.run.composition import by_region, make_backend, with_memory
+from porocore.study.run.composition import law_of_body, make_backend, with_memory
 from porocore.testing.synthetic.porous_family import PorousFamilyLaw
 from porocore.testing.synthetic.response import linear_law, mean_gradient_law
 from tests.bad_input.bad_row import study
@@ -142,7 +142,7 @@ def test_each_region_relaxes_as_its_cell_does(load):
         }
     )
     laws = {name: with_memory(linear_law(), config.of_cell(name), linear=True) for name in config.cell_names}
-    found = solved(config, by_region(config, laws)).history.displacement
+    found = solved(config, law_of_body(config, laws)).history.displacement
     ends = []
     for changes in (RELAXING, None):
         other = load({**(changes or {}), "macro.body.elements": [1, 4, 1]})

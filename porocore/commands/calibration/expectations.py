@@ -21,7 +21,6 @@ from porocore.macro.body.mesh import Facets
 from porocore.macro.boundary.reactions import interpolation
 from porocore.macro.boundary.symmetry import whole_specimen
 from porocore.macro.composition.fields import AXES as AXES_FIELD
-from porocore.macro.laws.composed import RegionLaw
 from porocore.macro.laws.linear import LinearPoroelasticity
 from porocore.macro.problem import Boundary, MacroSetup, body_mesh
 from porocore.plugins import registry
@@ -29,6 +28,7 @@ from porocore.states import Array
 from porocore.study.config.config import RunConfig
 from porocore.study.notes.at_rest import MOST_TETRAHEDRA, tetrahedra_solved
 from porocore.study.notes.linear_reach import linear_solutions, too_large
+from porocore.study.run.composition import law_of_body, with_memory
 from porocore.study.run.reference import undeformed
 
 #: Weights of nodes, and components of normals, below this are round-off.
@@ -424,7 +424,9 @@ def _linear_law(config: RunConfig) -> MacroLaw | None:
     laws = {name: law for name, law in found.items() if law is not None}
     if len(laws) < len(found):
         return None
-    return RegionLaw.by_cell(config.macro.regions, laws[None], {name: laws[name] for name in config.cells})
+    return law_of_body(
+        config, {name: with_memory(law, config.of_cell(name), linear=True) for name, law in laws.items()}
+    )
 
 
 def _of_one_cell(config: RunConfig) -> RunConfig:
@@ -436,7 +438,7 @@ def _of_one_cell(config: RunConfig) -> RunConfig:
     }
     fields = {k: v for k, v in macro.fields.items() if k == AXES_FIELD}
     return config.model_copy(
-        update={"macro": macro.model_copy(update={"fields": fields, "regions": regions})}
+        update={"macro": macro.model_copy(update={"fields": fields, "regions": regions, "evolution": {}})}
     )
 
 

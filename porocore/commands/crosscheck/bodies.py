@@ -25,7 +25,7 @@ from porocore.plugins.registry import registry
 from porocore.states import Array, CellResponse, MacroState, Status
 from porocore.study.config.config import RunConfig
 from porocore.study.notes.abilities import lacking, offers_conductivity
-from porocore.study.run.composition import make_backend, prepare_cell
+from porocore.study.run.composition import make_backend, prepare_cell, with_memory
 from porocore.study.run.solving import body_progress
 from porocore.study.run.training import show_training
 
@@ -382,16 +382,15 @@ def make_laws(config: RunConfig, samples: SharedSamples, surrogates: list[Surrog
     reference, material = samples.reference, config.cell.solid
 
     def linear() -> MacroLaw:
-        return LinearPoroelasticity(
-            LinearCoefficients.from_reference(
-                reference.response, reference.solid_fraction, material, reference.conductivity
-            )
+        coefficients = LinearCoefficients.from_reference(
+            reference.response, reference.solid_fraction, material, reference.conductivity
         )
+        return with_memory(LinearPoroelasticity(coefficients), config, linear=True)
 
     def closed(run: SurrogateRun) -> MacroLaw:
         closure = reference.closure(config.closure, material, config.conductivity)
         assert run.surrogate is not None
-        return ClosedLaw(run.surrogate, closure, name=run.name)
+        return with_memory(ClosedLaw(run.surrogate, closure, name=run.name), config)
 
     outcomes = {"linear": attempt(linear)}
     for run in surrogates:
@@ -404,7 +403,7 @@ def run_body(config: RunConfig, backend: str, name: str, law: MacroLaw, console:
     """Solve the body under the first load."""
     settings = config.with_backends(fem=backend)
     load = settings.macro.loads[0]
-    problem = settings.macro.problem(load)
+    problem = settings.problem(load)
     found = attempt(registry().get, "macro solver", backend)
     if found.value is None:
         return BodyRun(backend, name, None, found.seconds, found.reason)

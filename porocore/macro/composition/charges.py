@@ -104,9 +104,8 @@ class Charges(StrictModel):
         """Times at which the bath or the density has a kink."""
         return (*self.bath_field.corners, *as_field(self.density).corners)
 
-    def osmotic_pressure(self, charge: float, time: float = 0.0) -> float:
-        """Return π [E] at a charge density c_F of the fluid and a time of the bath."""
-        bath = self.bath.at(time) if isinstance(self.bath, TimeFunction) else self.bath
+    def osmotic_pressure(self, charge: float, bath: float) -> float:
+        """Return π [E] at a charge density c_F of the fluid and a concentration c* of the bath."""
         found = OsmoticPressure.at(np.ones(1), np.array([charge]), np.array([bath]), self.osmotic)
         return float(found.value[0])
 

@@ -29,6 +29,7 @@ from porocore.macro.composition.fields import (
     as_field,
     require_formula,
 )
+from porocore.macro.composition.law_numbers import is_of_the_law, key_of_number, of_the_cell
 from porocore.states import Array, BodyPlace, IntArray, MacroState
 
 T = TypeVar("T")
@@ -304,14 +305,24 @@ def sections(setup: ComposedBody) -> Iterator[tuple[str, Mapping[str, Any]]]:
 def by_region(setup: ComposedBody, name: str, present: Sequence[int]) -> Iterator[tuple[str, list[int], Any]]:
     """Yield key, numbers of the regions and value of each field of that name; regions without have the body's."""
     own = {
-        k: (f"macro.regions.{region}.fields.{name}", settings.fields[name])
+        k: (_key(f"macro.regions.{region}.fields", name, settings.cell), settings.fields[name])
         for k, (region, settings) in enumerate(setup.regions.items(), start=1)
         if name in settings.fields
     }
     if name in setup.fields:
-        yield f"macro.fields.{name}", [k for k in present if k not in own], setup.fields[name]
+        yield body_key(name), [k for k in present if k not in own], setup.fields[name]
     for k, (key, value) in own.items():
         yield key, [k], value
+
+
+def body_key(name: str) -> str:
+    """Return the key of the value of a parameter that goes for the whole body."""
+    return _key("macro.fields", name, None)
+
+
+def _key(section: str, name: str, cell: str | None) -> str:
+    """Return the key of a field in a section; that of a number of a law, of which ``cell`` may have its own."""
+    return key_of_number(name, cell) if is_of_the_law(name) else f"{section}.{name}"
 
 
 def without_a_value(setup: ComposedBody, name: str, missing: Sequence[int]) -> str:
@@ -516,7 +527,7 @@ class BodyFields:
         n = len(self.points)
         inside, having = self.in_region(region, n), np.zeros(n, bool)
         for piece in self._pieces[self.names.index(name)]:
-            if region is not None or piece.key == f"macro.fields.{name}":
+            if region is not None or piece.key == body_key(name):
                 having[piece.rows] = True
         return np.logical_and(inside, having)
 
@@ -621,12 +632,15 @@ def kept_cells(
     place = at[0].place
     if place is None:
         return None
-    values = [means(each.parameters) for each in at if each.parameters is not None]
+    # The law's own numbers are no parameters of the cells.
+    names = of_the_cell(body.names)
+    columns = [body.names.index(name) for name in names]
+    values = [means(each.parameters[:, columns]) for each in at if each.parameters is not None and names]
     axes = [means(each.place.axes) for each in at if each.place is not None and each.place.axes is not None]
     return ElementCells(
         np.rint(means(place.region.astype(float))).astype(np.int64),
         tuple(regions),
-        body.names,
+        names,
         np.stack(values) if values else None,
         nearest_rotations(np.stack(axes)) if axes else None,
     )

@@ -20,6 +20,7 @@ import numpy as np
 from porocore.core.files.plain_data import stable_hash
 from porocore.core.hdf5 import Contents, atomic_hdf5, numbered, opened
 from porocore.errors import DataError
+from porocore.interfaces.cell import ElementCells
 from porocore.interfaces.law import (
     Integrand,
     InternalVariable,
@@ -201,13 +202,20 @@ class HistoryRecorder:
             contact=series["contact"],
             work={name: values[:, 0] for name, values in series["work"].items()},
             linear_solver=self.d.linear.choice,
-            # They follow from the times alone.
-            element_cells=kept_cells(
-                body, tuple(self.d.problem.regions), [each.time for each in self.profiles], self.d.all_means
-            ),
+            element_cells=self._cells(body),
             revolved=mesh.revolved,
             depth=mesh.depth,
         )
+
+    def _cells(self, body: BodyFields) -> ElementCells | None:
+        """Return the cells of the elements: they follow from the times, but for parameters that evolve."""
+        times, names = [each.time for each in self.profiles], tuple(self.d.problem.regions)
+        found = kept_cells(body, names, times, self.d.all_means)
+        if found is None:
+            return None
+        for name in (each.name for each in self._variables if each.name in found.parameters):
+            found = found.evolved(name, np.stack([profile.internal[name] for profile in self.profiles]))
+        return found
 
 
 def extremes(x: Array, n_u: int) -> dict[str, tuple[int, float]]:

@@ -23,7 +23,7 @@ from porocore.macro.boundary.drainage import (
 )
 from porocore.macro.composition.fields import AXES
 from porocore.macro.composition.regions import by_region, cells_of_elements, regions_of_cell
-from porocore.macro.laws.composed import NearestMemberLaw, RegionLaw
+from porocore.macro.laws.composed import NearestMemberLaw
 from porocore.macro.laws.linear import (
     SAME,
     EffectiveProperties,
@@ -39,6 +39,7 @@ from porocore.states import Array
 from porocore.study.config.config import RunConfig, lines_of_cell
 from porocore.study.notes.linear_reach import predicted_reach, prescribed_reach
 from porocore.study.notes.magnitudes import run_times
+from porocore.study.run.composition import law_of_body, with_memory
 from porocore.study.run.reference import undeformed
 
 #: Tetrahedra of the part of the cell that is solved, and nodes of the body, beyond which a check would take long.
@@ -73,13 +74,13 @@ def at_rest(config: RunConfig, store: ResultStore | None = None) -> Iterator[str
     if len(found) < len(config.cell_names):  # the body is of larger cells too
         yield from _prescribed(config)
         return
-    (coefficients, rest), *others = found
-    laws = {name: law for name, (_, law) in zip(config.cells, others, strict=True)}
-    law = RegionLaw.by_cell(config.macro.regions, rest, laws)
+    coefficients, laws = found[0][0], dict(zip(config.cell_names, (each for _, each in found), strict=True))
+    law = law_of_body(config, laws)
     head = "consolidation" if config.cells else "  consolidation"  # else below the lines of the cell
     linear = linear_in_body(config.macro, law, coefficients)
     yield from _consolidation(config.macro, linear, config.result_units, head)
-    yield from predicted_reach(config, law)
+    remembering = {name: with_memory(each, config.of_cell(name), linear=True) for name, each in laws.items()}
+    yield from predicted_reach(config, law_of_body(config, remembering))
 
 
 def tetrahedra_solved(cell: Cell) -> int:

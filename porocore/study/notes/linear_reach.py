@@ -43,7 +43,7 @@ from porocore.study.notes.reach import (
     visited,
     written,
 )
-from porocore.study.run.composition import make_backend
+from porocore.study.run.composition import make_backend, with_memory
 
 #: Steps after the ramp at least, beside those to the kinks of what is prescribed.
 STEPS = 3
@@ -65,17 +65,19 @@ def too_large(macro: MacroSettings) -> str:
 def linear_solutions(config: RunConfig, linear: LinearCoefficients | MacroLaw) -> list[MacroSolution]:
     """Return the body's linear solutions on its own mesh under the lowest and the highest load, kept at every step.
 
-    ``linear`` are the coefficients of its cell, or the linear law of a body of many cells.
+    ``linear`` are the coefficients of its cell, or the linear law of the body with its memory.
 
     Raises
     ------
     SolveError
         A step fails, as one under a follower may.
     """
-    law = LinearPoroelasticity(linear) if isinstance(linear, LinearCoefficients) else linear
+    law = linear
+    if isinstance(law, LinearCoefficients):
+        law = with_memory(LinearPoroelasticity(law), config, linear=True)
     solver, plan, found = make_backend("macro solver", config), _plan(config.macro), []
     for load in _loads(config.macro):
-        problem = config.macro.problem(load).model_copy(update={"time": plan})
+        problem = config.problem(load).model_copy(update={"time": plan})
         found.append(body_solution_of(solver, solver.prepare(problem), law, problem))
     return found
 
@@ -130,8 +132,8 @@ UNLIKELY = {"H": 0.5, "p": 1.0}
 def predicted_reach(config: RunConfig, linear: LinearCoefficients | MacroLaw) -> Iterator[str]:
     """Yield which components leave the sampled ranges by the linear solution of the body, one line for each.
 
-    ``linear`` are the coefficients of its cell, or the linear law of a body of many cells. Several cells are looked at
-    one after the other, each where it is.
+    ``linear`` are the coefficients of its cell, or the linear law of the body with its memory. Several cells are
+    looked at one after the other, each where it is.
 
     Where the body is too large for a check, or its linear solution fails, that is said, and what is prescribed is
     looked at alone.

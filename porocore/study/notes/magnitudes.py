@@ -6,6 +6,7 @@ line that joins them, so it reaches at least this mean somewhere on the line.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import combinations
@@ -17,13 +18,13 @@ from porocore.cell.cell import Cell
 from porocore.cell.materials.material import SWELLING
 from porocore.core.echo import echo
 from porocore.core.files.yaml_document import dotted
-from porocore.core.formulas import Expression, TimeFunction, Value
+from porocore.core.formulas import TimeFunction, Value
 from porocore.core.models.strict import Place, walk
 from porocore.core.units import Dimension, InScales, ResultUnits, length_text
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import BodyMesh, Facets
 from porocore.macro.boundary.symmetry import Symmetry
-from porocore.macro.composition.fields import COORDINATES, TableField
+from porocore.macro.composition.fields import TableField
 from porocore.macro.composition.regions import sections
 from porocore.macro.problem import Boundary, MacroSetup, body_mesh
 from porocore.states import Array
@@ -38,7 +39,7 @@ def left_out(macro: MacroSetup, units: ResultUnits) -> Iterator[str]:
     for place in walk(MacroSetup, macro):
         dimension = next((extra for extra in place.metadata if isinstance(extra, Dimension)), None)
         value = place.value
-        if dimension is None or not isinstance(value, float) or not value:
+        if dimension is None or dimension.si or not isinstance(value, float) or not value:
             continue
         field = _field(place)
         assert field.above is not None
@@ -57,7 +58,7 @@ def formulas(macro: MacroSetup, units: ResultUnits) -> Iterator[str]:
     for place in walk(MacroSetup, macro):
         if not isinstance(place.value, str) or InScales() not in place.metadata:
             continue
-        used = Expression.parse(place.value, COORDINATES).names
+        used = set(re.findall(r"[A-Za-z_]\w*", place.value))  # a rate has other names besides
         counts = [
             f"{', '.join(names)} in multiples of {units.text(1.0, quantity)}"
             for names, quantity in (

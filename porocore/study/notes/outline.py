@@ -52,6 +52,7 @@ from porocore.study.notes.magnitudes import (
     too_thin,
     unloaded,
 )
+from porocore.study.notes.memory import law_lines, memory_warnings
 from porocore.study.run.composition import make_backend
 
 #: Round shapes of indenters as a section has them.
@@ -109,6 +110,7 @@ def outline(config: RunConfig) -> Iterator[str]:
     tables = level_tables(config.macro, config.result_units)
     yield from (f"note: {text}" for text in (*sideways(config.macro), *parts, *tables))
     yield from (f"{WARNING}{text}" for text in unloaded(config.macro, config.all_cells))
+    yield from (f"{WARNING}{text}" for text in memory_warnings(config, mesh))
     # K is not known yet, but along which axes it is positive in any of the cells.
     percolates = [any(axis not in quality.blocked for quality in measured.values()) for axis in "xyz"]
     yield from (f"note: {warning}" for warning in undrained(config.macro, np.diag(percolates).astype(float)))
@@ -289,6 +291,7 @@ def _body(config: RunConfig) -> Iterator[str]:
                 f"{IN_A_SECTION[indenter.shape.kind]}, infinitely long along z"
             )
         yield from unreached(config, mesh, name, indenter)
+    yield from (f"  {line}" for line in law_lines(config, mesh))
     for name, at in macro.probes.items():
         yield f"  probe {name} at {', '.join(f'{x * length:.4g}' for x in at)}{name_of_length}"
     loads = ", ".join(f"{load:g}" for load in macro.loads)

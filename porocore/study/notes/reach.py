@@ -229,10 +229,13 @@ def _worst(solution: MacroSolution, i: int, element: int, surrogate: Surrogate) 
 def _point_states(solution: MacroSolution, mesh: BodyMesh, i: int, elements: IntArray) -> MacroState:
     """Return the states at the points of some elements at profile ``i``, as their cells see them."""
     profile, cells = solution.profiles[i], solution.element_cells
-    states = point_states(mesh, profile.u, profile.p, elements)
-    if cells is None:
-        return states
-    return cells.given_to(states, i, np.repeat(elements, len(mesh.element.weights)))
+    states, of = (
+        point_states(mesh, profile.u, profile.p, elements),
+        np.repeat(elements, len(mesh.element.weights)),
+    )
+    # The pressure that the cells see differs from that of the body by what is known as the mean over an element.
+    states = replace(states, p=states.p + (profile.cell_p - profile.element_p)[of])
+    return states if cells is None else cells.given_to(states, i, of)
 
 
 def visited(

@@ -395,7 +395,7 @@ def macro_laws(
             cell: with_memory(each.law, config, linear=kind == "linear")
             for cell, (config, each) in of_cells.items()
         }
-        law = by_region(folder.config, laws)
+        law = law_of_body(folder.config, laws)
         found[name] = RunLaw(law, tuple(solves for _, each in of_cells.values() for solves in each.solves))
     return found
 
@@ -405,7 +405,7 @@ def _names(folder: RunFolder, kinds: Sequence[LawKind], direct_closure: str | No
     return law_names(closure, kinds, direct_closure or closure)
 
 
-def by_region(config: RunConfig, laws: Mapping[str | None, MacroLaw]) -> MacroLaw:
+def law_of_body(config: RunConfig, laws: Mapping[str | None, MacroLaw]) -> MacroLaw:
     """Return the law of a body by those of its cells; None names that of the rest of the body, or the only one."""
     named = {name: law for name, law in laws.items() if name is not None}
     return RegionLaw.by_cell(config.macro.regions, laws[None], named)

@@ -52,7 +52,7 @@ from porocore.study.notes.checks import place
 from porocore.study.notes.magnitudes import out_of_plane, unloaded
 from porocore.study.notes.parameters import family_summary, output_checks
 from porocore.study.notes.reach import MORE, flagged_place, left_out_shear, shears
-from porocore.study.run.composition import by_region, law_of_cell, make_backend
+from porocore.study.run.composition import law_of_body, law_of_cell, make_backend
 from porocore.study.run.folder import LINEAR, RunFolder, direct_law, fallback_law, versions
 from porocore.study.run.results import RunResults, load_undeformed, times_of_all_cells
 from porocore.study.run.training import read_training_curve
@@ -339,7 +339,7 @@ def rest_of_body(results: RunResults) -> LinearCoefficients | RestCoefficients:
         laws = {
             files.cell: law_of_cell(files, stack, "surrogate").law for files in results.folder.of_each_cell
         }
-        return coefficients_of_elements(by_region(config, laws), cells)
+        return coefficients_of_elements(law_of_body(config, laws), cells)
 
 
 def body_cells(results: RunResults, rest: LinearCoefficients | RestCoefficients) -> BodyCells | None:
