@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import Field, model_validator
 
+from porocore.cell.materials.prony import Relaxation
 from porocore.core.formulas import TimeFunction, Value, require_later
 from porocore.core.models.bounds import MOST_STEPS, MOST_TIMES
 from porocore.core.models.name import Name
@@ -20,6 +21,7 @@ from porocore.macro.boundary.rigid import RigidIndenter
 from porocore.macro.composition.charges import Charges
 from porocore.macro.composition.evolution import Evolution
 from porocore.macro.composition.fields import Fields
+from porocore.macro.composition.law_numbers import CHARGES, EVOLUTION, relaxation_numbers
 from porocore.macro.composition.regions import AnyRegion, composition, field_corners, without_paths
 
 Positive = Annotated[float, Field(gt=0)]
@@ -329,6 +331,35 @@ class MacroSetup(StrictModel):
         for indenter in said.get("contact", {}).values():
             indenter["shape"].pop("path", None)
         return said | composition(self)
+
+    def with_law_numbers(self, relaxations: Mapping[str | None, Relaxation | None]) -> Self:
+        """Return the set-up whose fields have the numbers of its laws, too; those that stand among them already stay.
+
+        Parameters
+        ----------
+        relaxations
+            Those of the cells by name; None names the cell of the rest of the body.
+        """
+        fields: dict[str, Any] = relaxation_numbers(relaxations[None])
+        if self.charges is not None:
+            fields[f"{CHARGES}.density"] = self.charges.density
+            fields[f"{CHARGES}.bath"] = self.charges.bath_field
+        for parameter, evolution in self.evolution.items():
+            fields |= {
+                f"{EVOLUTION}.{parameter}.{name}": value for name, value in evolution.constants.items()
+            }
+        own = {
+            name: relaxation_numbers(relaxations[region.cell])
+            for name, region in self.regions.items()
+            if region.cell is not None
+        }
+        if not fields and not any(own.values()):
+            return self
+        regions = {
+            name: region.model_copy(update={"fields": {**own.get(name, {}), **region.fields}})
+            for name, region in self.regions.items()
+        }
+        return self.model_copy(update={"fields": {**fields, **self.fields}, "regions": regions})
 
     def ramp(self, time: float) -> float:
         """Return the share of the load that acts at ``time``."""

@@ -86,7 +86,8 @@ def test_an_exploration_of_one_of_several_cells_visits_where_it_is(
     )
     stiff = replace(linear, stiffness=2 * linear.stiffness)
     whole = explorer(config, reference)
-    part = explorer(config, reference, BodyAround(macro, "clay", {None: LinearPoroelasticity(stiff)}))
+    study = config.model_copy(update={"macro": macro, "cells": {"clay": config.cell}})
+    part = explorer(config, reference, BodyAround(study, "clay", {None: LinearPoroelasticity(stiff)}))
     data = synthetic_training_set(40)
     (alone, both) = (explore(data, elements=4, steps=8) for explore in (whole, part))
     # There are eight elements, since the region would have none of four.

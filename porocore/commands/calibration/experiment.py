@@ -52,7 +52,6 @@ from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.points import BodyPoints
 from porocore.macro.boundary.symmetry import part_weights, whole_sensitivities, whole_specimen
 from porocore.macro.composition.fields import GridField
-from porocore.macro.composition.law_numbers import with_law_numbers
 from porocore.macro.integration.stepping import Stepper
 from porocore.macro.problem import MacroProblem, TimePlan
 from porocore.plugins.border import body_gradients_of, body_sensitivities_of, body_solution_of
@@ -135,7 +134,7 @@ class BodyAtValues:
             name: None if each is None else each.in_times_of(unit)
             for name, each in config.relaxations.items()
         }
-        problem = with_law_numbers(_scaled(macro, scales).problem(load), relaxations)
+        problem = _scaled(macro, scales).problem(load).with_law_numbers(relaxations)
         return cls(problem, scales, shift, cameras)
 
 

@@ -5,15 +5,9 @@ They are parameters of the law at each point, so they have derivatives as a para
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any, TypeVar
+from collections.abc import Iterable
 
 from porocore.cell.materials.prony import Relaxation
-
-if TYPE_CHECKING:
-    from porocore.macro.problem import MacroSetup
-
-    Setup = TypeVar("Setup", bound=MacroSetup)
 
 #: First parts of the names of such numbers; no parameter of a cell may begin with one and a dot.
 RELAXATION, CHARGES, EVOLUTION = "relaxation", "charges", "evolution"
@@ -50,32 +44,3 @@ def relaxation_numbers(relaxation: Relaxation | None) -> dict[str, float]:
         for k, branch in enumerate(branches, start=1)
         for name, value in branch
     }
-
-
-def with_law_numbers(setup: Setup, relaxations: Mapping[str | None, Relaxation | None]) -> Setup:
-    """Return a set-up whose fields have the numbers of its laws, too.
-
-    Parameters
-    ----------
-    setup
-        Body with charges and evolution; numbers that stand among its fields already stay.
-    relaxations
-        Those of the cells by name; None names the cell of the rest of the body.
-    """
-    fields: dict[str, Any] = relaxation_numbers(relaxations[None])
-    if setup.charges is not None:
-        fields[f"{CHARGES}.density"] = setup.charges.density
-        fields[f"{CHARGES}.bath"] = setup.charges.bath_field
-    for parameter, evolution in setup.evolution.items():
-        fields |= {f"{EVOLUTION}.{parameter}.{name}": value for name, value in evolution.constants.items()}
-    regions = {
-        name: region.model_copy(
-            update={"fields": {**relaxation_numbers(relaxations[region.cell]), **region.fields}}
-        )
-        if region.cell is not None
-        else region
-        for name, region in setup.regions.items()
-    }
-    if not fields and regions == setup.regions:
-        return setup
-    return setup.model_copy(update={"fields": {**fields, **setup.fields}, "regions": regions})

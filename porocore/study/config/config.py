@@ -45,7 +45,6 @@ from porocore.errors import ConfigurationError, PluginError
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.boundary.symmetry import part_problem
 from porocore.macro.composition.fields import AXES
-from porocore.macro.composition.law_numbers import with_law_numbers
 from porocore.macro.composition.regions import BodyFields, CellRanges, field_times, regions_of_cell
 from porocore.macro.laws.closure import CLOSURES, ConductivityLaw
 from porocore.macro.problem import MacroProblem, MacroSetup, body_mesh
@@ -638,7 +637,7 @@ class RunConfig(StrictModel):
 
     def problem(self, load: float) -> MacroProblem:
         """Return the problem under one load whose fields have the numbers of its laws, too; that which is solved."""
-        return with_law_numbers(self.macro.problem(load), self.relaxations)
+        return self.macro.problem(load).with_law_numbers(self.relaxations)
 
     @property
     def relaxations(self) -> dict[str | None, Relaxation | None]:

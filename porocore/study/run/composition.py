@@ -224,7 +224,7 @@ def study_facts(
 def explorer(config: RunConfig, reference: CellReference, around: BodyAround | None = None) -> MacroExplorer:
     """Return the macro problem of a study on a coarse mesh; ``around`` is the body of several cells, if it has them."""
     closure = reference.closure(config.closure, config.cell.solid, config.conductivity)
-    body = BodyAround(config.problem, config.macro) if around is None else around
+    body = BodyAround(config) if around is None else around
     with_its_memory = partial(with_memory, config=config)
     return MacroExplorer(body, closure, partial(make_backend, "macro solver", config), with_its_memory)
 
@@ -243,8 +243,8 @@ def _body_around(folder: RunFolder) -> BodyAround | None:
         for name in whole.cell_names
         if name != folder.cell
     }
-    macro = whole.fields_of(folder.cell)
-    return BodyAround(whole.model_copy(update={"macro": macro}).problem, macro, folder.cell, others)
+    study = whole.model_copy(update={"macro": whole.fields_of(folder.cell)})
+    return BodyAround(study, folder.cell, others)
 
 
 def held_out_states(config: RunConfig, samples: Dataset) -> RandomStates:

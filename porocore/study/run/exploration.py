@@ -20,7 +20,7 @@ from porocore.macro.laws.macro_law import ClosedLaw
 from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.plugins.border import body_solution_of
 from porocore.states import MacroState
-from porocore.study.config.config import MacroSettings
+from porocore.study.config.config import RunConfig
 from porocore.surrogates.polynomial.surrogate import PolynomialSurrogate
 
 
@@ -30,18 +30,15 @@ class BodyAround:
 
     Attributes
     ----------
-    problem
-        Returns the problem under a load.
-    macro
-        Set-up of the whole body, with fields of that cell's parameters alone.
+    study
+        That of the whole body, with fields of that cell's parameters alone.
     cell
         Name of that cell; None: that of the rest of the body, or the only one.
     laws
         Laws of all cells by name, that of the explored one left out.
     """
 
-    problem: Callable[[float], MacroProblem]
-    macro: MacroSettings
+    study: RunConfig
     cell: str | None = None
     laws: Mapping[str | None, MacroLaw] = field(default_factory=dict)
 
@@ -50,7 +47,7 @@ class BodyAround:
         laws = {**self.laws, self.cell: law}
         rest = laws.pop(None)
         return RegionLaw.by_cell(
-            self.macro.regions, rest, {name: each for name, each in laws.items() if name is not None}
+            self.study.macro.regions, rest, {name: each for name, each in laws.items() if name is not None}
         )
 
 
@@ -95,9 +92,9 @@ class MacroExplorer:
         cells = PolynomialSurrogate().fit(data, seed=0)
         visited: list[MacroState] = []
         results: list[float] = []
-        for load in self._body.macro.loads:
+        for load in self._body.study.macro.loads:
             law = VisitedStates(ClosedLaw(cells, self._closure))
-            problem = self._body.problem(load)
+            problem = self._body.study.problem(load)
             moved = [name for name, boundary in problem.boundary.items() if boundary.is_moved]
             coarse = coarse_problem(problem, elements, steps)
             prepared = self._solver.prepare(coarse)
