@@ -354,8 +354,9 @@ def test_stiff_rates_settle(formula, expected):
 
 def test_stiff_growth_and_a_stiff_partner_settle():
     law = evolving(swelling="a*(mean_stress + 0.01)", radius="-b*(radius - 0.2*swelling)")
-    at = states(law, [1e7, 1e8])
-    found = law.respond(at, gradients(), law.initial_at(at), step=Interval(0, 1))
+    at, grad_p = states(law, [1e7, 1e8], n=100), gradients(100)
+    at.parameters[:, 0] = np.random.default_rng(6).uniform(0.11, 0.29, 100)
+    found = law.respond(at, grad_p, law.initial_at(at), step=Interval(0, 1))
     swelling, radius = found.memory.internal.T
     np.testing.assert_allclose(radius, 0.2 * swelling, rtol=1e-8)
     F = np.eye(3) + at.grad_u

@@ -393,9 +393,11 @@ class EvolvingLaw(LawWrapper):
 
 
 #: Most iterations at a point.
-MOST_ITERATIONS = 25
+MOST_ITERATIONS = 40
 #: Share of the range of a parameter by which the last iteration would change it at most.
 CLOSE = 1e-12
+#: Iterations after which several parameters begin anew, with ways that may be longer than the last one by this factor.
+PATIENCE, LONGER = 15, 3.0
 #: Share of the range by which the bounds of the solution begin beyond its ends, so that these are tried, too.
 BEYOND = 0.1
 
@@ -405,7 +407,7 @@ class _Search:
 
     One parameter always has a solution, since R < 0 below the range and R > 0 above it, as far as the parameter is held
     at its ends. It is enclosed by bounds, which are halved where Newton's iteration leaves them or is slow. Several
-    parameters go back by half a way to where it was shorter.
+    parameters go back by half a way to where it was shorter; where this does not end, they begin anew with less care.
 
     Parameters
     ----------
@@ -419,7 +421,8 @@ class _Search:
         self._spans = ranges[:, 1] - ranges[:, 0]
         self._lower, self._upper = np.minimum(ranges[:, 0], old), np.maximum(ranges[:, 1], old)
         self._low, self._high = self._lower - BEYOND * self._spans, self._upper + BEYOND * self._spans
-        self._from, self._way = old.copy(), np.full(old.shape, np.inf)
+        self._old, self._from, self._way = old, old.copy(), np.full(old.shape, np.inf)
+        self._count = 0
 
     def held(self, rows: IntArray, theta: Array, reached: Array) -> Flags:
         """Return which parameters are at an end of their range and driven on, (n, e)."""
@@ -434,6 +437,7 @@ class _Search:
 
     def following(self, rows: IntArray, theta: Array, residual: Array, way: Array) -> Array:
         """Return the values (n, e) to try next, given R and Newton's way at θ."""
+        self._count += 1
         follow = self._between if theta.shape[1] == 1 else self._shorter
         return np.clip(follow(rows, theta, residual, way), self._lower[rows], self._upper[rows])
 
@@ -446,10 +450,13 @@ class _Search:
         return np.where(fast, wanted, (low + high) / 2)
 
     def _shorter(self, rows: IntArray, theta: Array, residual: Array, way: Array) -> Array:
+        if self._count == PATIENCE:
+            self._from, self._way = self._old.copy(), np.full(self._old.shape, np.inf)
+            return self._old[rows]
         size, last = (
             np.abs(each / self._spans).max(axis=1, keepdims=True) for each in (way, self._way[rows])
         )
-        shorter = size <= last
+        shorter = size <= last * (1.0 if self._count < PATIENCE else LONGER)
         start = np.where(shorter, theta, self._from[rows])
         self._way[rows], self._from[rows] = np.where(shorter, way, self._way[rows]), start
         return np.where(shorter, theta + way, (theta + start) / 2)

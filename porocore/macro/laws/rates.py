@@ -270,7 +270,7 @@ class Rate:
 
     @property
     def follows_state(self) -> bool:
-        """Whether the rate depends on more than time, place, parameters and constants."""
+        """True of a rate that depends on more than time, place, parameters and constants."""
         return bool(self._expression.names & (set(QUANTITIES) - {"t", "x", "y", "z"}))
 
     def at(self, points: RatePoints, constants: Array) -> RateSlopes:
