@@ -32,6 +32,7 @@ SUITES: dict[str, type[Suite]] = {
     "cells": porocore.testing.CellSolverSuite,
     "cell_slopes": porocore.testing.CellSolverSuite,
     "meshed": porocore.testing.MeshedCellSuite,
+    "relaxing_cells": porocore.testing.MeshedCellSuite,
     "contact": porocore.testing.CellContactSuite,
     "surrogates": porocore.testing.PotentialSuite,
     "surrogate_files": porocore.testing.PotentialSuite,

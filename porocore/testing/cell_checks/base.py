@@ -45,6 +45,7 @@ from porocore.testing.cell_checks.exact import (
     matches_difference,
     state_label,
 )
+from porocore.testing.cell_checks.relaxation import RelaxingCells
 from porocore.testing.expect import (
     RESPONSES,
     STEPS,
@@ -348,10 +349,10 @@ ROTATION = Rotation.from_rotvec([0.3, -0.5, 0.7]).as_matrix()
 TURNED = ROTATION @ (np.eye(3) + STATES["sheared"][0]) - np.eye(3), STATES["sheared"][1]
 
 
-class CellSolverSuite(ExactCells, Calls, Members):
+class CellSolverSuite(ExactCells, Calls, Members, RelaxingCells):
     """Subclass it, name the class ``Test…`` give it ``make_solver``, and ``make_cell`` if it solves some cells only.
 
-    What the solver's class does not offer (``conductivities``, ``slopes``, ``accuracy`` …) is skipped.
+    What the solver's class does not offer (``conductivities``, ``slopes``, ``relaxes``, ``accuracy`` …) is skipped.
     """
 
     @pytest.mark.parametrize("name", STATES)
