@@ -7,6 +7,7 @@ the pressure of their flow.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -142,7 +143,9 @@ class FreeSwelling:
         length = LONG * _diffusion_time(d, fields, law)
         theta = provided(fields.at(0.0).parameters)
         density, bath = (theta[:, law.parameters.index(name)] for name in (DENSITY, BATH))
-        salt = max(2.0, SALT * d.communicator.max(float(np.nanmax(density / bath, initial=0.0))))
+        salt = SALT * d.communicator.max(float(np.nanmax(density / bath, initial=0.0)))
+        # A power of two, so that a small change of the charges does not change the way.
+        salt = 2.0 ** max(1, math.ceil(math.log2(max(salt, 1.0))))
         end = (THINNING + SETTLING) * length
         time = TimePlan(
             end=end,
