@@ -133,6 +133,8 @@ class ResponseChanges(Batch):
         Derivatives of these by p.
     internal_grad_p : (n, v, 3)
         Derivatives of these by ∇p; None: zero.
+    potential : (n, k)
+        Of the potential W; None: not known.
     """
 
     stress: Array
@@ -142,6 +144,7 @@ class ResponseChanges(Batch):
     internal_grad_u: Array
     internal_p: Array
     internal_grad_p: Array | None = None
+    potential: Array | None = None
 
     @classmethod
     def forgetful(cls, stress: Array, storage: Array, flux: Array) -> ResponseChanges:
@@ -289,6 +292,8 @@ class MacroResponse(Batch):
         Pressure at which the cell is asked, which is p unless the law makes another one of it.
     doubt : (n,)
         Reasons not to rely on the cell law, :class:`~porocore.Doubt` as a number; 0: none.
+    potential : (n,)
+        W of the cell, with P_E = ∂W/∂H and φ = −∂W/∂p; None for a law without.
     """
 
     stress: Array
@@ -302,6 +307,7 @@ class MacroResponse(Batch):
     cell_p: Array
     doubt: IntArray
     tangent: MacroTangent | None = None
+    potential: Array | None = None
 
     @property
     def flagged(self) -> npt.NDArray[np.bool_]:

@@ -298,5 +298,8 @@ def assert_same(one, other, **close):
                 assert (own is None) == (others is None)
                 if own is not None:
                     np.testing.assert_allclose(own, others, atol=1e-13, **close)
+        elif f.name == "potential":
+            assert (a is None) == (b is None)
+            assert a is None or np.allclose(a, b, atol=1e-13, **close)
         elif f.name != "memory":
             np.testing.assert_allclose(a, b, atol=1e-13, **close)

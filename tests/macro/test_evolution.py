@@ -114,9 +114,9 @@ def test_growth_at_fixed_strain_reaches_its_stress():
 #: Rates of two parameters that hang on one another, on the state and on the flux.
 COUPLED = {
     "swelling": "a*(mean_stress - b*0.1) + c*(J - 1)*p*radius*t",
-    "radius": "-a*flux*(radius - 0.1) + b*von_mises*swelling*phi",
+    "radius": "-a*flux*(radius - 0.1) + b*von_mises*swelling*phi + c*energy",
 }
-CONSTANTS = [0.3, 0.2, 0.5, 0.4, 0.1]
+CONSTANTS = [0.3, 0.2, 0.5, 0.4, 0.1, 0.7]
 STEP = Interval(0.3, 0.7)
 
 
@@ -446,6 +446,14 @@ def test_the_mean_gradient_closure_takes_rates_of_time_alone():
     follows = EvolvingLaw(closed, {"radius": Rate("-a*flux", CELL, ["a"])}, RANGES)
     with pytest.raises(ConfigurationError, match="choose closure: potential"):
         follows.respond(at, grad_p, follows.initial_at(at), step=Interval(0, 1))
+
+
+def test_a_rate_that_follows_an_energy_needs_a_law_with_a_potential():
+    closed = ClosedLaw(PorousFamilyLaw(*CELL), make_closure("mean-gradient", 0.6, NeoHookean(), np.eye(3)))
+    law = EvolvingLaw(closed, {"radius": Rate("-a*energy", CELL, ["a"])}, RANGES)
+    at = states(law, [0.1])
+    with pytest.raises(ConfigurationError, match=r"follows the energy.*choose closure: potential"):
+        law.respond(at, gradients(), law.initial_at(at), step=Interval(0, 1))
 
 
 def test_the_law_of_a_point_evolves_without_a_flux():

@@ -22,6 +22,7 @@ POINTS = RatePoints(
     stress=0.5 * RNG.standard_normal((N, 3, 3)),
     flux=RNG.standard_normal((N, 3)),
     position=RNG.standard_normal((N, 3)),
+    potential=RNG.standard_normal(N),
 )
 GIVEN = RNG.uniform(0.5, 1.5, (N, 2))
 
@@ -51,6 +52,7 @@ def test_quantities_by_hand():
         "p": POINTS.p,
         "phi": POINTS.fluid_volume,
         "flux": np.linalg.norm(POINTS.flux, axis=1),
+        "energy": POINTS.potential + POINTS.p * POINTS.fluid_volume,
         "mean_stress": mean,
         "von_mises": np.sqrt(1.5 * (symmetric**2).sum(axis=(1, 2))),
     }
@@ -72,7 +74,7 @@ def test_quantities_by_hand():
 )
 def test_derivatives_by_every_field(formula):
     found = rate(formula).at(POINTS, GIVEN)
-    for field in ("grad_u", "p", "parameters", "fluid_volume", "stress", "flux"):
+    for field in ("grad_u", "p", "parameters", "fluid_volume", "stress", "flux", "potential"):
         at = getattr(POINTS, field)
         for component in np.ndindex(at.shape[1:]):
             unit = np.zeros(at.shape)
@@ -143,6 +145,11 @@ def test_a_constant_without_a_proper_name_is_refused():
 def test_the_place_of_points_without_one_is_refused():
     with pytest.raises(ConfigurationError, match="names the place x, y or z"):
         value("k*x", replace(POINTS, position=None))
+
+
+def test_the_energy_of_a_law_without_one_is_refused():
+    with pytest.raises(ConfigurationError, match="names the energy, but the law of the cells has none"):
+        value("k*energy", replace(POINTS, potential=None))
 
 
 def test_named_rates():

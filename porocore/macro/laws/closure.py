@@ -7,7 +7,7 @@ the deformed pore, which is a response of the cell.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar, Literal, get_args
 
@@ -245,6 +245,8 @@ class CellChanges(Batch):
         Of P_E.
     fluid_volume : (n, k)
         Of φ.
+    potential : (n, k)
+        Of W.
     """
 
     modulus: Array
@@ -253,6 +255,7 @@ class CellChanges(Batch):
     conductivity: Array
     stress: Array | None = None
     fluid_volume: Array | None = None
+    potential: Array | None = None
 
 
 def cell_changes(
@@ -315,7 +318,7 @@ def _without_parameters(
     K = provided(cell.conductivity) if undeformed is None else np.broadcast_to(undeformed, (n, 3, 3))
     flow = -K[..., None] * changes.viscosity[:, None, None, :]
     moved = by_modulus(K, tangent.conductivity_p, 0, 3, 3) if undeformed is None else None
-    fluid = tangent.fluid_volume_p
+    fluid, W, volume = tangent.fluid_volume_p, cell.potential, cell.fluid_volume
     return CellChanges(
         modulus=scaled,
         mean_grad=provided(by_modulus(cell.mean_grad, tangent.mean_grad_p, 0, 3, 3)),
@@ -323,6 +326,7 @@ def _without_parameters(
         conductivity=flow if moved is None else flow + moved,
         stress=by_modulus(cell.stress, tangent.stress_p, 1, 3, 3),
         fluid_volume=None if fluid is None else -(p * fluid)[:, None] * scaled,
+        potential=None if W is None or volume is None else (W + p * volume)[:, None] * scaled,
     )
 
 
@@ -350,6 +354,7 @@ def _with_parameters(
         provided(by_parameters("conductivity", slopes.conductivity, found.conductivity)),
         by_parameters("stress", slopes.stress, found.stress),
         by_parameters("fluid_volume", slopes.fluid_volume, found.fluid_volume),
+        None if slopes.potential is None else by_parameters("potential", slopes.potential, found.potential),
     )
 
 
@@ -835,7 +840,7 @@ class PotentialClosure(Closure):
                 self.deformation_changes(at.cell, by, at.cells), by.conductivity, self.law
             ),
         )
-        return self._closed(at, pore, True), found
+        return self._closed(at, pore, True), replace(found, potential=by.potential)
 
     def _closed(self, at: ClosurePoints, pore: PulledBack, tangent: bool) -> MacroResponse:
         cell, before = at.cell, at.memory.fluid_volume
@@ -844,7 +849,7 @@ class PotentialClosure(Closure):
         slopes = (
             self._tangent(pore, provided(cell.tangent), self.solid_fraction_of(at.cells)) if tangent else None
         )
-        return self._response(at, pore, stress, storage, slopes)
+        return replace(self._response(at, pore, stress, storage, slopes), potential=cell.potential)
 
     def memory(self, states: MacroState, cell: CellResponse, summed: Array | None = None) -> LawMemory:
         """Return the memory with φ of the cell in this state."""

@@ -32,8 +32,8 @@ from porocore.macro.laws.rates import Rate, RatePoints, RateSlopes
 from porocore.states import Array, Doubt, IntArray, MacroState
 
 Flags = npt.NDArray[np.bool_]
-#: A response as 13 numbers, P_E, the fluid taken up and q, with derivatives by 13 numbers: H, p and ∇p.
-TENSOR, SCALAR, VECTOR, SIZE = slice(0, 9), 9, slice(10, 13), 13
+#: A response as 14 numbers, P_E, the fluid taken up, q and W, with derivatives by 13 numbers: H, p and ∇p.
+TENSOR, SCALAR, VECTOR, POTENTIAL = slice(0, 9), 9, slice(10, 13), 13
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,15 +63,17 @@ class _Evolved(Batch):
 
     @property
     def by_parameters(self) -> Array:
-        """Derivatives of the response by the e parameters (n, 13, e)."""
+        """Derivatives of the response by the e parameters (n, 14, e)."""
         n, e = self.values.shape
-        return np.zeros((n, SIZE, e)) if self.units is None else _numbers(self.units)
+        return np.zeros((n, 14, e)) if self.units is None else _numbers(self.units)
 
     @property
     def rates_by_response(self) -> Array:
-        """Derivatives of the rates by the response (n, e, 13)."""
+        """Derivatives of the rates by the response (n, e, 14)."""
         r, shape = self.rates, self.values.shape
-        return np.concatenate([r.stress.reshape(*shape, 9), r.fluid_volume[..., None], r.flux], axis=2)
+        return np.concatenate(
+            [r.stress.reshape(*shape, 9), r.fluid_volume[..., None], r.flux, r.potential[..., None]], axis=2
+        )
 
     @property
     def rates_by_state(self) -> Array:
@@ -80,7 +82,7 @@ class _Evolved(Batch):
         parts = [r.grad_u.reshape(*shape, 9), r.p[..., None], np.zeros((*shape, 3))]
         found: Array = np.concatenate(parts, axis=2)
         if self.response is not None:
-            found += self.rates_by_response @ _matrix(provided(self.response.tangent))
+            found += self.rates_by_response @ _matrix(self.response)
         return found
 
 
@@ -123,6 +125,7 @@ class EvolvingLaw(LawWrapper):
         self.internal = (*law.internal, *(InternalVariable(name, group=name) for name in rates))
         self.constant_tangent = False
         self._follows_state = any(rate.follows_state for rate in rates.values())
+        self._follows_energy = any("energy" in rate.names for rate in rates.values())
         self._follows_flux = any("flux" in rate.names for rate in rates.values())
         formulas = (f"{name}: {rate.formula}, {rate.constants}" for name, rate in rates.items())
         self.identity = fingerprint("evolution", law.identity, *formulas, self._ranges)
@@ -225,6 +228,7 @@ class EvolvingLaw(LawWrapper):
             internal_grad_u=internal_by[..., TENSOR].reshape(n, -1, 3, 3),
             internal_p=internal_by[..., SCALAR],
             internal_grad_p=internal_by[..., VECTOR] if by_grad_p else None,
+            potential=None if fixed.potential is None else total[:, POTENTIAL],
         )
 
     def _respond(
@@ -250,7 +254,7 @@ class EvolvingLaw(LawWrapper):
         """Return the response with the tangent in which the parameters move by ∂θ/∂(H, p, ∇p), (n, e, 13)."""
         response, n = provided(at.response), len(at.values)
         before = provided(response.tangent)
-        total = _matrix(before) + at.by_parameters @ by_state
+        total = _matrix(response) + at.by_parameters @ by_state
         by_grad_p = self._follows_flux or before.stress_grad_p is not None
         tangent = MacroTangent(
             stress_grad_u=total[:, TENSOR, TENSOR].reshape(n, 3, 3, 3, 3),
@@ -329,12 +333,18 @@ class EvolvingLaw(LawWrapper):
         changes: PointChanges,
         before: MemoryChanges,
     ) -> tuple[MacroResponse, ResponseChanges]:
-        """Return response and derivatives of the inner law by k changes, then by each of the evolving parameters."""
+        """Return response and derivatives of the inner law by k changes, then by each of the evolving parameters.
+
+        Raises
+        ------
+        ConfigurationError
+            A rate follows the energy, which the inner law does not differentiate.
+        """
         n, e = theta.shape
         units = np.zeros((n, len(self.law.parameters), e))
         units[:, self._columns] = np.eye(e)
         still = np.zeros((n, e))
-        return self.law.respond_to_changes(
+        response, found = self.law.respond_to_changes(
             self._with(states, theta),
             grad_p,
             self.memory_in(memory, states),
@@ -346,6 +356,12 @@ class EvolvingLaw(LawWrapper):
             _widened(before, e),
             step=step,
         )
+        if self._follows_energy and found.potential is None:
+            raise ConfigurationError(
+                f"a rate follows the energy, but the law '{self.law.name}' gives no derivatives of it by the "
+                "parameters of the cell; choose closure: potential and a surrogate that gives them"
+            )
+        return response, found
 
     def _rates(
         self, states: MacroState, theta: Array, step: Interval | None, response: MacroResponse | None
@@ -383,6 +399,7 @@ class EvolvingLaw(LawWrapper):
             stress=np.zeros((n, 3, 3)) if response is None else response.stress,
             flux=np.zeros((n, 3)) if response is None else response.flux,
             position=None if place is None else place.position,
+            potential=None if response is None else response.potential,
         )
 
     def _with(self, states: MacroState, theta: Array) -> MacroState:
@@ -535,16 +552,19 @@ def _settled(at: _Evolved, columns: Sequence[int], length: float, *changes: Arra
 
 
 def _numbers(changes: ResponseChanges) -> Array:
-    """Return the derivatives of the 13 numbers of a response (n, 13, k)."""
+    """Return the derivatives of the 14 numbers of a response (n, 14, k)."""
     n, k = changes.storage.shape
-    parts = [changes.stress.reshape(n, 9, k), changes.storage[:, None], changes.flux]
+    W = np.zeros((n, k)) if changes.potential is None else changes.potential
+    parts = [changes.stress.reshape(n, 9, k), changes.storage[:, None], changes.flux, W[:, None]]
     return np.concatenate(parts, axis=1)
 
 
-def _matrix(tangent: MacroTangent) -> Array:
-    """Return the tangent as a matrix (n, 13, 13)."""
-    n = len(tangent.storage_p)
-    found = np.zeros((n, SIZE, SIZE))
+def _matrix(response: MacroResponse) -> Array:
+    """Return the tangent of a response as a matrix (n, 14, 13)."""
+    tangent, n = provided(response.tangent), len(response.storage)
+    found = np.zeros((n, 14, 13))
+    found[:, POTENTIAL, TENSOR] = response.stress.reshape(n, 9)
+    found[:, POTENTIAL, SCALAR] = -response.memory.fluid_volume
     found[:, TENSOR, TENSOR] = tangent.stress_grad_u.reshape(n, 9, 9)
     found[:, TENSOR, SCALAR] = tangent.stress_p.reshape(n, 9)
     found[:, SCALAR, TENSOR] = tangent.storage_grad_u.reshape(n, 9)
@@ -562,7 +582,7 @@ def _matrix(tangent: MacroTangent) -> Array:
 def _internal_matrix(changes: ResponseChanges) -> Array:
     """Return the derivatives of the internal variables by (H, p, ∇p), (n, v, 13)."""
     n, v = changes.internal_p.shape
-    found = np.zeros((n, v, SIZE))
+    found = np.zeros((n, v, 13))
     found[..., TENSOR] = changes.internal_grad_u.reshape(n, v, 9)
     found[..., SCALAR] = changes.internal_p
     if changes.internal_grad_p is not None:
@@ -578,6 +598,7 @@ def _columns(changes: ResponseChanges, columns: slice) -> ResponseChanges:
         storage=changes.storage[..., columns],
         flux=changes.flux[..., columns],
         internal=changes.internal[..., columns],
+        potential=None if changes.potential is None else changes.potential[..., columns],
     )
 
 

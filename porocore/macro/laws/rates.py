@@ -43,6 +43,8 @@ class RatePoints(Batch):
         q, through reference area.
     position : (n, 3)
         X, a multiple of the length scale; None where it is not known.
+    potential : (n,)
+        W, with P_E = ∂W/∂H and φ = −∂W/∂p [E]; None where it is not known.
     """
 
     time: Array
@@ -53,6 +55,7 @@ class RatePoints(Batch):
     stress: Array
     flux: Array
     position: Array | None = None
+    potential: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +80,8 @@ class RateSlopes(Batch):
         ∂r/∂P_E.
     flux : (n, 3)
         ∂r/∂q.
+    potential : (n,)
+        ∂r/∂W.
     """
 
     value: Array
@@ -87,6 +92,7 @@ class RateSlopes(Batch):
     fluid_volume: Array
     stress: Array
     flux: Array
+    potential: Array
 
     @classmethod
     def zeros(cls, n: int, m: int, c: int) -> RateSlopes:
@@ -100,6 +106,7 @@ class RateSlopes(Batch):
             fluid_volume=np.zeros(n),
             stress=np.zeros((n, 3, 3)),
             flux=np.zeros((n, 3)),
+            potential=np.zeros(n),
         )
 
 
@@ -172,6 +179,17 @@ class _State:
         size = np.sqrt(np.einsum("ni,ni->n", self.at.flux, self.at.flux))
         return size, {"flux": self.at.flux / _nonzero(size)[:, None]}
 
+    def energy(self) -> tuple[Array, Slopes]:
+        """Return W + p φ, which is <Ψ>_s."""
+        at = self.at
+        if at.potential is None:
+            raise ConfigurationError(
+                "a rate names the energy, but the law of the cells has none; choose closure: potential and a surrogate "
+                "of the potential"
+            )
+        energy = at.potential + at.p * at.fluid_volume
+        return energy, {"potential": np.ones_like(energy), "p": at.fluid_volume, "fluid_volume": at.p}
+
 
 def _nonzero(size: Array) -> Array:
     """Return a size, 1 where it is zero."""
@@ -203,6 +221,7 @@ QUANTITIES: dict[str, RateQuantity] = {
         lambda s: (s.at.fluid_volume, {"fluid_volume": np.ones_like(s.at.fluid_volume)}),
     ),
     "flux": RateQuantity("size of the flux through reference area", lambda s: s.flux()),
+    "energy": RateQuantity("strain energy of the solid per reference volume", lambda s: s.energy()),
     "mean_stress": RateQuantity("mean effective Cauchy stress, tension positive", lambda s: s.mean_stress()),
     "von_mises": RateQuantity("equivalent stress of von Mises of the Cauchy stress", lambda s: s.von_mises()),
 }
