@@ -52,7 +52,7 @@ class NoContact(Exception):
 
 @dataclass(frozen=True, eq=False)
 class ContactScales:
-    """Stiffness and conductivity of the body at rest, powers of ten.
+    """Stiffness and conductivity of the body at rest, powers of two.
 
     They are rounded so that a small change of the cell does not change the penalty, which no derivative has to follow.
     """
@@ -64,7 +64,7 @@ class ContactScales:
     def rounded(cls, stiffness: float, conductivity: float) -> ContactScales:
         """Return the scales from the largest entries of ∂P_E/∂H and of the conductivity."""
         return cls(
-            *(10.0 ** np.round(np.log10(each)) if each > 0 else 1.0 for each in (stiffness, conductivity))
+            *(2.0 ** np.round(np.log2(each)) if each > 0 else 1.0 for each in (stiffness, conductivity))
         )
 
 

@@ -353,7 +353,7 @@ class RigidIndenter(StrictModel):
     outside: Literal["drained"] | None = None
     """``drained``: fluid leaves at the pressure 0 where the indenter does not touch; null: as ``macro.boundary``
     has it."""
-    penalty: Annotated[float, Field(ge=1, le=1e6)] = 1000.0
+    penalty: Annotated[float, Field(ge=1, le=1e6)] = 100.0
     """Stiffness of the contact over that of a layer of the body one element thick."""
 
     @model_validator(mode="after")
