@@ -152,14 +152,15 @@ def indented(solver, shape, depth, body, time, **settings):
     return found.history.time[1:], found.contact["tip"][1:]
 
 
-def test_a_sphere_follows_hertz(solver):
+@pytest.mark.parametrize("depth", [SHALLOW, 0.009], ids=["edge at a node", "edge in an element"])
+def test_a_sphere_follows_hertz(solver, depth):
     """On 6 elements along the contact; the far boundary makes 0.1 % of the force, the slope of the sphere 0.2 %."""
     hertz = ElasticIndentation(Sphere(BALL), SHEAR, NU)
     shape = {"kind": "sphere", "radius": BALL}
-    last = indented(solver, shape, SHALLOW, about_contact(6, 1000.0), drained(1000))[1][-1]
-    assert last[FORCE] == pytest.approx(hertz.force(SHALLOW), rel=5e-3)
-    assert last[RADIUS] == pytest.approx(hertz.contact_radius(SHALLOW), rel=3e-3)
-    assert last[LARGEST] == pytest.approx(float(hertz.pressure(0.0, SHALLOW)), rel=1e-2)
+    last = indented(solver, shape, depth, about_contact(6, 1000.0), drained(1000))[1][-1]
+    assert last[FORCE] == pytest.approx(hertz.force(depth), rel=5e-3)
+    assert last[RADIUS] == pytest.approx(hertz.contact_radius(depth), rel=3e-3)
+    assert last[LARGEST] == pytest.approx(float(hertz.pressure(0.0, depth)), rel=1e-2)
 
 
 @pytest.mark.slow
