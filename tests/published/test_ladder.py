@@ -16,6 +16,7 @@ QUICK = {
     ("terzaghi", "10 cells"),
     ("mandel", "moved plates"),
     ("xie-leo", "closed form"),
+    ("charges", "equilibrium"),
 }
 ITEMS = [
     pytest.param(

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from porocore.commands.backends import FEM, Backends, advice, attempt, find_backends
-from porocore.commands.verify import cell_cases, linear_cases, relaxation_cases, xie_leo
+from porocore.commands.verify import cell_cases, linear_cases, memory_cases, relaxation_cases, xie_leo
 from porocore.commands.verify.case import Check, VerificationCase
 from porocore.core.echo import echo
 from porocore.core.files.plain_data import json_ready
@@ -28,6 +28,8 @@ CASES: dict[str, VerificationCase] = {
         linear_cases.UNCONFINED,
         xie_leo.CASE,
         linear_cases.SMALL_STRAIN,
+        memory_cases.RELAXING_LAYER,
+        memory_cases.CHARGES,
     )
 }
 

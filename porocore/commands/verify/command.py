@@ -42,8 +42,9 @@ def verify(
 ) -> None:
     """Solve cases with known answers and print the errors of porocore.
 
-    The cases are permeabilities of published packings, identities of the cell, linear consolidation, and consolidation
-    at large strain. Exit status 1 when an error is too large or a backend fails; docs/verification.md has the sources.
+    The cases are permeabilities of published packings, identities of the cell, linear consolidation, consolidation at
+    large strain, and laws with a memory. Exit status 1 when an error is too large or a backend fails;
+    docs/verification.md has the sources.
     """
     with interruptible():
         from porocore.commands.verify.cases import document, run_cases, select_cases, select_solvers

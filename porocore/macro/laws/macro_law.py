@@ -195,7 +195,9 @@ class ClosedLaw(MacroLaw):
         return MacroResponse.concatenate(responses), ResponseChanges.concatenate(derivatives)
 
     def rest_changes(self, points: MacroState, changes: PointChanges) -> Array:
-        """Return the derivatives of the fluid volume at rest; see :class:`MacroLaw`."""
+        """Return the derivatives of the fluid volume at rest, where p = 0 and a modulus changes nothing."""
+        if changes.parameters is None or not changes.parameters.any():
+            return np.zeros_like(changes.modulus)
         rest = points.at_rest()
         by = self._changed(rest, np.zeros((len(rest), 3)), self.initial_at(rest), changes)[1]
         return self.closure.fluid_changes(by)
