@@ -68,11 +68,14 @@ class InternalVariable:
     group
         Variables of one group, such as stresses, share the largest value to which their errors in time are referred;
         empty: the error does not decide on the step.
+    quantity
+        Of :data:`porocore.core.units.QUANTITIES`; empty: a plain number, or that of the cell's parameter of this name.
     """
 
     name: str
     shape: tuple[()] | tuple[int, int] = ()
     group: str = ""
+    quantity: str = ""
 
     @property
     def size(self) -> int:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy.typing as npt
 from porocore.core.fields import provided
 from porocore.core.files.plain_data import write_csv
 from porocore.core.hdf5 import Contents, atomic_hdf5, link_to, name_of_link, numbered, opened
-from porocore.core.units import ResultUnits
+from porocore.core.units import QUANTITIES, ResultUnits
 from porocore.errors import DataError
 from porocore.interfaces.cell import ElementCells
 from porocore.states import Array, Doubt, IntArray, MacroState
@@ -60,6 +61,8 @@ class StepReport:
     displacement: float = 0.0
 
 
+#: Internal variables of a law with fixed charges: the pressure p of the pores, and the charges per reference volume.
+PORE_PRESSURE, FIXED_CHARGE = "pore_pressure", "charge"
 #: Until version 4 the shares that are flagged were not told apart by their reason; until 5 there was no contact; until
 #: 6 laws had no memory.
 FORMAT, VERSION = "porocore-solution", 7
@@ -125,6 +128,7 @@ class Profile:
     flux: Array  #: (elements, 3)  Ḡw
     element_p: Array  #: (elements,)
     flagged: Array  #: (elements,)  share of the element's points that are flagged
+    fluid_volume: Array  #: (elements,)  φ, fluid volume per reference volume
     #: (nodes,) contact pressure per reference area at the nodes that an indenter touches, else 0; zeros if not given.
     contact_pressure: Array = field(default_factory=_not_given)
     #: (elements,) pressure at which the law asks the cell; ``element_p`` if not given.
@@ -161,6 +165,23 @@ class Profile:
         )
 
     @property
+    def osmotic_pressure(self) -> Array:
+        """Osmotic pressure π = p − μ (elements,) of a body with fixed charges."""
+        pi: Array = self.internal[PORE_PRESSURE] - self.element_p
+        return pi
+
+    @property
+    def fixed_charge_density(self) -> Array:
+        """Concentration c_F (elements,) of the fixed charges in the fluid of the deformed cell."""
+        c_F: Array = self.internal[FIXED_CHARGE] / self.fluid_volume
+        return c_F
+
+    @property
+    def swelling_stretch(self) -> Array:
+        """Stretch J₀^(1/3) (elements,) of a ball with the volume of the element."""
+        return np.asarray(np.cbrt(np.linalg.det(np.eye(3) + self.grad_u)))
+
+    @property
     def reference_conductivity(self) -> Array:
         """Conductivity K_ref = det F̄ K_t (elements, 3, 3) of a cell's law, for the flux through reference area."""
         K_ref: Array = np.linalg.det(self.deformation)[:, None, None] * self.conductivity
@@ -181,7 +202,7 @@ PROFILE_SHAPES: dict[str, tuple[str | int, ...]] = {
     "contact_pressure": ("nodes",),
     **{name: ("elements", 3, 3) for name in ("grad_u", "mean_grad", "deformation", "conductivity", "stress")},
     "flux": ("elements", 3),
-    **{name: ("elements",) for name in ("element_p", "cell_p", "flagged")},
+    **{name: ("elements",) for name in ("element_p", "cell_p", "flagged", "fluid_volume")},
 }
 
 
@@ -233,6 +254,8 @@ class MacroSolution:
         Whether a body in two dimensions is a meridian: x the distance from the y axis, the third direction the hoop.
     depth
         Else the length that it stands for along the third axis.
+    quantities
+        Quantity of each internal variable of the law, by its name; see :class:`~porocore.InternalVariable`.
     """
 
     law: str
@@ -254,6 +277,23 @@ class MacroSolution:
     units: ResultUnits = field(default_factory=ResultUnits)
     revolved: bool = False
     depth: float = 1.0
+    quantities: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def has_charges(self) -> bool:
+        """True if the body has fixed charges, so that p is the effective fluid pressure μ = p − π."""
+        return PORE_PRESSURE in self.quantities
+
+    @property
+    def pressure(self) -> str:
+        """Name of the unknown p in words."""
+        return "effective fluid pressure" if self.has_charges else "pore pressure"
+
+    @property
+    def evolving(self) -> tuple[str, ...]:
+        """Names of the parameters of the cell that evolve."""
+        names = () if self.element_cells is None else self.element_cells.parameters
+        return tuple(name for name in names if name in self.quantities)
 
     @property
     def after_rest(self) -> tuple[Profile, ...]:
@@ -261,10 +301,32 @@ class MacroSolution:
         return tuple(profile for profile in self.profiles if profile.time > 0)
 
     def cell_states(self, profile: int) -> MacroState:
-        """Return the states of the elements at a profile, as their cells see them; see :class:`ElementCells`."""
+        """Return the states of the elements at a profile as their cells see them; see :meth:`seen_by_cells`."""
         found = self.profiles[profile]
-        states = MacroState(found.grad_u, found.cell_p)
-        return states if self.element_cells is None else self.element_cells.given_to(states, profile)
+        return self._of_cells(MacroState(found.grad_u, found.cell_p), profile, slice(None))
+
+    def seen_by_cells(self, states: MacroState, profile: int, elements: IntArray) -> MacroState:
+        """Return states of a profile as their cells see them.
+
+        They are in the material axes, at the pressure at which the law asks the cell and with the cell's parameters as
+        they have evolved; of these two the means over each element are known.
+
+        Parameters
+        ----------
+        states
+            States (n,) in the axes of the body, at its pressure.
+        profile
+            Number of the profile.
+        elements
+            Element (n,) of each state.
+        """
+        found = self.profiles[profile]
+        p = states.p + (found.cell_p - found.element_p)[elements]
+        return self._of_cells(replace(states, p=p), profile, elements)
+
+    def _of_cells(self, states: MacroState, profile: int, elements: Any) -> MacroState:
+        cells = self.element_cells
+        return states if cells is None else cells.given_to(states, profile, elements)
 
     def of_regions(self, regions: Collection[int], parameters: Sequence[str]) -> MacroSolution:
         """Return the part of the solution in some regions, whose cell has these parameters.
@@ -293,6 +355,8 @@ class MacroSolution:
                 file.attrs["revolved"] = "about y"
             if self.depth != 1:
                 file.attrs["depth"] = float(self.depth)
+            if self.quantities:
+                file.attrs["internal"] = json.dumps(dict(self.quantities))
             file["points"], file["cells"] = self.points, self.cells
             for f in fields(History):
                 file[f"history/{f.name}"] = getattr(self.history, f.name)
@@ -327,13 +391,17 @@ class MacroSolution:
                 raise ValueError("'cells' are no hexahedra, tetrahedra, quadrilaterals or triangles")
             if cells.size and (cells.min() < 0 or cells.max() >= len(points)):
                 raise ValueError("'cells' names nodes that are not there")
+            quantities = _quantities(file)
+            profiles = tuple(read_profile(file, name) for name in numbered(file, "profiles"))
+            if any(each.internal.keys() != quantities.keys() for each in profiles):
+                raise ValueError("'profiles' have other internal variables than attribute 'internal' names")
             return cls(
                 file.attribute("law", str),
                 file.attribute("load", float),
                 points,
                 cells,
                 History(**history),
-                tuple(read_profile(file, name) for name in numbered(file, "profiles")),
+                profiles,
                 _text(file, "backend"),
                 **{
                     kind: {
@@ -348,12 +416,21 @@ class MacroSolution:
                 units=ResultUnits.from_text(units) if (units := _text(file, "units")) else ResultUnits(),
                 revolved="revolved" in file.attributes,
                 depth=file.attribute("depth", float) if "depth" in file.attributes else 1.0,
+                quantities=quantities,
             )
 
 
 def _text(file: Contents, name: str) -> str:
     """Return a text that a file may lack."""
     return str(file.attribute(name, str)) if name in file.attributes else ""
+
+
+def _quantities(file: Contents) -> dict[str, str]:
+    """Return the quantities of the internal variables; ValueError where they are none."""
+    found = json.loads(_text(file, "internal") or "{}")
+    if not isinstance(found, dict) or not {*found.values()} <= {"", *QUANTITIES}:
+        raise ValueError("attribute 'internal' gives no quantities of internal variables")
+    return found
 
 
 def read_profile(file: Contents, group: str) -> Profile:
@@ -423,7 +500,7 @@ class Series:
     values : (steps,)
         Dimensionless.
     sign
-        What a positive value means; empty where that is plain.
+        What a positive value means, or which pressure it is; empty where that is plain.
     """
 
     name: str
@@ -434,7 +511,7 @@ class Series:
 
     @property
     def column(self) -> str:
-        """Name with its sign convention, such as ``plate: force 2 (+ along y)``."""
+        """Name with what it means, such as ``plate: force 2 (+ along y)``."""
         return f"{self.name} ({self.sign})" if self.sign else self.name
 
 
@@ -444,14 +521,23 @@ def has_radius(values: Array) -> bool:
     return bool(radius.any() or not area.any())
 
 
+def words_of(solution: MacroSolution, words: str) -> str:
+    """Return the words for a history of a solution, of which p is another pressure where there are fixed charges."""
+    return words.replace("pore pressure", solution.pressure)
+
+
 def all_series(solution: MacroSolution) -> Iterator[Series]:
     """Yield the history, then probes, forces and inflows; time comes first."""
+    effective = solution.pressure if solution.has_charges else ""
     for f in fields(History):
         quantity, words = HISTORY[f.name]
-        yield Series(f.name, quantity, words, getattr(solution.history, f.name))
+        sign = effective if quantity == "pressure" else ""
+        yield Series(f.name, quantity, words_of(solution, words), getattr(solution.history, f.name), sign)
     for name, values in solution.probes.items():
         for i, (component, quantity) in enumerate(PROBE):
-            yield Series(f"{name}: {component}", quantity, f"{component} at the probe {name}", values[:, i])
+            sign = effective if quantity == "pressure" else ""
+            words = f"{component} at the probe {name}"
+            yield Series(f"{name}: {component}", quantity, words, values[:, i], sign)
     for name, values in solution.compression.items():
         words = f"compressive force on the surface {name}"
         yield Series(f"{name}: compressive force", "force", words, values, "+ in compression")

@@ -179,6 +179,17 @@ def _profiles_fault(solution: MacroSolution) -> str:
             shape = tuple(counts[n] if isinstance(n, str) else n for n in declared)
             if fault := array_fault(f"profiles[{i}].{name}", getattr(profile, name), shape):
                 return fault
+        if profile.internal.keys() != solution.quantities.keys():
+            return (
+                f"profiles[{i}].internal: expected {short_repr([*solution.quantities])}, which 'quantities' names, "
+                f"got {short_repr([*profile.internal])}"
+            )
+        for name, value in profile.internal.items():
+            tensor = (3, 3) if np.ndim(value) > 1 else ()
+            if fault := array_fault(
+                f"profiles[{i}].internal['{name}']", value, (counts["elements"], *tensor)
+            ):
+                return fault
     return ""
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from porocore.cell.level_sets.grey_values import Parting
+from porocore.cell.materials.prony import Relaxation
 from porocore.core.formulas import TimeFunction, Value
 from porocore.core.inputs import InputSpace
 from porocore.core.units import ResultUnits, Scales
@@ -21,7 +22,8 @@ from porocore.macro.laws.linear import EffectiveProperties, LinearCoefficients
 from porocore.macro.problem import Boundary, MacroSetup
 from porocore.report.metrics import STEADY_TOLERANCE, LoadCase, is_remnant, moves_along_y, time_to_fraction
 from porocore.report.words.held_out import OutputCheck
-from porocore.report.words.parameters import BodyCells, FamilySummary
+from porocore.report.words.memory import BodyMemory
+from porocore.report.words.parameters import BodyCells, FamilySummary, ParameterRange
 from porocore.states import Array, IntArray
 
 #: A component of a force below this share of the largest of all surfaces is round-off.
@@ -435,6 +437,8 @@ class ReportContext:
         and ``family`` are those of the rest of the body.
     of, name
         Of such a part, the place of the cell in words, and its name; that of the rest of the body has none.
+    relaxations
+        Those of the cells whose solid relaxes.
     """
 
     title: str
@@ -459,6 +463,7 @@ class ReportContext:
     parts: tuple[ReportContext, ...] = ()
     of: str = ""
     name: str = ""
+    relaxations: tuple[Relaxation, ...] = ()
 
     @property
     def of_each_cell(self) -> tuple[ReportContext, ...]:
@@ -468,6 +473,21 @@ class ReportContext:
     def said_of_cell(self, text: str) -> str:
         """Return a sentence with the cell that it is about before it, where there are several."""
         return f"Cell {self.of}: {text}" if self.of and text else text
+
+    @property
+    def ranges(self) -> tuple[dict[str, ParameterRange], ...]:
+        """Range of each parameter of the cell by its name, for each region of the body, the rest of it first."""
+        of_cells = {
+            each.name: {} if each.family is None else {one.name: one for one in each.family.parameters}
+            for each in self.of_each_cell
+        }
+        regions = () if self.body is None else self.body.cells.regions
+        names = ("",) * (1 + len(regions)) if self.body is None or not self.parts else self.body.cell_names
+        return tuple(of_cells.get(name, of_cells[""]) for name in names)
+
+    def memory_of(self, solution: MacroSolution) -> BodyMemory:
+        """Return what the law remembered in a solution."""
+        return BodyMemory(solution, self.ranges, self.relaxations)
 
     @property
     def result_units(self) -> dict[str, ResultUnits]:

@@ -134,10 +134,10 @@ def _settlement_rows(found: dict[str, Any], linear: dict[str, Any] | None) -> li
 
 
 def _fluid_rows(found: dict[str, Any]) -> list[Row]:
-    """Return pore pressures and drained volumes."""
-    rows: list[Row] = [("largest pore pressure", "pressure", found["max_pressure"])]
+    """Return pressures and drained volumes."""
+    rows: list[Row] = [(f"largest {found['pressure']}", "pressure", found["max_pressure"])]
     if has_suction(found):
-        rows.append(("least pore pressure", "pressure", found["least_pressure"]))
+        rows.append((f"least {found['pressure']}", "pressure", found["least_pressure"]))
     if goes_back(found, "drained"):
         rows.append(("largest drained volume", "volume", found["largest_drained"]))
     return [*rows, ("drained volume", "volume", found["drained"])]
@@ -195,6 +195,16 @@ FIGURES = {
     "time_of_largest": "time",
     "peak": "force",
     "time_of_peak": "time",
+    "overstress_largest": "stress",
+    "time_of_largest_overstress": "time",
+    "overstress_end": "stress",
+    "overpressure_largest": "pressure",
+    "overpressure_end": "pressure",
+    "times": "time",
+    "osmotic_pressure": "pressure",
+    "fixed_charge_density": "concentration",
+    "pore_pressure": "pressure",
+    "place": "displacement",
     "final": "force",
     "equilibrium": "force",
     "relaxed_50_percent": "time",

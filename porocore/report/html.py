@@ -10,6 +10,7 @@ from typing import Any
 from porocore.core.files.atomic import write_text
 from porocore.core.parallel.calls import CallProcesses
 from porocore.core.units import units_now, using_units
+from porocore.interfaces.solution import words_of
 from porocore.report import figures
 from porocore.report.context import (
     COMPARED,
@@ -24,7 +25,16 @@ from porocore.report.context import (
 from porocore.report.dimensional import dimensional_rows
 from porocore.report.figures.body import body_fields
 from porocore.report.figures.cell import over_parameters
-from porocore.report.figures.curves import Panel, chosen_times, end_of_rise, is_column, panels, profile_at
+from porocore.report.figures.curves import (
+    Panel,
+    chosen_times,
+    end_of_rise,
+    field_of,
+    is_column,
+    panels,
+    profile_at,
+)
+from porocore.report.figures.memory import course_figure, profile_field
 from porocore.report.format import plain, unit
 from porocore.report.metrics import LoadCase, case_metrics
 from porocore.report.page import Picture, Pictures, environment
@@ -46,6 +56,7 @@ from porocore.report.words.held_out import (
     worst_percent,
     worst_percent_in_body,
 )
+from porocore.report.words.memory import memory_sentences, memory_tables
 from porocore.report.words.parameters import parameter_rows, region_rows
 from porocore.report.words.results import (
     case_sentences,
@@ -112,6 +123,7 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
                         *force_sentences(case, moved),
                         *indenter_sentences(case),
                         *case_sentences(m, context.loading_mode.settles),
+                        *memory_sentences(context.memory_of(case.nonlinear)),
                         *((FOLLOWER,) if context.loading_mode.follows else ()),
                     ],
                     m,
@@ -144,8 +156,9 @@ def _rendered(context: ReportContext, pictures: Pictures) -> str:
         force_unit=unit("force"),
         time_unit=unit("time"),
         differences=[law_differences(case) for case in context.cases],
-        compared=COMPARED,
+        compared={name: words_of(context.cases[0].nonlinear, words) for name, words in COMPARED.items()},
         cases=[_case_pictures(case, context, pictures) for case in context.cases],
+        memories=[_memory(case, context, pictures) for case in context.cases],
         total_seconds=sum(stage.seconds for stage in context.stages),
         saved_seconds=sum(stage.saved for stage in context.stages),
     )
@@ -282,7 +295,7 @@ def _case_pictures(case: LoadCase, context: ReportContext, pictures: Pictures) -
                 settles=settles,
                 published=context.published is not None,
             ),
-            f"{'Settlement or heave, p' if settles else 'P'}ore pressure and drained volume against "
+            f"{'Settlement or heave, pressure' if settles else 'Pressure'} and drained volume against "
             f"{'logarithmic ' if log_time else ''}time, load {load}",
         )
         for log_time in (False, True)
@@ -304,6 +317,31 @@ def _case_pictures(case: LoadCase, context: ReportContext, pictures: Pictures) -
     return found
 
 
+def _memory(case: LoadCase, context: ReportContext, pictures: Pictures) -> dict[str, Any]:
+    """Return tables of what the law remembered, and its fields over time and along a column."""
+    memory, under, load = context.memory_of(case.nonlinear), f"load{case.load!r}", plain(case.load)
+    tables = memory_tables(memory)
+    if not tables:
+        return {"tables": {}, "pictures": []}
+    drawn = []
+    for name, course in memory.courses().items():
+        drawn.append(
+            pictures.svg(
+                f"{name}_{under}", course_figure(memory, course), f"{course.plain} against time, load {load}"
+            )
+        )
+        if is_column(case.nonlinear):
+            what = profile_field(case.nonlinear, course)
+            drawn.append(
+                pictures.svg(
+                    f"profile_{name}_{under}",
+                    figures.profile_figure(case.nonlinear, None, what),
+                    f"{course.plain} along the column, load {load}",
+                )
+            )
+    return {"tables": tables, "pictures": drawn}
+
+
 def _series(panel: Panel, case: LoadCase, pictures: Pictures) -> Iterator[Picture]:
     """Yield the picture of a panel against time, and of forces that relax against the time from their peak."""
     load, under = plain(case.load), f"load{case.load!r}"
@@ -318,7 +356,7 @@ def _series(panel: Panel, case: LoadCase, pictures: Pictures) -> Iterator[Pictur
 
 
 def _body_pictures(case: LoadCase, context: ReportContext, pictures: Pictures) -> list[Picture]:
-    found = []
+    found, pressure = [], case.nonlinear.pressure
     for time in chosen_times(case.nonlinear):
         when, profile = units_now().text(time, "time", 6), profile_at(case.nonlinear, time)
         if case.nonlinear.revolved:
@@ -326,14 +364,14 @@ def _body_pictures(case: LoadCase, context: ReportContext, pictures: Pictures) -
                 pictures.png(
                     f"meridian_t={when}_load{case.load!r}",
                     figures.plane_figure(case.nonlinear, profile, context.indenters),
-                    f"The deformed meridian at t = {when}, coloured by its pore pressure, load {plain(case.load)}",
+                    f"The deformed meridian at t = {when}, coloured by its {pressure}, load {plain(case.load)}",
                 )
             )
         found.append(
             pictures.png(
                 f"body_t={when}_load{case.load!r}",
                 figures.body_figure(case.nonlinear, profile, context.indenters),
-                f"The deformed body at t = {when}, coloured by its pore pressure, load {plain(case.load)}",
+                f"The deformed body at t = {when}, coloured by its {pressure}, load {plain(case.load)}",
             )
         )
     return found
@@ -345,7 +383,7 @@ def _column_pictures(case: LoadCase, pictures: Pictures) -> list[Picture]:
         pictures.svg(
             f"profile_{quantity}_load{case.load!r}",
             figures.profile_figure(case.nonlinear, case.linear, quantity),
-            f"{figures.PROFILE_FIELDS[quantity].plain} along the column at t = {times}, load {plain(case.load)}",
+            f"{field_of(case.nonlinear, quantity).plain} along the column at t = {times}, load {plain(case.load)}",
         )
         for quantity in PROFILES
     ]

@@ -226,6 +226,7 @@ def solution_metrics(solution: MacroSolution) -> dict[str, Any]:
     highest, lowest = int(history.heave.argmax()), int(history.pressure_min.argmin())
     return {
         "law": solution.law,
+        "pressure": solution.pressure,
         "final_settlement": float(history.settlement[-1]),
         "time_to_95_percent": time_within(history.time, history.settlement, 0.95),
         "time_to_99_percent": time_within(history.time, history.settlement, 0.99),

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
+import numpy as np
+
 from porocore.core.files.atomic import atomic_path, write_text
 from porocore.core.units import ResultUnits
 from porocore.errors import RunFolderError
@@ -26,6 +28,13 @@ FIELDS = {
     "flux": ("flux", "velocity"),
     "element_p": ("element_p", "pressure"),
     "flagged": ("flagged", ""),
+    "fluid_volume": ("fluid_volume", ""),
+}
+#: Of a body with fixed charges, of which the pressure of the body is the effective one.
+OF_CHARGES = {
+    "osmotic_pressure": "pressure",
+    "fixed_charge_density": "concentration",
+    "swelling_stretch": "",
 }
 
 
@@ -42,9 +51,12 @@ def write_vtu_series(
     quadrilaterals or quadratic triangles (28 and 22).
     At the nodes: ``u`` and ``p``. In the elements, as means:
     ``H``, ``mean_grad`` (<∇u¹>_s), ``deformation`` (F̄), ``K_t``, ``P_E`` (tensors of 9 components, row
-    by row), ``flux`` (Ḡw), ``element_p`` and ``outside``, the share of the element's points at which the
-    cell law was asked beyond its sampled range. Of a body of many cells also the number of the ``region``, each
-    parameter of the cell by its name, and the material axes ``axis_1``, ``axis_2`` and ``axis_3``.
+    by row), ``flux`` (Ḡw), ``element_p``, ``flagged``, the share of the element's points that are flagged, and
+    ``fluid_volume`` (φ). Of a body of many cells also the number of the ``region``, each
+    parameter of the cell by its name, as it has evolved, and the material axes ``axis_1``, ``axis_2`` and ``axis_3``.
+    Of a law with memory also its internal variables by their names, and ``cell_p``, the pressure at which it asks the
+    cell, where that is another one. With fixed charges also ``osmotic_pressure`` (π), ``fixed_charge_density`` (c_F)
+    and ``swelling_stretch`` (J₀^(1/3)); what is ``p`` without them is then ``effective_p`` (μ).
 
     Parameters
     ----------
@@ -81,7 +93,7 @@ def write_vtu_series(
     for i, profile in enumerate(solution.profiles):
         file = f"{name}-{i:0{digits}d}.vtu"
         cells = element_fields(solution.element_cells, i, quantities or {})
-        _write_profile(folder / file, solution, profile, units, cells)
+        _write_profile(folder / file, solution, profile, units, memory_fields(solution, i) | cells)
         time = units.value(profile.time, "time")
         entries.append(f'    <DataSet timestep="{time!r}" part="0" file={quoteattr(file)}/>\n')
     return _write_series(folder / f"{name}.pvd", entries)
@@ -110,6 +122,19 @@ def element_fields(
     return found | {f"axis_{k + 1}": (axes[:, :, k], "") for k in range(3) if axes is not None}
 
 
+def memory_fields(solution: MacroSolution, profile: int) -> dict[str, tuple[Array, str]]:
+    """Return what the law remembers in the elements at a profile, but for parameters of the cell, with quantities."""
+    at, found = solution.profiles[profile], {}
+    if any(not np.array_equal(each.cell_p, each.element_p) for each in solution.profiles):
+        found["cell_p"] = at.cell_p, "pressure"
+    for name, values in at.internal.items():
+        if name not in (*FIELDS, *solution.evolving):
+            found[name] = values, solution.quantities[name]
+    if solution.has_charges:
+        found |= {name: (getattr(at, name), quantity) for name, quantity in OF_CHARGES.items()}
+    return found
+
+
 def _write_profile(
     path: Path,
     solution: MacroSolution,
@@ -123,8 +148,12 @@ def _write_profile(
             for name, (values, quantity) in fields.items()
         }
 
-    in_elements = {name: (getattr(profile, field), quantity) for name, (field, quantity) in FIELDS.items()}
-    at_nodes = {"u": (profile.u, "displacement"), "p": (profile.p, "pressure")}
+    effective = "effective_" if solution.has_charges else ""
+    in_elements = {
+        name.replace("element_", f"element_{effective}"): (getattr(profile, field), quantity)
+        for name, (field, quantity) in FIELDS.items()
+    }
+    at_nodes = {"u": (profile.u, "displacement"), f"{effective}p": (profile.p, "pressure")}
     if profile.contact_pressure.any():
         at_nodes["contact_pressure"] = (profile.contact_pressure, "pressure")
     points = solution.points * units.factor("displacement")

@@ -35,6 +35,11 @@ WRITERS = {
         "law_differences",
     ),
     "report/dimensional.py": ("dimensional_metrics",),
+    "report/words/memory.py": (
+        "_branch",
+        "_evolution",
+        "figures",
+    ),
     "report/words/results.py": (
         "_at",
         "_wall",

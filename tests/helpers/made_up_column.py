@@ -76,7 +76,18 @@ def make_column(
         u = np.zeros_like(points)
         u[:, 1] = -settlement(y, t)
         return Profile(
-            t, u, pressure(y, t), grad, mean, deformation, conductivity, stress, flux, p, flagged(h)
+            t,
+            u,
+            pressure(y, t),
+            grad,
+            mean,
+            deformation,
+            conductivity,
+            stress,
+            flux,
+            p,
+            flagged(h),
+            0.41 + 0.8 * h + 0.3 * p,
         )
 
     history = History(

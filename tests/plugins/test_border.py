@@ -330,6 +330,14 @@ NOTHING = np.full(STEPS, np.nan)
             with_profile(element_p=[0.0]),
             f"profiles[0].element_p: expected numbers of shape ({ELEMENTS},), got [0.0]",
         ),
+        (
+            with_profile(internal={"charge": np.zeros(ELEMENTS)}),
+            "profiles[0].internal: expected [], which 'quantities' names, got ['charge']",
+        ),
+        (
+            replace(with_profile(internal={"charge": np.zeros(ELEMENTS + 1)}), quantities={"charge": ""}),
+            f"profiles[0].internal['charge']: expected numbers of shape ({ELEMENTS},), got shape ({ELEMENTS + 1},)",
+        ),
     ],
 )
 def test_a_wrong_solution_of_a_body_is_refused(solution, words):

@@ -98,7 +98,9 @@ def test_inputs_are_compared_by_their_ranges(column):
     profile = base.profiles[-1]
     grad_u = np.zeros((1, 3, 3))
     grad_u[0, 1, 1] = -0.25
-    solution = replace(base, profiles=(replace(profile, grad_u=grad_u, element_p=np.array([0.0])),))
+    solution = replace(
+        base, profiles=(replace(profile, grad_u=grad_u, element_p=np.zeros(1), cell_p=np.zeros(1)),)
+    )
     x, status = np.array([[-0.25, 0.1], [-0.10, 0.0]]), np.array([Status.unstable, Status.contact])
     summary = SamplingSummary(INPUTS, x, status, np.ones(2, dtype=bool))
     (found,) = visited_shares(solution, summary)

@@ -40,6 +40,7 @@ def test_fields_come_back(solution, tmp_path):
             "flux": profile.flux,
             "element_p": profile.element_p,
             "flagged": profile.flagged,
+            "fluid_volume": profile.fluid_volume,
         }.items():
             np.testing.assert_array_equal(cells.pop(name), expected.reshape(len(expected), -1).squeeze())
         assert not cells
@@ -110,7 +111,7 @@ def test_with_scales_places_times_and_fields_have_units(solution, tmp_path):
     path = write_vtu_series(tmp_path, "column", replace(solution, profiles=(profile,)), units)
     assert 'timestep="0.3"' in path.read_text(encoding="utf-8")
     names = {"H", "mean_grad", "deformation", "K_t [mm²/(mmHg min)]", "P_E [mmHg]", "flux [mm/min]"}
-    assert set(mesh.cell_data) == names | {"element_p [mmHg]", "flagged"}
+    assert set(mesh.cell_data) == names | {"element_p [mmHg]", "flagged", "fluid_volume"}
 
 
 def test_a_body_of_many_cells_has_regions_parameters_and_axes(solution, tmp_path):
@@ -134,3 +135,61 @@ def test_a_body_of_many_cells_has_regions_parameters_and_axes(solution, tmp_path
         np.testing.assert_array_equal(data["parameter flux"], values[i, :, 1])
         np.testing.assert_array_equal(data["axis_1"], np.tile([0.0, 1, 0], (e, 1)))
         np.testing.assert_array_equal(data["axis_2"], np.tile([-1.0, 0, 0], (e, 1)))
+
+
+def remembering(solution):
+    """The column with an overstress, fixed charges and a radius that evolves beside a field that does not."""
+    e, rng = len(solution.cells), np.random.default_rng(3)
+    cells = ElementCells(
+        np.zeros(e, int), (), ("radius", "swelling"), rng.random((len(solution.profiles), e, 2))
+    )
+    quantities = {
+        "radius": "",
+        "overstress_1": "stress",
+        "pore_pressure": "pressure",
+        "charge": "concentration",
+    }
+    quantities["mean_grad"] = ""
+    profiles = tuple(
+        replace(
+            each,
+            internal={
+                "radius": rng.random(e),
+                "overstress_1": rng.random((e, 3, 3)),
+                "pore_pressure": each.element_p + rng.random(e),
+                "charge": rng.random(e),
+                "mean_grad": each.mean_grad,
+            },
+            cell_p=each.element_p + 0.5 * (each.time > 1),
+        )
+        for each in solution.profiles
+    )
+    return replace(solution, profiles=profiles, element_cells=cells, quantities=quantities)
+
+
+def test_what_the_law_remembers_has_units(solution, tmp_path):
+    given, units = remembering(solution), ResultUnits(Scales(modulus=1e4, pore=1e-4, length=1e-2))
+    write_vtu_series(tmp_path, "x", given, units)
+    for i, profile in enumerate(given.profiles):
+        mesh = meshio.read(tmp_path / f"x-{i:03d}.vtu")
+        assert set(mesh.point_data) == {"u [m]", "effective_p [Pa]"}
+        data, internal = {name: blocks[0] for name, blocks in mesh.cell_data.items()}, profile.internal
+        per_volume = 1e4 / 8.31446261815324
+        J = np.linalg.det(np.eye(3) + profile.grad_u)
+        for name, expected in {
+            "overstress_1 [Pa]": 1e4 * internal["overstress_1"].reshape(-1, 9),
+            "pore_pressure [Pa]": 1e4 * internal["pore_pressure"],
+            "charge [mol/m³]": per_volume * internal["charge"],
+            "osmotic_pressure [Pa]": 1e4 * (internal["pore_pressure"] - profile.element_p),
+            "fixed_charge_density [mol/m³]": per_volume * internal["charge"] / profile.fluid_volume,
+            "swelling_stretch": J ** (1 / 3),
+            "cell_p [Pa]": 1e4 * profile.cell_p,
+            "element_effective_p [Pa]": 1e4 * profile.element_p,
+            "radius": given.element_cells.field("radius", i),
+            "swelling": given.element_cells.field("swelling", i),
+        }.items():
+            np.testing.assert_allclose(data.pop(name), expected, rtol=1e-12, err_msg=name)
+        # Once each: the mean gradient is a field of every law, and the radius one of the cells.
+        assert {name.partition(" [")[0] for name in data} == {
+            "H", "mean_grad", "deformation", "K_t", "P_E", "flux", "flagged", "fluid_volume"
+        }  # fmt: skip

@@ -138,7 +138,7 @@ class Profile:
     def __init__(self, time, outside, H):
         self.time, self.flagged = time, np.array(outside)
         self.grad_u = np.stack([np.zeros((3, 3)), H])
-        self.element_p = np.full(2, 0.1)
+        self.element_p = self.cell_p = np.full(2, 0.1)
         self.u = np.maximum(Solution.points - [0, 2, 0], 0) @ np.transpose(H)
         self.p = np.full(len(self.u), 0.1)
 
@@ -147,7 +147,8 @@ class Solution:
     body = Box(size=(1, 4, 1), elements=(1, 2, 1)).make()
     points, cells, element_cells = body.points, body.cells, None
     revolved, depth = False, 1.0
-    cell_states = MacroSolution.cell_states
+    cell_states, seen_by_cells = MacroSolution.cell_states, MacroSolution.seen_by_cells
+    _of_cells = MacroSolution._of_cells
 
     def __init__(self, *profiles):
         self.profiles = profiles
@@ -203,7 +204,7 @@ def test_the_flagged_place_is_looked_for_at_the_points_of_an_element(column):
     H = np.zeros((1, 3, 3))
     H[:, 1, 1] = -0.13
     p = np.full(len(u), 0.1)
-    bent = replace(last, u=u, p=p, grad_u=H, element_p=np.array([0.1]), flagged=np.array([1 / 3]))
+    bent = replace(last, u=u, p=p, grad_u=H, element_p=p[:1], cell_p=p[:1], flagged=np.array([1 / 3]))
     said = flagged_place(replace(solution, profiles=(bent,)), surrogate)
     assert said.startswith("Beyond what was sampled: H22 = −0.231 at ")
     assert said.endswith("H22: {range: [-0.27, 0.1]}.")

@@ -84,7 +84,7 @@ class Column:
     def tangent(self, name: str, profile: Profile) -> Array:
         """Return a component of :data:`TANGENTS` of the surrogate at the states of a profile, (elements,)."""
         field, component = TANGENTS[name]
-        found = prediction_of(self.surrogate, MacroState(profile.grad_u, profile.element_p)).tangent
+        found = prediction_of(self.surrogate, MacroState(profile.grad_u, profile.cell_p)).tangent
         values: Array = getattr(found, field)[:, *component]
         return values
 

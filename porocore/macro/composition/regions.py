@@ -637,6 +637,8 @@ def kept_cells(
     columns = [body.names.index(name) for name in names]
     values = [means(each.parameters[:, columns]) for each in at if each.parameters is not None and names]
     axes = [means(each.place.axes) for each in at if each.place is not None and each.place.axes is not None]
+    if not (regions or names or axes):
+        return None
     return ElementCells(
         np.rint(means(place.region.astype(float))).astype(np.int64),
         tuple(regions),

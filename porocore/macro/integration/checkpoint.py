@@ -176,6 +176,7 @@ class HistoryRecorder:
                     for each in self._variables
                 },
                 flagged=d.all_means(response.flagged.astype(float)),
+                fluid_volume=d.all_means(response.memory.fluid_volume),
                 contact_pressure=pressed,
             )
         )
@@ -205,6 +206,7 @@ class HistoryRecorder:
             element_cells=self._cells(body),
             revolved=mesh.revolved,
             depth=mesh.depth,
+            quantities={each.name: each.quantity for each in self._variables},
         )
 
     def _cells(self, body: BodyFields) -> ElementCells | None:
@@ -353,6 +355,8 @@ class CheckpointFile:
             if min(before[0], *before[1]) < 0:
                 raise ValueError("attributes 'length' and 'scales' are those of no step")
             profiles = [read_profile(file, name) for name in numbered(file, "profiles")]
+            if any(each.internal.keys() != {v.name for v in self._law.internal} for each in profiles):
+                raise ValueError("'profiles' have not the internal variables of the law")
             earlier = _read_earlier(file, step["time"], mesh.size)
             origin = file.array("origin", mesh.size) if "origin" in file else None
             return whole, known, rows, profiles, step, rate, before, earlier, origin

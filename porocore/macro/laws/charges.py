@@ -39,12 +39,14 @@ from porocore.interfaces.law import (
     add_scaled,
     fingerprint,
 )
+from porocore.interfaces.solution import FIXED_CHARGE, PORE_PRESSURE
 from porocore.states import Array, BoolArray, MacroState
 
 #: Names of the law's own parameters: c_F0, concentration of the charges in the fluid of the undeformed cell, and c*.
 DENSITY, BATH = "charges.density", "charges.bath"
 #: Internal variables, which follow those of the inner law: p, and Q, charges per reference volume.
-PRESSURE, CHARGE = InternalVariable("pore_pressure"), InternalVariable("charge")
+PRESSURE = InternalVariable(PORE_PRESSURE, quantity="pressure")
+CHARGE = InternalVariable(FIXED_CHARGE, quantity="concentration")
 #: Iterations at most, and units of round-off that are left of an equation.
 MOST, ROUND_OFF = 50, 32 * float(np.finfo(float).eps)
 

@@ -32,6 +32,8 @@ from porocore.interfaces.law import (
 )
 from porocore.states import Array, MacroState
 
+#: Names of the internal variables of a branch, before its number.
+OVERSTRESS, OVERPRESSURE = "overstress_", "overpressure_"
 #: Numbers of a branch, and of what it relaxes from: a stress and a pressure.
 BLOCK = 10
 
@@ -151,9 +153,10 @@ class RelaxingLaw(ExtendedLaw):
     def __init__(self, law: MacroLaw, branches: int, *, small_strain: bool = False) -> None:
         variables: list[InternalVariable] = []
         for i in range(1, branches + 1):
-            variables.append(InternalVariable(f"overstress_{i}", (3, 3), "overstress"))
-            variables.append(InternalVariable(f"overpressure_{i}", (), "overpressure"))
-        variables += [InternalVariable("relaxed_stress", (3, 3)), InternalVariable("relaxed_pressure")]
+            variables.append(InternalVariable(f"{OVERSTRESS}{i}", (3, 3), "overstress", "stress"))
+            variables.append(InternalVariable(f"{OVERPRESSURE}{i}", (), "overpressure", "pressure"))
+        variables.append(InternalVariable("relaxed_stress", (3, 3), quantity="stress"))
+        variables.append(InternalVariable("relaxed_pressure", quantity="pressure"))
         super().__init__(law, relaxation_parameters(branches), variables)
         self.branches, self._small = branches, small_strain
         self.identity = fingerprint("relaxing", law.identity, float(branches), float(small_strain))

@@ -23,7 +23,7 @@ from porocore.macro.body.kinds import Section, most_telling, sections
 from porocore.macro.body.mesh import boundary_facets
 from porocore.macro.boundary.rigid import RigidIndenter
 from porocore.report.figures import style
-from porocore.report.figures.curves import ColumnAxis, is_column
+from porocore.report.figures.curves import ColumnAxis, is_column, pressure_label
 from porocore.report.figures.indenters import POINTS, across, drawn_indenters, front_of, section_of
 from porocore.report.figures.style import axis_label, legend_above, lighter, named, new_figure, styled
 from porocore.report.words.parameters import BodyCells
@@ -172,7 +172,8 @@ def body_figure(
     drawn = [at.reshape(-1, 3) for at, *_ in facets] + [each.reshape(-1, 3) for each in fronts]
     lengths = _frame(axes, np.concatenate(drawn))
     beside = figure.add_axes((0.85, low + 0.12, 0.022, 0.7 - low), label="<colorbar>")
-    bar = figure.colorbar(colours, cax=beside, label=axis_label("pore pressure $p$", "pressure"), ticks=ticks)
+    label = axis_label(pressure_label(solution), "pressure")
+    bar = figure.colorbar(colours, cax=beside, label=label, ticks=ticks)
     if touched is not None:
         below = figure.add_axes((0.16, 0.14, 0.5, 0.022), label="<contact>")
         figure.colorbar(
@@ -260,9 +261,8 @@ def plane_figure(
     axes.set_xlabel(length_label("radius $x_1$" if solution.revolved else "$x_1$"))
     axes.set_ylabel(length_label("$x_2$"))
     axes.set_title(f"$t$ = {units_now().text(profile.time, 'time', 6)}")
-    figure.colorbar(
-        colours, ax=axes, shrink=0.8, label=axis_label("pore pressure $p$", "pressure"), ticks=ticks
-    )
+    label = axis_label(pressure_label(solution), "pressure")
+    figure.colorbar(colours, ax=axes, shrink=0.8, label=label, ticks=ticks)
     return figure
 
 

@@ -36,8 +36,8 @@ class _Panel:
 SETTLEMENT = _Panel("settlement max$(-u_2)$", "displacement", lambda history: history.settlement)
 HEAVE = _Panel("heave max$(u_2)$", "displacement", lambda history: history.heave)
 DISPLACEMENT = _Panel("largest displacement max$|u|$", "displacement", lambda history: history.displacement)
-PRESSURE = _Panel("largest pore pressure $p$", "pressure", lambda history: history.pressure_max)
-SUCTION = _Panel("least pore pressure $p$", "pressure", lambda history: history.pressure_min)
+PRESSURE = _Panel("largest", "pressure", lambda history: history.pressure_max)
+SUCTION = _Panel("least", "pressure", lambda history: history.pressure_min)
 DRAINED = _Panel("drained volume", "volume", lambda history: history.drained)
 #: The publication's own measure of it.
 PAPER = _Panel("", "volume", lambda history: history.drained_paper)
@@ -49,7 +49,16 @@ def _panels(solutions: Sequence[MacroSolution], settles: bool) -> list[_Panel]:
     upright = any(each["moves_along_y"] for each in found)
     moved = (HEAVE if all(map(rises, found)) else SETTLEMENT) if upright else DISPLACEMENT
     pressure = SUCTION if all(map(only_suction, found)) else PRESSURE
-    return [*([moved] if settles else []), pressure, DRAINED]
+    # In two lines, for its panel is low.
+    label = f"{pressure.label} {pressure_label(solutions[0])}".replace(" fluid", "\nfluid")
+    named_pressure = replace(pressure, label=label)
+    return [*([moved] if settles else []), named_pressure, DRAINED]
+
+
+def pressure_label(solution: MacroSolution) -> str:
+    """Return the name of the unknown p with its symbol."""
+    symbol = r"$\mu$" if solution.has_charges else "$p$"
+    return f"{solution.pressure} {symbol}"
 
 
 @styled
@@ -292,7 +301,7 @@ def profile_figure(
     ValueError
         The quantity is unknown, or a solution has no profile at one of the times.
     """
-    what = _field(quantity)
+    what = field_of(nonlinear, quantity)
     times = chosen_times(nonlinear) if times is None else times
     units = units_now()
     length, factor = units.factor("displacement"), units.factor(what.quantity or "")
@@ -327,12 +336,16 @@ def profile_figure(
     return figure
 
 
-def _field(quantity: str | ProfileField) -> ProfileField:
+def field_of(solution: MacroSolution, quantity: str | ProfileField) -> ProfileField:
+    """Return a field of the profiles of a solution, by the name that it has there; ValueError if it is unknown."""
     if not isinstance(quantity, str):
         return quantity
     if quantity not in PROFILE_FIELDS:
         raise ValueError(f"unknown quantity '{quantity}'; choose from {', '.join(PROFILE_FIELDS)}")
-    return PROFILE_FIELDS[quantity]
+    found = PROFILE_FIELDS[quantity]
+    return (
+        replace(found, label=pressure_label(solution), plain=solution.pressure) if quantity == "p" else found
+    )
 
 
 def _flagged_parts(axes: Axes, y: Array, value: Array, flagged: npt.NDArray[np.bool_], colour: str) -> None:
@@ -409,7 +422,7 @@ def panels(solution: MacroSolution) -> Iterator[Panel]:
     displacements = {f"{name} $u_{i + 1}$": v[:, i] for name, v in probes.items() for i in range(3)}
     pressures, forces = {n: v[:, 3] for n, v in probes.items()}, "forces of held or moved surfaces"
     for panels_of_kind in (
-        [Panel("pore pressure $p$", "pressure", "pressure at the probes", pressures)],
+        [Panel(pressure_label(solution), "pressure", "pressure at the probes", pressures)],
         [Panel("displacement", "displacement", "displacement of the probes", displacements)],
         [
             Panel("compressive force", "force", forces, compression, "positive in compression"),

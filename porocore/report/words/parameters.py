@@ -315,15 +315,15 @@ def region_rows(body: BodyCells) -> tuple[list[str], list[list[str]]]:
         row.append(percent(float(body.volumes[inside].sum() / body.volumes.sum())))
         for column, parameter in enumerate(cells.parameters):
             values = cells.values[:, inside, column] if cells.values is not None else np.zeros(0)
-            row.append(_from_to(values * units.factor(body.quantities.get(parameter, ""))))
+            row.append(from_to(values * units.factor(body.quantities.get(parameter, ""))))
         if body.porosity is not None:
-            row.append(_from_to(body.porosity[inside]))
-        row.append(_from_to(body.conductivity[inside, 1, 1] * units.factor("conductivity")))
+            row.append(from_to(body.porosity[inside]))
+        row.append(from_to(body.conductivity[inside, 1, 1] * units.factor("conductivity")))
         rows.append(row)
     return heads, rows
 
 
-def _from_to(values: Array) -> str:
+def from_to(values: Array) -> str:
     """Return the least and the largest of the finite values, or the only one; a dash without any."""
     known = values[np.isfinite(values)]
     if not known.size:

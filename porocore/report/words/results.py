@@ -182,7 +182,7 @@ def _suction_sentence(laws: list[dict[str, Any]]) -> list[str]:
     if not any(has_suction(law) for law in laws):
         return []
     suction = _by_law(laws, "least_pressure", "time_of_least_pressure", "pressure")
-    return [f"The least pore pressure is {suction}."]
+    return [f"The least {laws[0]['pressure']} is {suction}."]
 
 
 def _by_law(laws: list[dict[str, Any]], value: str, time: str, quantity: str = "displacement") -> str:

@@ -20,13 +20,14 @@ from porocore.core.inputs import given_states
 from porocore.core.units import ResultUnits
 from porocore.errors import ConfigurationError, PluginError
 from porocore.interfaces.cell import CellSolver
-from porocore.interfaces.solution import HISTORY, MacroSolution, Profile
+from porocore.interfaces.solution import HISTORY, MacroSolution, Profile, words_of
 from porocore.macro.laws.linear import EffectiveProperties
 from porocore.macro.reference import CellReference, porosity_at_rest, require_solved
 from porocore.plugins.border import conductivity_of, solution_of
 from porocore.plugins.registry import registry
 from porocore.report.context import reactions
 from porocore.report.dimensional import figures_with_units
+from porocore.report.vtk import memory_fields
 from porocore.sampling.execution.solved_store import StoringSolver
 from porocore.states import Array, CellResponse, MacroState
 from porocore.study.config.config import RunConfig
@@ -110,7 +111,7 @@ class Solved:
 
     @property
     def pressure(self) -> Array:
-        """Largest pore pressure, (steps,)."""
+        """Largest pore pressure, with fixed charges effective fluid pressure, (steps,)."""
         return self.solution.history.pressure_max
 
     @property
@@ -187,7 +188,7 @@ class Solved:
             raise _missing("xarray") from error
         s, history = self.solution, self.solution.history
         found: dict[str, Any] = {
-            name: self._variable(("time",), getattr(history, name), quantity, words)
+            name: self._variable(("time",), getattr(history, name), quantity, words_of(s, words))
             for name, (quantity, words) in HISTORY.items()
             if name != "time"
         }
@@ -200,7 +201,7 @@ class Solved:
         pressed = {name: s.compression.get(name, no_plane) for name in s.reactions}
         for name, kind, members, quantity, words in (
             ("probe_displacement", "probe", places, "displacement", "displacement of the probe"),
-            ("probe_pressure", "probe", pressures, "pressure", "pore pressure at the probe"),
+            ("probe_pressure", "probe", pressures, "pressure", f"{s.pressure} at the probe"),
             (
                 "reaction",
                 "surface",
@@ -225,8 +226,9 @@ class Solved:
         """Return the undeformed mesh with the fields at a kept time, by default the last, in the units of the study.
 
         At the nodes ``u`` and ``p``; in the elements ``H``, ``F`` (F̄), ``P_E``, ``K_t`` (tensors of 9 components, row
-        by row), ``flux`` and ``outside``. ``grid.warp_by_vector("u")`` is the deformed body. The field data ``time`` is
-        in its unit of time.
+        by row), ``flux``, ``flagged`` and ``fluid_volume`` (φ), and what a law with memory remembers, as the files for
+        ParaView have it. With fixed charges ``p`` is the effective fluid pressure. ``grid.warp_by_vector("u")`` is the
+        deformed body. The field data ``time`` is in its unit of time.
 
         Raises
         ------
@@ -240,6 +242,7 @@ class Solved:
         except ImportError as error:
             raise _missing("pyvista") from error
         profile, cells = self.profile(time), self.solution.cells
+        at = self.solution.profiles.index(profile)
         length, stress = self.units.factor("displacement"), self.units.factor("stress")
         count, nodes = cells.shape
         rows = np.hstack([np.full((count, 1), nodes), cells]).ravel()
@@ -247,15 +250,18 @@ class Solved:
         grid = pyvista.UnstructuredGrid(rows, kinds, self.solution.points * length)
         grid.point_data["u"] = profile.u * length
         grid.point_data["p"] = profile.p * stress
-        for name, values, factor in (
-            ("H", profile.grad_u, 1.0),
-            ("F", profile.deformation, 1.0),
-            ("P_E", profile.stress, stress),
-            ("K_t", profile.conductivity, self.units.factor("conductivity")),
-            ("flux", profile.flux, self.units.factor("velocity")),
-            ("flagged", profile.flagged, 1.0),
-        ):
-            grid.cell_data[name] = values.reshape(count, -1) * factor if values.ndim > 1 else values * factor
+        fields = {
+            "H": (profile.grad_u, ""),
+            "F": (profile.deformation, ""),
+            "P_E": (profile.stress, "stress"),
+            "K_t": (profile.conductivity, "conductivity"),
+            "flux": (profile.flux, "velocity"),
+            "flagged": (profile.flagged, ""),
+            "fluid_volume": (profile.fluid_volume, ""),
+        }
+        for name, (values, quantity) in (fields | memory_fields(self.solution, at)).items():
+            in_units = values * self.units.factor(quantity)
+            grid.cell_data[name] = in_units.reshape(count, -1) if values.ndim > 1 else in_units
         grid.field_data["time"] = np.array([self.units.value(profile.time, "time")])
         return grid
 

@@ -228,14 +228,9 @@ def _worst(solution: MacroSolution, i: int, element: int, surrogate: Surrogate) 
 
 def _point_states(solution: MacroSolution, mesh: BodyMesh, i: int, elements: IntArray) -> MacroState:
     """Return the states at the points of some elements at profile ``i``, as their cells see them."""
-    profile, cells = solution.profiles[i], solution.element_cells
-    states, of = (
-        point_states(mesh, profile.u, profile.p, elements),
-        np.repeat(elements, len(mesh.element.weights)),
-    )
-    # The pressure that the cells see differs from that of the body by what is known as the mean over an element.
-    states = replace(states, p=states.p + (profile.cell_p - profile.element_p)[of])
-    return states if cells is None else cells.given_to(states, i, of)
+    profile = solution.profiles[i]
+    states = point_states(mesh, profile.u, profile.p, elements)
+    return solution.seen_by_cells(states, i, np.repeat(elements, len(mesh.element.weights)))
 
 
 def visited(
@@ -243,7 +238,7 @@ def visited(
 ) -> tuple[MacroState, Callable[[int], str]]:
     """Return the states at all points at the kept times after rest, or those of flagged elements, and where each is.
 
-    They are those that the cells see: in the material axes, and with the means of the parameters over an element.
+    They are those that the cells see; see :meth:`~porocore.interfaces.solution.MacroSolution.seen_by_cells`.
     """
     mesh = BodyMesh.of(solution)
     elements = [np.flatnonzero(_wanted(profile, flagged)) for profile in solution.profiles]

@@ -30,6 +30,7 @@ from porocore.report.words.held_out import (
     worst_percent,
     worst_percent_in_body,
 )
+from porocore.report.words.memory import figures_in_units
 from porocore.report.words.parameters import family_figures, group_errors
 from porocore.report.words.results import solved_shares, visited_shares
 from porocore.sampling.datasets.dataset import Dataset
@@ -156,6 +157,7 @@ def figures_of_merit(results: RunResults, context: ReportContext) -> dict[str, A
                 "mesh_diffusion_time": limit,
                 "gaps": law_differences(case),
                 "cell_states": visited_shares(part.nonlinear, first.sampling),
+                **_memory(case, context),
             }
             for case, part in zip(context.cases, first.cases, strict=True)
         ],
@@ -188,6 +190,13 @@ def figures_of_merit(results: RunResults, context: ReportContext) -> dict[str, A
     if context.direct:
         found["direct"] = [asdict(cost) | {"speed_up": cost.speed_up} for cost in context.direct]
     return found
+
+
+def _memory(case: LoadCase, context: ReportContext) -> dict[str, Any]:
+    """Return the figures of what the law remembered; nothing of one without a memory."""
+    memory = context.memory_of(case.nonlinear)
+    found = memory.figures()
+    return {"memory": figures_in_units(found, memory, context.units)} if found else {}
 
 
 def _of_case(case: LoadCase, settles: bool) -> dict[str, Any]:

@@ -104,6 +104,7 @@ def report_context(results: RunResults) -> ReportContext:
         units=config.result_units,
         loading_mode=LoadingMode.from_setup(config.macro),
         body=body_cells(results, rest),
+        relaxations=tuple(each for each in config.relaxations.values() if each is not None),
     )
     if not config.cells:
         return whole

@@ -241,6 +241,7 @@ class ColumnMacroSolver(MacroSolver):
                 each.name: remembered[:, columns[each.name]].reshape(-1, *each.shape) for each in law.internal
             },
             flagged=response.flagged[layer].astype(float),
+            fluid_volume=response.memory.fluid_volume[layer],
         )
 
 
