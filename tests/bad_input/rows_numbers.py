@@ -122,7 +122,7 @@ UNITS = [
     ("cell.geometry.radius", {"range": ["1 um", "2 um"]}, "with two numbers without units, got [1 um, 2 um]"),
     ("macro.time.end", "5 MIN", "got '5 MIN'; the unit 'MIN' is not known; did you mean 'min'?"),
     ("macro.time.end", "5 S", "got '5 S'; did you mean 's'?"),
-    ("macro.body.size.0", "5 µM", "got '5 µM'; did you mean 'um'?"),
+    ("macro.body.size.0", "5 µM", "got '5 µM', which is a concentration; did you mean 'um'?"),
     ("cell.material.poisson_ratio", "3 kPa", "a number with -1 < poisson_ratio < 0.5 without a unit"),
 ]
 #: Numbers in place of vectors, and their form.
