@@ -26,10 +26,11 @@ from porocore.surrogates.file import file as surrogate_file
 from porocore.surrogates.mean_gradient import AnchoredModel
 from porocore.surrogates.network.network import Network
 from tests.helpers.fake_cell import response
-from tests.helpers.made_up_column import make_column
+from tests.helpers.made_up_column import REMEMBERED, make_column, with_memory
 
 INPUTS = InputSpace(("p", "H22"), (-0.1, -0.4), (0.2, 0.1))
 UNKNOWNS, POINTS = 7, 2
+NUMBERS = sum(each.size for each in REMEMBERED)
 
 
 def write_dataset(path: Path) -> None:
@@ -71,7 +72,7 @@ def write_surrogate(path: Path) -> None:
 
 
 def write_solution(path: Path) -> None:
-    make_column(elements=(1, 1, 1), times=(1.0,), end=2.0).save(path)
+    with_memory(make_column(elements=(1, 1, 1), times=(1.0,), end=2.0)).save(path)
 
 
 def _discretisation() -> Any:
@@ -82,13 +83,13 @@ def _discretisation() -> Any:
     return SimpleNamespace(
         communicator=Communicator(), mesh=mesh, problem=SimpleNamespace(probes={}, specification=dict),
         unknowns=np.arange(UNKNOWNS), boundary=SimpleNamespace(supports={}, drains={}, contacts=()), n_points=POINTS,
-        is_force=np.ones(UNKNOWNS, bool), owned=UNKNOWNS, gathered=np.copy,
+        is_force=np.ones(UNKNOWNS, bool), owned=UNKNOWNS, gathered=np.copy, origin=None,
         contact_states=lambda x, loads: (), points_to_mesh=np.copy, points_from_mesh=np.copy,
     )  # fmt: skip
 
 
 def _at_rest(n: int) -> LawMemory:
-    return LawMemory.forgetful(MacroState.zeros(n), np.zeros(n))
+    return LawMemory(MacroState.zeros(n), np.zeros(n), np.ones((n, NUMBERS)))
 
 
 def _response(memory: LawMemory) -> Any:
@@ -102,8 +103,8 @@ LAW: Any = SimpleNamespace(
     initial=_at_rest,
     initial_at=lambda points: _at_rest(len(points)),
     respond=lambda s, g, memory, step, tangent: _response(memory),
-    internal=(),
-    memory_size=0,
+    internal=REMEMBERED,
+    memory_size=NUMBERS,
 )
 
 
@@ -112,11 +113,11 @@ def _stepper() -> Any:
 
 
 def write_checkpoint(path: Path) -> None:
-    d, column = _discretisation(), make_column(elements=(1, 1, 1), times=(), end=1.0)
-    steps = HistoryRecorder(d)
+    d, column = _discretisation(), with_memory(make_column(elements=(1, 1, 1), times=(), end=1.0))
+    steps = HistoryRecorder(d, REMEMBERED)
     steps.rows, steps.profiles = [(0.5,) * len(steps.columns)] * 2, list(column.profiles)
     control = ErrorControl(_discretisation())
-    control.rate, control.length = TimeState(np.ones(UNKNOWNS), np.zeros((POINTS, 0))), 0.1
+    control.rate, control.length = TimeState(np.ones(UNKNOWNS), np.ones((POINTS, NUMBERS))), 0.1
     control.scales = (1.0, 2.0)
     predictor = Predictor([0.2, 0.5], [np.zeros(UNKNOWNS), np.arange(7.0)])
     CheckpointFile(path, d, LAW, 0.0).save_if_due(

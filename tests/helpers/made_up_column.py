@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from porocore.interfaces.law import InternalVariable
 from porocore.interfaces.solution import History, MacroSolution, Profile
 
 HEIGHT, WIDTH = 7.5, 0.1
+#: What the law of a column with a memory remembers.
+REMEMBERED = (
+    InternalVariable("overstress_1", (3, 3), "overstress", "stress"),
+    InternalVariable("a/share", quantity=""),
+)
 
 
 def hexahedra(n: tuple[int, int, int], size: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -105,3 +113,18 @@ def make_column(
         displacement=np.abs(settled),
     )
     return MacroSolution(law, load, points, cells, history, tuple(profile(t) for t in sorted({*times, end})))
+
+
+def with_memory(column: MacroSolution) -> MacroSolution:
+    """The column with internal variables."""
+    profiles = [
+        replace(
+            each,
+            internal={"overstress_1": 0.1 * each.stress, "a/share": 0.3 * each.element_p},
+            cell_p=0.9 * each.element_p,
+        )
+        for each in column.profiles
+    ]
+    return replace(
+        column, profiles=tuple(profiles), quantities={each.name: each.quantity for each in REMEMBERED}
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -41,8 +42,8 @@ def remembering_law(*kinds: str) -> MacroLaw:
     return ChargedLaw(law, OSMOTIC) if "charges" in kinds else law
 
 
-def remembered_column(*kinds: str, backend: str = "skfem", elements: int = 6, **more: Any) -> MacroSolution:
-    """A confined column under a load that is ramped, drained on top."""
+def remembered_column(*kinds: str, elements: int, checkpoint: Path) -> MacroSolution:
+    """A confined column under a load that is ramped, drained on top, with a checkpoint after each step."""
     numbers = {
         "evolution": {"evolution.radius.k": 0.05},
         "relaxation": {
@@ -69,8 +70,7 @@ def remembered_column(*kinds: str, backend: str = "skfem", elements: int = 6, **
             "profiles": (1.0, 4.0, 10.0),
         },
         "fields": fields,
-        "probes": {"middle": (0.2, 1.5, 0.3)},
     }
-    solver = registry().get("macro solver", backend)()
-    problem = MacroProblem.model_validate(data | more)
-    return solver.solve(solver.prepare(problem), remembering_law(*kinds))
+    solver = registry().get("macro solver", "skfem")(checkpoint_seconds=0.0)
+    prepared = solver.prepare(MacroProblem.model_validate(data))
+    return solver.solve(prepared, remembering_law(*kinds), checkpoint=checkpoint)

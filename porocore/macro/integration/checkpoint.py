@@ -355,7 +355,8 @@ class CheckpointFile:
             if min(before[0], *before[1]) < 0:
                 raise ValueError("attributes 'length' and 'scales' are those of no step")
             profiles = [read_profile(file, name) for name in numbered(file, "profiles")]
-            if any(each.internal.keys() != {v.name for v in self._law.internal} for each in profiles):
+            shapes = {each.name: each.shape for each in self._law.internal}
+            if any({k: v.shape[1:] for k, v in each.internal.items()} != shapes for each in profiles):
                 raise ValueError("'profiles' have not the internal variables of the law")
             earlier = _read_earlier(file, step["time"], mesh.size)
             origin = file.array("origin", mesh.size) if "origin" in file else None
