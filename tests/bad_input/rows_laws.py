@@ -233,6 +233,23 @@ ROWS = [
         "macro.fields.radius: the field is 0.5",
     ),
     faulty(
+        "charges: free swelling of a sealed body",
+        {
+            "macro.charges": {"density": 0.2, "bath": 0.15},
+            "macro.boundary.y+": {"traction": [0, 1, 0]},
+        },
+        "macro.charges.initial: free swelling takes up fluid, but no surface has a pressure",
+    ),
+    faulty(
+        "charges: free swelling of a body that is held by what moves it",
+        {
+            "macro.charges": {"density": 0.2, "bath": 0.15},
+            "macro.boundary.y-": {"pressure": 0},
+            "macro.boundary.y+": {"displacement": [None, 1, None]},
+        },
+        "macro.charges.initial: ",
+    ),
+    faulty(
         "laws: a field of a number of a law",
         {"macro.charges": {"density": 0.2, "bath": 0.15}, "macro.fields": {"charges.density": 0.1}},
         "macro.fields.charges.density: 'charges.density' is no parameter of the cell",

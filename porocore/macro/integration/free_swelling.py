@@ -44,6 +44,38 @@ def starts_swollen(problem: MacroProblem) -> bool:
     return problem.charges is not None and problem.charges.initial == "free-swelling"
 
 
+def prepared_alone(prepare: Callable[[MacroProblem], Any], problem: MacroProblem, time: TimePlan) -> Any:
+    """Return what a solver's ``prepare`` makes of the body on its supports alone, as it swells freely.
+
+    Raises
+    ------
+    ConfigurationError
+        The supports do not hold the body, or it takes up fluid nowhere.
+    """
+    if all(face.pressure is None for face in problem.boundary.values()):
+        raise ConfigurationError(
+            "macro.charges.initial: free swelling takes up fluid, but no surface has a pressure; give one "
+            "'pressure: 0', or begin 'as charged'"
+        )
+    free = problem.model_copy(
+        update={
+            "boundary": {name: face.supports_alone() for name, face in problem.boundary.items()},
+            "body_force": (0.0, 0.0, 0.0),
+            "contact": {},
+            "initial": InitialState(),
+            "probes": {},
+            "time": time,
+        }
+    )
+    try:
+        return prepare(free)
+    except ConfigurationError as error:
+        raise ConfigurationError(
+            f"macro.charges.initial: without what moves it, the body is not held while it swells freely: {error}; "
+            "hold it, or begin 'as charged'"
+        ) from None
+
+
 class StandingLaw(LawWrapper):
     """A law whose points have stood for long, in a bath that thins out with the time of the steps.
 
@@ -134,12 +166,7 @@ class FreeSwelling:
         ConfigurationError
             The supports do not hold the body, or it takes up fluid nowhere.
         """
-        problem, fields = d.problem, body.held(0.0)
-        if all(face.pressure is None for face in problem.boundary.values()):
-            raise ConfigurationError(
-                "macro.charges.initial: free swelling takes up fluid, but no surface has a pressure; give one "
-                "'pressure: 0', or begin 'as charged'"
-            )
+        fields = body.held(0.0)
         length = LONG * _diffusion_time(d, fields, law)
         theta = provided(fields.at(0.0).parameters)
         density, bath = (theta[:, law.parameters.index(name)] for name in (DENSITY, BATH))
@@ -155,23 +182,7 @@ class FreeSwelling:
             smallest_step=1e-4 * length,
             profiles=(),
         )
-        free = problem.model_copy(
-            update={
-                "boundary": {name: face.supports_alone() for name, face in problem.boundary.items()},
-                "body_force": (0.0, 0.0, 0.0),
-                "contact": {},
-                "initial": InitialState(),
-                "probes": {},
-                "time": time,
-            }
-        )
-        try:
-            alone = prepare(free)
-        except ConfigurationError as error:
-            raise ConfigurationError(
-                f"macro.charges.initial: without what moves it, the body is not held while it swells freely: {error}; "
-                "hold it, or begin 'as charged'"
-            ) from None
+        alone = prepared_alone(prepare, d.problem, time)
         return cls(alone, fields, StandingLaw(law, salt, THINNING * length))
 
     def local(self, d: Discretisation, x: Array) -> Array:

@@ -16,6 +16,7 @@ from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary.conditions import boundary_data, not_held
 from porocore.macro.boundary.reactions import interpolation
 from porocore.macro.boundary.symmetry import Symmetry
+from porocore.macro.integration.free_swelling import prepared_alone, starts_swollen
 from porocore.macro.laws.closure import CLOSURES
 from porocore.macro.problem import MacroProblem, body_mesh
 from porocore.plugins import registry
@@ -145,6 +146,8 @@ def check_backend(kind: Kind, config: RunConfig) -> None:
         problem = config.macro.problem(config.macro.loads[0])
         require_parts(type(backend), config.macro_backend, problem)
         backend.prepare(problem)
+        if starts_swollen(problem):
+            prepared_alone(backend.prepare, problem, problem.time)
 
 
 def _require_responses(surrogate: Surrogate, backend: str, closure: str) -> None:
