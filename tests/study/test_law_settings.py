@@ -8,8 +8,10 @@ import pytest
 from porocore.cell.cell import Cell
 from porocore.cell.family.family import possible_parameters
 from porocore.core.units import GAS_CONSTANT, Scales, value_of
+from porocore.errors import ConfigurationError
 from porocore.macro.composition.fields import as_field
 from porocore.macro.composition.law_numbers import is_of_the_law, key_of_number, of_the_cell
+from porocore.macro.problem import body_mesh
 from porocore.study.config.config import RunConfig
 from porocore.study.config.loading import load_config
 from porocore.study.run import composition
@@ -57,12 +59,49 @@ def test_each_number_of_a_relaxation_is_part_of_the_identity(load):
     assert len(stages) == 3
 
 
-def test_a_rate_frees_the_parameter_from_its_first_value(load):
+def evolving(rate, field=0.25, **constants):
+    evolution = {"radius": {"rate": rate, "constants": constants}}
+    return {**FAMILY, "macro.evolution": evolution, "macro.fields": {"radius": field}}
+
+
+def test_a_rate_that_follows_the_body_frees_the_parameter_from_its_first_value(load):
     """Samples then stand for the whole range, not for the one value that the body begins with."""
-    evolving = load({**FAMILY, "macro.evolution": {"radius": {"rate": "-0.01"}}})
+    config = load(evolving("-k*flux", k=0.01))
     assert load(FAMILY).used_parameters == ((0.25,),)
-    assert evolving.used_parameters == ()
-    assert evolving.stages.cell == load(FAMILY).stages.cell
+    assert config.used_parameters == ()
+    assert config.stages.cell == load(FAMILY).stages.cell
+
+
+@pytest.mark.parametrize(
+    ("rate", "last"),
+    [("-k*radius", 0.25 * np.exp(-0.12)), ("-k*radius**2", 0.25 / (1 + 0.25 * 0.12)), ("-10*k", 0.2)],
+    ids=["decay", "of second order", "to the end of the range"],
+)
+def test_samples_are_spent_where_a_known_course_goes(load, rate, last):
+    """The run ends at t = 12; values are told apart in steps of a fortieth of the range."""
+    config = load(evolving(rate, k=0.01))
+    rows = np.array(config.used_parameters)[:, 0]
+    assert rows.max() == pytest.approx(0.25, abs=1e-9)
+    assert rows.min() == pytest.approx(last, abs=0.00126)
+    np.testing.assert_allclose(np.diff(rows), 0.0025, rtol=1e-9)
+    *_, values = config.values_in_body(None, [0.0, 6.0, 12.0])
+    np.testing.assert_allclose(values, last, rtol=1e-6)
+
+
+def test_a_known_course_may_go_by_the_place(load):
+    config = load(evolving("-0.001*y", "0.25 + 0.005*y/7.5"))
+    *_, values = config.values_in_body(None, [0.0, 12.0])
+    y = body_mesh(config.macro).quadrature_points[..., 1].ravel()
+    expected = np.maximum(0.25 + 0.005 * y / 7.5 - 0.012 * y, 0.2)
+    np.testing.assert_allclose(np.sort(values[:, 0]), np.sort(expected), rtol=1e-9)
+
+
+def test_a_rate_without_a_value_is_refused(load):
+    config = load(evolving("0.001*sqrt(y - 3)"))
+    with pytest.raises(
+        ConfigurationError, match=r"macro\.evolution\.radius: the rate '0\.001\*sqrt\(y - 3\)' is no"
+    ):
+        list(config.values_in_body(None, [0.0, 12.0]))
 
 
 def test_settings_are_read_again_as_they_were_written(load, tmp_path):
@@ -180,7 +219,7 @@ def test_numbers_of_laws_have_the_keys_of_the_file(name, cell, key):
 def test_a_region_is_not_called_like_a_law(load):
     material = {"poisson_ratio": {"range": [0.2, 0.3]}}
     with pytest.raises(
-        Exception, match=r"cell: the parameter 'charges.poisson_ratio' is called like a number of a"
+        ConfigurationError, match=r"cell: the parameter 'charges.poisson_ratio' is called like a number of a"
     ):
         load(
             {

@@ -63,8 +63,8 @@ def test_each_law_has_a_line(load):
         "relaxation: 0.5 in 3 s, 1 in 2 s; a sudden strain meets 2.5 times the stiffness",
         "fixed charges: 200 mol/m³ of the fluid, in a bath of 150 mol/m³ at 298.15 K: osmotic pressure 150000 Pa in "
         "the undeformed body; the run begins undeformed",
-        "radius evolves: growth, growth_rate*(mean_stress - homeostatic_stress) per time, growth_rate = 0.1 1/s, "
-        "homeostatic_stress = 2000 Pa",
+        "radius evolves within [0.2, 0.3]: growth, growth_rate*(mean_stress - homeostatic_stress) per time, "
+        "growth_rate = 0.1 1/s, homeostatic_stress = 2000 Pa",
     ]
 
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated
 
+import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from porocore.core.echo import echo, joined, suggestion
 from porocore.core.formulas import LONGEST
 from porocore.core.models.strict import StrictModel
-from porocore.core.units import ByKey, Dimension, InScales
+from porocore.core.units import ByKey, Dimension, InScales, units_now
 from porocore.errors import ConfigurationError
 from porocore.macro.laws.rates import NAMED_RATES, Rate
+from porocore.states import Array
 
 #: Quantities of the units of constants.
 _QUANTITIES = {"1/time": "rate", "stress": "stress"}
@@ -88,3 +90,71 @@ class Evolution(StrictModel):
             return Rate(self.rate, parameters, tuple(self.constants))
         except ConfigurationError as error:
             raise ConfigurationError(f"{key}: {error}") from None
+
+
+#: Steps between two times at which parameters that evolve are looked at.
+STEPS = 8
+
+
+class Course:
+    """Course of the parameters of a cell at n points, some of which evolve by rates that do not follow the state.
+
+    Parameters
+    ----------
+    evolutions
+        Those of the parameters by name.
+    ranges
+        Ranges of all m parameters of the cell, in their order.
+    places : (n, 3)
+        X.
+    """
+
+    def __init__(
+        self, evolutions: Mapping[str, Evolution], ranges: Mapping[str, tuple[float, float]], places: Array
+    ) -> None:
+        self._names = names = list(ranges)
+        rates = {name: each.rate_of(name, names) for name, each in evolutions.items() if name in ranges}
+        self._rates = [
+            (names.index(name), rate, np.array([evolutions[name].constants[c] for c in rate.constants]))
+            for name, rate in rates.items()
+        ]
+        #: Whether all rates are known without the state of the body.
+        self.is_known = not any(rate.follows_state for rate in rates.values())
+        self.evolves = bool(rates)
+        self._low, self._high = np.array(list(ranges.values())).T
+        self._places = places
+
+    def after(self, values: Array, begin: float, given: Array, end: float) -> Array:
+        """Return the parameters (n, m) at ``end`` from ``values`` at ``begin``; those that do not evolve are ``given``.
+
+        Rates are integrated by the classical method of Runge and Kutta and stop at the ends of the ranges.
+
+        Raises
+        ------
+        ConfigurationError
+            A rate has no value somewhere.
+        """
+        columns = [k for k, _, _ in self._rates]
+        h, fixed = (end - begin) / STEPS, given - values
+        fixed[:, columns] = 0.0
+        for step in range(STEPS):
+            t, found = begin + step * h, [np.zeros_like(values)]
+            for share in (0.0, 0.5, 0.5, 1.0):
+                found.append(
+                    self._slope(t + share * h, values + share * h * found[-1], fixed / (end - begin))
+                )
+            moved = values + h * (found[1] + 2 * found[2] + 2 * found[3] + found[4]) / 6
+            values = np.clip(moved, self._low, self._high)
+        return values
+
+    def _slope(self, time: float, values: Array, fixed: Array) -> Array:
+        slope, inside = fixed.copy(), np.clip(values, self._low, self._high)
+        for k, rate, constants in self._rates:
+            slope[:, k] = rate.alone(time, inside, constants, self._places)
+            if (bad := ~np.isfinite(slope[:, k])).any():
+                at = units_now().texts(self._places[bad.argmax()], "displacement")
+                raise ConfigurationError(
+                    f"macro.evolution.{self._names[k]}: the rate {echo(rate.formula)} is no finite number at {at}, t = "
+                    f"{units_now().text(time, 'time', 6)}"
+                )
+        return slope

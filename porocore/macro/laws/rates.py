@@ -292,6 +292,14 @@ class Rate:
         """True of a rate that depends on more than time, place, parameters and constants."""
         return bool(self._expression.names & (set(QUANTITIES) - {"t", "x", "y", "z"}))
 
+    def alone(self, time: float, parameters: Array, constants: Array, position: Array) -> Array:
+        """Return a rate (n,) that does not follow the state, of parameters (n, m), constants (c,) and X (n, 3)."""
+        values = dict(zip(self._parameters, parameters.T, strict=True))
+        values |= dict(zip(self.constants, constants, strict=True)) | dict(
+            zip("xyz", position.T, strict=True)
+        )
+        return np.broadcast_to(self._expression(t=time, **values), len(parameters)).astype(float)
+
     def at(self, points: RatePoints, constants: Array) -> RateSlopes:
         """Return the rate at n points with its derivatives; ``constants`` are (n, c).
 

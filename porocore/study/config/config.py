@@ -44,6 +44,7 @@ from porocore.core.units import (
 from porocore.errors import ConfigurationError, PluginError
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.boundary.symmetry import part_problem
+from porocore.macro.composition.evolution import Course
 from porocore.macro.composition.fields import AXES
 from porocore.macro.composition.regions import BodyFields, CellRanges, field_times, regions_of_cell
 from porocore.macro.laws.closure import CLOSURES, ConductivityLaw
@@ -691,23 +692,40 @@ class RunConfig(StrictModel):
             ) from None
 
     def values_in_body(self, cell: str | None, times: Sequence[float]) -> Iterator[Array]:
-        """Yield the parameters (n, m) of a cell at the n points of the body that have it, at ``times``.
+        """Yield the parameters (n, m) of a cell at the n points of the body that have it, at ``times`` from 0 on.
 
-        Where no field changes they are yielded once. None names the cell of the rest of the body.
+        Where no field changes they are yielded once. Parameters whose rate follows the state of the body stay those of
+        the beginning. None names the cell of the rest of the body.
 
         Raises
         ------
         ConfigurationError
             Fields do not suit the body.
         """
-        fields = BodyFields(self.macro, body_mesh(self.macro), self.cell_ranges)
-        columns = [fields.names.index(name) for name in _ranges_of(self.cell_named(cell))]
-        regions = regions_of_cell(self.macro.regions, cell)
-        for time in times if fields.varies else (0.0,):
-            at = fields.at(time)
-            assert at.parameters is not None
-            assert at.place is not None
-            yield at.parameters[np.isin(at.place.region, regions)][:, columns]
+        fields, ranges = (
+            BodyFields(self.macro, body_mesh(self.macro), self.cell_ranges),
+            _ranges_of(self.cell_named(cell)),
+        )
+        columns = [fields.names.index(name) for name in ranges]
+        place = fields.at(0.0).place
+        assert place is not None
+        here = np.isin(place.region, regions_of_cell(self.macro.regions, cell))
+        course = Course(self.macro.evolution, ranges, fields.points.places[here])
+        evolves = course.evolves and course.is_known
+
+        def given(time: float) -> Array:
+            found = fields.at(time).parameters
+            assert found is not None
+            return np.asarray(found[here][:, columns])
+
+        before, values = 0.0, given(0.0)
+        for time in times if fields.varies or evolves else (0.0,):
+            # Those that evolve begin at their fields.
+            values = (
+                course.after(values, before, given(time), time) if evolves and time > before else given(time)
+            )
+            before = time
+            yield values
 
     def resolved_yaml(self) -> str:
         """Return every setting, defaults included; loading it gives an equal configuration."""
@@ -737,7 +755,7 @@ class RunConfig(StrictModel):
         ranges, macro = _ranges_of(whole.cell_named(name)), whole.macro
         if not _given_everywhere(macro, name, ranges):
             return ()  # a check of the fields names the one that is missing
-        if macro.evolution.keys() & ranges:
+        if not Course(macro.evolution, ranges, np.zeros((0, 3))).is_known:
             return ()  # it may evolve to any value of its range
         all_ranges = [sorted(each.items()) for each in whole.cell_ranges.by_region]
         grounds = json.dumps([macro.specification(), name, all_ranges], default=str, sort_keys=True)

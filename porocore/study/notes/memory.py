@@ -36,8 +36,10 @@ def law_lines(config: RunConfig, mesh: BodyMesh) -> Iterator[str]:
         yield f"relaxation{cell}: {', '.join(told)}; a sudden strain meets {whole:g} times the stiffness"
     if macro.charges is not None:
         yield _charges(macro.charges, OsmoticPressures.of(macro, macro.charges, mesh), units)
+    ranges = {name: ends for of_cell in config.cell_ranges.by_region for name, ends in of_cell.items()}
     for name, evolution in macro.evolution.items():
-        yield f"{name} evolves: {_rate(name, evolution, units)}"
+        low, high = ranges[name]
+        yield f"{name} evolves within [{low:g}, {high:g}]: {_rate(name, evolution, units)}"
 
 
 def memory_warnings(config: RunConfig, mesh: BodyMesh) -> Iterator[str]:
