@@ -96,8 +96,8 @@ class Evolution(StrictModel):
 STEPS = 8
 
 
-class Course:
-    """Course of the parameters of a cell at n points, some of which evolve by rates that do not follow the state.
+class EvolutionCourse:
+    """EvolutionCourse of the parameters of a cell at n points, some of which evolve by rates that do not follow the state.
 
     Parameters
     ----------

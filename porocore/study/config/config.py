@@ -44,7 +44,7 @@ from porocore.core.units import (
 from porocore.errors import ConfigurationError, PluginError
 from porocore.interfaces.surrogate import Surrogate
 from porocore.macro.boundary.symmetry import part_problem
-from porocore.macro.composition.evolution import Course
+from porocore.macro.composition.evolution import EvolutionCourse
 from porocore.macro.composition.fields import AXES
 from porocore.macro.composition.regions import BodyFields, CellRanges, field_times, regions_of_cell
 from porocore.macro.laws.closure import CLOSURES, ConductivityLaw
@@ -710,7 +710,7 @@ class RunConfig(StrictModel):
         place = fields.at(0.0).place
         assert place is not None
         here = np.isin(place.region, regions_of_cell(self.macro.regions, cell))
-        course = Course(self.macro.evolution, ranges, fields.points.places[here])
+        course = EvolutionCourse(self.macro.evolution, ranges, fields.points.places[here])
         evolves = course.evolves and course.is_known
 
         def given(time: float) -> Array:
@@ -755,7 +755,7 @@ class RunConfig(StrictModel):
         ranges, macro = _ranges_of(whole.cell_named(name)), whole.macro
         if not _given_everywhere(macro, name, ranges):
             return ()  # a check of the fields names the one that is missing
-        if not Course(macro.evolution, ranges, np.zeros((0, 3))).is_known:
+        if not EvolutionCourse(macro.evolution, ranges, np.zeros((0, 3))).is_known:
             return ()  # it may evolve to any value of its range
         all_ranges = [sorted(each.items()) for each in whole.cell_ranges.by_region]
         grounds = json.dumps([macro.specification(), name, all_ranges], default=str, sort_keys=True)
