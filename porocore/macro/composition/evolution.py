@@ -97,7 +97,7 @@ STEPS = 8
 
 
 class EvolutionCourse:
-    """EvolutionCourse of the parameters of a cell at n points, some of which evolve by rates that do not follow the state.
+    """Course of the parameters of a cell at n points, some of which evolve by rates that do not follow the state.
 
     Parameters
     ----------
