@@ -88,7 +88,7 @@ def searches(folder: Path) -> str:
         store = ResultStore(folder / "store")
         (cells,) = families(plan, folder / "search", stack, Console(io.StringIO()), store)
         cells.learn()
-        law = cells.law()
+        law = cells.laws()(plan.experiments[0].config)
         known = [each.unknown for each in plan.unknowns]
         model = StudiesModel(known, [ExperimentModel(plan.experiments[0], plan.unknowns, law)])
         truth = np.array([TRUTH[name] for name in unknowns])

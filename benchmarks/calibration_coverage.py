@@ -133,8 +133,9 @@ def prepared(name: str, folder: Path) -> Repeated:
     with ExitStack() as stack:
         (cells,) = families(plan, folder / name, stack, Console(), ResultStore(folder / "store"))
         cells.learn()
-        law = cells.law()
-    experiments = [ExperimentModel(each, plan.unknowns, law) for each in plan.experiments]
+        law_of = cells.laws()
+        law = law_of(plan.experiments[0].config)
+    experiments = [ExperimentModel(each, plan.unknowns, law_of(each.config)) for each in plan.experiments]
     model = StudiesModel([each.unknown for each in plan.unknowns], experiments)
     truth = np.array(list(TRUTH.values()))
     first = Misfit(model, curve_data([curve.made_up(np.ones(len(curve)), [0]) for curve in plan.curves]))

@@ -371,7 +371,8 @@ def test_intervals_hold_the_truth_in_spite_of_long_steps(
     with ExitStack() as stack:
         (family,) = families(done.plan, tmp_path / "exact", stack, console, store)
         family.learn()
-        model = ExperimentModel(done.plan.experiments[0], done.plan.unknowns, family.law())
+        experiment = done.plan.experiments[0]
+        model = ExperimentModel(experiment, done.plan.unknowns, family.laws()(experiment.config))
         exact = model.halved(6).values(truth)
     study = measured(base, tmp_path, exact, done.plan.curves[0].times)
     found = porocore.calibrate(study, tmp_path / "out", progress=False, store=store)

@@ -12,6 +12,7 @@ from porocore.commands.calibration.loading import read_plan
 from porocore.commands.calibration.plan import CalibrationPlan
 from porocore.macro.laws.closure import make_closure
 from porocore.macro.laws.macro_law import ClosedLaw
+from porocore.study.run.composition import with_memory
 from porocore.testing.synthetic.porous_family import PorousFamilyLaw
 
 #: Difference of slopes from central differences, as a share of the largest slope of a curve.
@@ -78,7 +79,8 @@ def law() -> ClosedLaw:
 
 
 def model_of(plan: CalibrationPlan) -> ExperimentModel:
-    return ExperimentModel(plan.experiments[0], plan.unknowns, law())
+    (experiment,) = plan.experiments
+    return ExperimentModel(experiment, plan.unknowns, with_memory(law(), experiment.config))
 
 
 def starts(plan: CalibrationPlan) -> np.ndarray:

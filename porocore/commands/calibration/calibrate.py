@@ -210,8 +210,8 @@ def _with_points_inside(
         fields = [curve.series for curve in one.curves if isinstance(curve.series, FilmComponent)]
         clouds = {each.cloud.name: each.cloud for each in fields if not each.is_reference}
         if clouds and one.name not in known:
-            law = next(family.law() for family in cells if one.name in family.experiments)
-            seen = ExperimentModel(one, plan.unknowns, law).solve(starts).seen
+            laws = next(family.laws() for family in cells if one.name in family.experiments)
+            seen = ExperimentModel(one, plan.unknowns, laws(one.config)).solve(starts).seen
             views = {each.view.cloud.name: each.view for each in seen if isinstance(each, SeenField)}
             mesh, lost = body_mesh(one.config.macro), dict[str, list[int]]()
             with using_units(one.config.result_units):
@@ -342,11 +342,13 @@ class FitRounds:
         with complete(path, "record of time steps", "start again"):
             steps = dict(read_json(path)) if path.exists() else {}
         for family in self.cells:
-            law = family.law()
+            law_of = family.laws()
             for experiment in self.plan.experiments:
                 if (name := experiment.name) in family.experiments:
                     known = np.array(steps[name], dtype=float) if name in steps else None
-                    models[name] = ExperimentModel(experiment, self.plan.unknowns, law, known)
+                    models[name] = ExperimentModel(
+                        experiment, self.plan.unknowns, law_of(experiment.config), known
+                    )
                     if name not in steps and (chosen := models[name].chosen_steps) is not None:
                         steps[name] = chosen.tolist()
                         write_json(path, steps)

@@ -37,8 +37,8 @@ from porocore.study.config.config import RunConfig
 from porocore.study.run import pipeline
 from porocore.study.run.composition import (
     RunLaw,
+    by_region,
     law_of_cell,
-    macro_laws,
     make_backend,
     porosity_of,
     with_memory,
@@ -108,13 +108,23 @@ class FamilyCells:
         known = chain(*self.rounds[:rounds])
         return json_hash([self.config.stages.training, self.config.closure, *known])
 
-    def law(self) -> MacroLaw:
-        """Return the law that knows the further cells of all rounds."""
+    def laws(self) -> Callable[[RunConfig], MacroLaw]:
+        """Return what gives the body of each experiment its law, which knows the further cells of all rounds.
+
+        The experiments share the cells; each has its own memory: relaxation, fixed charges, rates of parameters.
+        """
         if not self.config.cells:
-            return with_memory(self._in_equilibrium(), self.config)
+            law = self._in_equilibrium()
+            return lambda config: with_memory(law, config)
         with ExitStack() as stack:
-            (run,) = macro_laws(self.folder, stack, ("surrogate",)).values()
-            return run.law
+            laws = {
+                files.cell: law_of_cell(files, stack, "surrogate").law for files in self.folder.of_each_cell
+            }
+
+        def of(config: RunConfig) -> MacroLaw:
+            return by_region(config, {name: with_memory(laws[name], config.of_cell(name)) for name in laws})
+
+        return of
 
     def _in_equilibrium(self) -> MacroLaw:
         """Return that law of the only cell, as the cell is learned."""
@@ -164,7 +174,6 @@ class FamilyCells:
         before = set(chain(*self.rounds))
         with ExitStack() as stack:
             run, learning = self._adaptive(stack)
-            law = with_memory(learning, self.config)
             for model in models:
                 units, name = model.config.result_units, model.experiment.name
                 stack.enter_context(using_units(units))
@@ -173,6 +182,7 @@ class FamilyCells:
                     body.problem,
                     prepared_body(solver, model.config.macro_backend, body.problem),
                 )
+                law = with_memory(learning, model.config)
                 title = f"further cells{f' of {name}' if name else ''}"
                 progress = body_progress(self._console, title, problem, units, scale=body.scales.factor)
                 with progress as (show, say):

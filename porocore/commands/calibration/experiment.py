@@ -7,7 +7,6 @@ and so on, and its results are multiplied by these. So one surrogate serves all 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
@@ -22,6 +21,7 @@ from porocore.commands.calibration.interpolation import HistoryInterpolation
 from porocore.commands.calibration.observations import MeasuredSeries, by_curve, weights_of
 from porocore.commands.calibration.plan import (
     Experiment,
+    NumberKind,
     PlannedUnknown,
     StudyNumber,
     occurrences,
@@ -51,8 +51,9 @@ from porocore.interfaces.sensitivities import (
 from porocore.interfaces.solution import MacroSolution
 from porocore.macro.body.points import BodyPoints
 from porocore.macro.boundary.symmetry import part_weights, whole_sensitivities, whole_specimen
-from porocore.macro.composition.fields import GridField
+from porocore.macro.composition.fields import AxesField, FactoredField, FormulaField, GridField, as_field
 from porocore.macro.integration.stepping import Stepper
+from porocore.macro.laws.charges import DENSITY
 from porocore.macro.problem import MacroProblem, TimePlan
 from porocore.plugins.border import body_gradients_of, body_sensitivities_of, body_solution_of
 from porocore.states import Array
@@ -60,6 +61,8 @@ from porocore.study.config.config import MacroSettings, RunConfig
 from porocore.study.run.composition import make_backend
 from porocore.study.run.solving import prepared_body
 
+#: Named rates that go by stresses as multiples of the modulus.
+BY_MODULUS = ("growth",)
 #: Sections of the body whose numbers depend on modulus, viscosity and pore size; lengths do not.
 SCALED = ("boundary", "contact", "body_force", "initial", "charges", "evolution")
 
@@ -135,7 +138,24 @@ class BodyAtValues:
             for name, each in config.relaxations.items()
         }
         problem = _scaled(macro, scales).problem(load).with_law_numbers(relaxations)
-        return cls(problem, scales, shift, cameras)
+        return cls(_with_numbers_of_the_law(problem, scales, values), scales, shift, cameras)
+
+
+def _with_numbers_of_the_law(
+    problem: MacroProblem, scales: RelativeScales, values: Mapping[StudyNumber, float]
+) -> MacroProblem:
+    """Return a problem in units of other scales with dimensionless values in place of numbers of its law."""
+    fields, factor = dict(problem.fields), scales.factor("concentration")
+    density = fields.get(DENSITY)
+    if factor != 1 and density is not None and not isinstance(density, float):
+        # The numbers of a field have no unit by which they were scaled.
+        fields[DENSITY] = FactoredField(field=as_field(density), factor=1 / factor)
+    for number, value in values.items():
+        if number.kind == "law":
+            fields[number.name] = value / scales.factor(number.quantity)
+        elif number.kind == "law_field":
+            fields[number.name] = FactoredField(field=as_field(fields[number.name]), factor=value)
+    return problem.model_copy(update={"fields": fields})
 
 
 def control_fields(values: Mapping[StudyNumber, float]) -> dict[str, GridField]:
@@ -184,36 +204,68 @@ def _scaled(macro: MacroSettings, scales: RelativeScales) -> MacroSettings:
     return scaled.model_copy(update={"time": time.model_copy(update={**plain, **lists})})
 
 
-def require_scalable(config: RunConfig, unknown: str) -> None:
-    """Refuse formulas of a dimensionless time where the scale of time is unknown.
+def require_scalable(config: RunConfig, unknown: str, kind: NumberKind) -> None:
+    """Refuse formulas of dimensionless numbers whose units change with an unknown.
+
+    Parameters
+    ----------
+    config
+        The study.
+    unknown, kind
+        Name of the unknown, and what it is: modulus, viscosity or pore size.
 
     Raises
     ------
     ConfigurationError
-        A prescribed value or a parameter is a formula of t.
+        A prescribed value or a parameter is a formula of t, or the rate of a parameter is a formula, or goes by a
+        multiple of the unknown modulus.
     """
-    formulas = [f for f in config.macro.time_functions if f.expression is not None]
-    entries = [*config.macro.fields.values()]
+    for name, evolution in config.macro.evolution.items():
+        if evolution.rate is not None:
+            raise ConfigurationError(
+                f"macro.evolution.{name}.rate: the formula goes by dimensionless numbers, whose units change with the "
+                f"unknown '{unknown}'; give a named law in its place"
+            )
+        if kind == "modulus" and evolution.law in BY_MODULUS:
+            raise ConfigurationError(
+                f"macro.evolution.{name}.law: the rate of '{evolution.law}' goes by multiples of the modulus, the "
+                f"unknown '{unknown}', so that its constants mean something else at each value; fix the modulus"
+            )
+    formulas = [f.expression for f in config.macro.time_functions if f.expression is not None]
+    charges = config.macro.charges
+    entries: list[Any] = [*config.macro.fields.values()]
+    if charges is not None:
+        entries += [charges.density, charges.bath_field]
     entries += [entry for region in config.macro.regions.values() for entry in region.fields.values()]
-    texts = [entry for entry in entries if isinstance(entry, str) and _of_time(entry)]
-    if formulas or texts:
-        formula = formulas[0].expression if formulas else texts[0]
+    formulas += filter(None, map(_formula_of_time, entries))
+    if formulas:
         raise ConfigurationError(
-            f"macro: the formula '{formula}' goes by a dimensionless time, whose unit changes with the unknown "
+            f"macro: the formula '{formulas[0]}' goes by a dimensionless time, whose unit changes with the unknown "
             f"'{unknown}'; give a table or a ramp in its place"
         )
 
 
-def _of_time(formula: str) -> bool:
-    return re.search(r"\bt\b", formula) is not None
+def _formula_of_time(entry: Any) -> str | None:
+    """Return the formula of time by which an entry of a body's fields changes; None: by none."""
+    if isinstance(entry, AxesField):
+        return None
+    field = as_field(entry)
+    if field.over is not None and field.over.expression is not None:
+        return field.over.expression
+    return field.formula if isinstance(field, FormulaField) and field.by_formula else None
 
 
-def effect_of(number: StudyNumber, value: float, problem: MacroProblem) -> tuple[MacroChange, float] | None:
-    """Return the change of a run under a number with this dimensionless value; None for a clock or a camera.
+def effect_of(number: StudyNumber, value: float, body: BodyAtValues) -> tuple[MacroChange, float] | None:
+    """Return the change of a body under a number with this dimensionless value; None for a clock or a camera.
 
     With it comes the factor from the derivative by the change to that by the value.
     """
+    problem = body.problem
     match number.kind:
+        case "law":
+            return CellParameterChange(number.name), 1 / body.scales.factor(number.quantity)
+        case "law_field":
+            return CellParameterChange(number.name, factor=True), 1 / value
         case "cell":
             return CellParameterChange(number.name, weight=number.hat), 1.0
         case "modulus":
@@ -509,7 +561,7 @@ class ExperimentModel:
         self._count = len(unknowns)
         for each in self.numbers:
             if each.number.is_scale:
-                require_scalable(experiment.config, unknowns[each.index].unknown.name)
+                require_scalable(experiment.config, unknowns[each.index].unknown.name, each.number.kind)
         self._solver: MacroSolver = make_backend("macro solver", experiment.config)
         if not type(self._solver).sensitivities:
             raise ConfigurationError(
@@ -643,7 +695,7 @@ class ExperimentModel:
         """Return by the position of an unknown the change that it makes, and the factor to its derivative."""
         found = {}
         for each in self.numbers:
-            effect = effect_of(each.number, each.value(values), body.problem)
+            effect = effect_of(each.number, each.value(values), body)
             if effect is not None:
                 found[each.index] = effect[0], effect[1] * each.factor
         return found

@@ -20,7 +20,17 @@ from porocore.states import Array
 from porocore.study.config.config import MacroSettings, RunConfig
 
 NumberKind = Literal[
-    "cell", "modulus", "viscosity", "pore", "load", "boundary", "indenter", "time_shift", "camera"
+    "cell",
+    "modulus",
+    "viscosity",
+    "pore",
+    "load",
+    "boundary",
+    "indenter",
+    "law",
+    "law_field",
+    "time_shift",
+    "camera",
 ]
 #: Unknown numbers by which a load may have either sign, and any size.
 OF_LOAD: tuple[NumberKind, ...] = ("load", "boundary")
@@ -39,11 +49,12 @@ class StudyNumber:
     kind
         What it is.
     name
-        Name of a parameter of the cell, ``boundary.SURFACE.KEY`` or ``contact.INDENTER.KEY``; else the kind.
+        Name of a parameter of the cell or of the law of the body, ``boundary.SURFACE.KEY`` or
+        ``contact.INDENTER.KEY``; else the kind.
     quantity
         Of :data:`porocore.core.units.QUANTITIES`; empty for a plain number.
     value
-        That of the study, dimensionless.
+        That of the study, dimensionless; of a ``law_field`` 1, since the number is the factor of a field.
     path
         Keys below ``macro`` of a value on the boundary or of an indenter; cloud and part of the place of a camera.
     hat

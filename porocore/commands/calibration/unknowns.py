@@ -61,6 +61,8 @@ from porocore.interfaces.sensitivities import HatFunction
 from porocore.macro.body.mesh import BodyMesh
 from porocore.macro.boundary.conditions import boundary_data
 from porocore.macro.composition.fields import Points, as_field
+from porocore.macro.composition.law_numbers import RELAXATION, is_of_the_law, quantity_of_number
+from porocore.macro.laws.charges import BATH, DENSITY
 from porocore.macro.problem import body_mesh
 from porocore.states import Array
 from porocore.study.config.config import MacroSettings, RunConfig
@@ -74,6 +76,8 @@ OWN: dict[NumberKind, str] = {
     "load": "",
     "time_shift": "time",
 }
+#: Kinds of numbers of the law of the body beside those of the cell.
+OF_THE_LAW: tuple[NumberKind, ...] = ("law", "law_field")
 #: Keys of the motion of an indenter, below its name.
 MOTIONS = (("displacement",), ("force",))
 #: Keys of an unknown and of an observation, with which complaints begin.
@@ -184,7 +188,8 @@ class _Values:
     ) -> None:
         self.given, self.number = given, next(iter(numbers.values()))
         self.config = experiments[next(iter(numbers))].config
-        self.scale: Scale = given.scale or ("log" if self.number.is_scale else "linear")
+        is_logarithmic = self.number.is_scale or _of_a_branch(self.number, "time")
+        self.scale: Scale = given.scale or ("log" if is_logarithmic else "linear")
         prior = [] if given.prior is None else [given.prior.mean]
         starts = [given.start] if given.field is None else [given.start, *given.field.start]
         texts = [text for text in (given.lower, given.upper, *starts, *prior) if isinstance(text, str)]
@@ -264,11 +269,18 @@ class _Values:
         if (
             number.is_scale
             or is_radius
+            or (number.kind in OF_THE_LAW and (number.name == BATH or _of_a_branch(number, "time")))
             or (number.kind == "cell" and declared_positive(number.name, self.config))
         ):
             raise ConfigurationError(
                 f"lower: expected a number above 0, as every value of {echo(number.name)} is, got {echo(given.lower)}; "
                 "give the least one that is possible"
+            )
+        not_negative = number.name == DENSITY or _of_a_branch(number, "strength")
+        if number.kind in OF_THE_LAW and not_negative and lower < 0:
+            raise ConfigurationError(
+                f"lower: expected a number of at least 0, as every value of {echo(number.name)} is, got "
+                f"{echo(given.lower)}"
             )
         if number.kind == "boundary" and self.scale == "linear" and not upper < 0:
             raise ConfigurationError(
@@ -314,6 +326,12 @@ def _neighbours(given: UnknownSettings, control: int | None) -> tuple[int, ...]:
             found.append(stride)
         stride *= len(line)
     return tuple(found)
+
+
+def _of_a_branch(number: StudyNumber, what: str) -> bool:
+    """Return whether a number is the ``strength`` or ``time`` of a branch of the relaxation."""
+    parts = number.name.split(".")
+    return number.kind == "law" and (parts[0], parts[-1]) == (RELAXATION, what)
 
 
 def _positive(key: str, value: float | str, number: float) -> float:
@@ -469,7 +487,7 @@ def study_number(text: str, config: RunConfig, load: float) -> StudyNumber:
     Parameters
     ----------
     text
-        Such as ``radius``, ``modulus``, ``load`` or ``boundary.y+.pressure``.
+        Such as ``radius``, ``modulus``, ``load``, ``boundary.y+.pressure`` or ``relaxation.1.time``.
     config, load
         The study and its load.
 
@@ -486,7 +504,7 @@ def study_number(text: str, config: RunConfig, load: float) -> StudyNumber:
         "load": load,
         "time_shift": 0.0,
     }
-    boundary = {**_boundary_numbers(config.macro), **_indenter_numbers(config.macro)}
+    boundary = {**_boundary_numbers(config.macro), **_indenter_numbers(config.macro), **_law_numbers(config)}
     for kind, quantity in OWN.items():
         if text == kind and not (kind == "viscosity" and _is_range(config, kind)):
             return StudyNumber(kind, text, quantity, own[kind])
@@ -603,6 +621,26 @@ def _indenter_numbers(macro: MacroSettings) -> Mapping[str, StudyNumber]:
         for key, value in numbers.items():
             name = f"contact.{indenter}.{key}"
             found[name] = StudyNumber("indenter", name, "displacement", value, ("contact", indenter, key))
+    return found
+
+
+def _law_numbers(config: RunConfig) -> Mapping[str, StudyNumber]:
+    """Return the numbers of the law of the body beside those of the cell, by their names as parameters of the law.
+
+    Of a field of place or time the number is its factor.
+    """
+    found = {}
+    for name, given in config.problem(1.0).fields.items():
+        if not is_of_the_law(name):
+            continue
+        charges, quantity = config.macro.charges, quantity_of_number(name, config.macro)
+        if charges is not None and name == BATH:
+            given = charges.bath
+        found[name] = (
+            StudyNumber("law", name, quantity, given)
+            if isinstance(given, float)
+            else StudyNumber("law_field", name, "", 1.0)
+        )
     return found
 
 

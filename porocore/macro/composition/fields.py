@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import AfterValidator, Discriminator, Field, Tag, field_validator, model_validator
+from pydantic import AfterValidator, Discriminator, Field, InstanceOf, Tag, field_validator, model_validator
 
 from porocore.cell.level_sets.image import SLICE_SUFFIXES, open_image, remarks, reversed_by
 from porocore.core.echo import echo, suggestion
@@ -143,6 +143,38 @@ class FormulaField(ParameterField):
     def reached(self, points: Points, time: float, key: str) -> Array:
         """Return the values of the formula."""
         return formula_values(self.formula, points.places, time, key)
+
+
+class FactoredField(ParameterField):
+    """A field times a factor; no configuration has one."""
+
+    field: InstanceOf[ParameterField]
+    """The field."""
+    factor: float
+    """Factor of its values at all times."""
+
+    @property
+    def varies(self) -> bool:
+        """True where the field changes with time."""
+        return self.field.varies
+
+    @property
+    def by_formula(self) -> bool:
+        """True where the field changes with time by a formula."""
+        return self.field.by_formula
+
+    @property
+    def corners(self) -> tuple[float, ...]:
+        """Times at which the field has a kink."""
+        return self.field.corners
+
+    def reached(self, points: Points, time: float, key: str) -> Array:
+        """Return the values (n,) to which the field comes, without the factor."""
+        return self.field.reached(points, time, key)
+
+    def in_time(self, reached: Array, time: float) -> Array:
+        """Return the values (n,) at ``time``, with the factor."""
+        return self.factor * self.field.in_time(reached, time)
 
 
 class TableField(ParameterField):

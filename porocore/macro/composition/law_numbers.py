@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from porocore.cell.materials.prony import Relaxation
+from porocore.core.units import dimensions
 
 #: First parts of the names of such numbers; no parameter of a cell may begin with one and a dot.
 RELAXATION, CHARGES, EVOLUTION = "relaxation", "charges", "evolution"
@@ -34,6 +35,19 @@ def key_of_number(name: str, cell: str | None = None) -> str:
     if first == EVOLUTION:
         return f"macro.evolution.{'.'.join(rest[:-1])}.constants.{rest[-1]}"
     return f"macro.{name}"
+
+
+def quantity_of_number(name: str, setup: MacroSetup) -> str:
+    """Return the quantity of a number of a law, such as time; '' is a plain number."""
+    first, *rest = name.split(".")
+    if first == RELAXATION:
+        return "time" if rest[-1] == "time" else ""
+    if first == CHARGES:
+        return "concentration"
+    evolution = setup.evolution[".".join(rest[:-1])]
+    of_constants = {place.path: dimension for place, dimension in dimensions(type(evolution), evolution)}
+    dimension = of_constants["constants", rest[-1]]
+    return "" if dimension is None else dimension.quantity
 
 
 def relaxation_numbers(relaxation: Relaxation | None) -> dict[str, float]:
