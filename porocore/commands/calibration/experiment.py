@@ -145,8 +145,8 @@ def _with_numbers_of_the_law(
     problem: MacroProblem, scales: RelativeScales, values: Mapping[StudyNumber, float]
 ) -> MacroProblem:
     """Return a problem in units of other scales with dimensionless values in place of numbers of its law."""
-    fields, factor = dict(problem.fields), scales.factor("concentration")
-    density = fields.get(DENSITY)
+    fields: dict[str, Any] = {**problem.fields}
+    factor, density = scales.factor("concentration"), fields.get(DENSITY)
     if factor != 1 and density is not None and not isinstance(density, float):
         # The numbers of a field have no unit by which they were scaled.
         fields[DENSITY] = FactoredField(field=as_field(density), factor=1 / factor)

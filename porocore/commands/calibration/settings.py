@@ -121,8 +121,10 @@ class UnknownSettings(StrictModel):
     of: Name | None = None
     """The number in the study that this unknown fits: a parameter or another number of the cell, such as ``radius``;
     ``modulus`` (of the whole solid); ``viscosity`` (of the fluid); ``pore`` (edge of the cell); ``load``; a boundary
-    value such as ``boundary.y+.pressure``; a number of an indenter such as ``contact.ball.radius``; or ``time_shift``,
-    which is added to the times of the data; null: the number that has the name of the unknown."""
+    value such as ``boundary.y+.pressure``; a number of an indenter such as ``contact.ball.radius``; one of the
+    relaxation, the fixed charges or the evolution, such as ``relaxation.1.time``, ``charges.density`` or
+    ``evolution.radius.k``; or ``time_shift``, which is added to the times of the data; null: the number that has the
+    name of the unknown."""
     lower: Value
     """Lower bound of the search."""
     upper: Value
@@ -131,7 +133,7 @@ class UnknownSettings(StrictModel):
     """Start value; null: the value of the study, or the middle of the bounds where that value is not between them."""
     scale: Scale | None = None
     """Coordinate of the search and of the intervals: x (``linear``) or ln x (``log``); null: ``log`` for modulus,
-    viscosity and pore, else ``linear``."""
+    viscosity, pore and times of the relaxation, else ``linear``."""
     prior: PriorSettings | None = None
     """Prior of the unknown; null: no prior."""
     field: ControlSettings | None = None

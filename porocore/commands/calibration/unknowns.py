@@ -629,13 +629,13 @@ def _law_numbers(config: RunConfig) -> Mapping[str, StudyNumber]:
 
     Of a field of place or time the number is its factor.
     """
-    found = {}
-    for name, given in config.problem(1.0).fields.items():
+    found, fields = {}, dict[str, Any](config.problem(1.0).fields)
+    if config.macro.charges is not None:
+        fields[BATH] = config.macro.charges.bath
+    for name, given in fields.items():
         if not is_of_the_law(name):
             continue
-        charges, quantity = config.macro.charges, quantity_of_number(name, config.macro)
-        if charges is not None and name == BATH:
-            given = charges.bath
+        quantity = quantity_of_number(name, config.macro)
         found[name] = (
             StudyNumber("law", name, quantity, given)
             if isinstance(given, float)
