@@ -37,7 +37,7 @@ from porocore.study.config.config import RunConfig
 from porocore.study.run import pipeline
 from porocore.study.run.composition import (
     RunLaw,
-    by_region,
+    law_of_body,
     law_of_cell,
     make_backend,
     porosity_of,
@@ -122,7 +122,7 @@ class FamilyCells:
             }
 
         def of(config: RunConfig) -> MacroLaw:
-            return by_region(config, {name: with_memory(laws[name], config.of_cell(name)) for name in laws})
+            return law_of_body(config, {name: with_memory(laws[name], config.of_cell(name)) for name in laws})
 
         return of
 

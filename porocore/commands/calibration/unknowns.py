@@ -635,7 +635,7 @@ def _law_numbers(config: RunConfig) -> Mapping[str, StudyNumber]:
     for name, given in fields.items():
         if not is_of_the_law(name):
             continue
-        quantity = quantity_of_number(name, config.macro)
+        quantity = quantity_of_number(name, config.macro.evolution)
         found[name] = (
             StudyNumber("law", name, quantity, given)
             if isinstance(given, float)

@@ -5,10 +5,11 @@ They are parameters of the law at each point, so they have derivatives as a para
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 from porocore.cell.materials.prony import Relaxation
 from porocore.core.units import dimensions
+from porocore.macro.composition.evolution import Evolution
 
 #: First parts of the names of such numbers; no parameter of a cell may begin with one and a dot.
 RELAXATION, CHARGES, EVOLUTION = "relaxation", "charges", "evolution"
@@ -37,14 +38,14 @@ def key_of_number(name: str, cell: str | None = None) -> str:
     return f"macro.{name}"
 
 
-def quantity_of_number(name: str, setup: MacroSetup) -> str:
-    """Return the quantity of a number of a law, such as time; '' is a plain number."""
+def quantity_of_number(name: str, rates: Mapping[str, Evolution]) -> str:
+    """Return the quantity of a number of a law, such as time, with the ``rates`` of a body; '' is a plain number."""
     first, *rest = name.split(".")
     if first == RELAXATION:
         return "time" if rest[-1] == "time" else ""
     if first == CHARGES:
         return "concentration"
-    evolution = setup.evolution[".".join(rest[:-1])]
+    evolution = rates[".".join(rest[:-1])]
     of_constants = {place.path: dimension for place, dimension in dimensions(type(evolution), evolution)}
     dimension = of_constants["constants", rest[-1]]
     return "" if dimension is None else dimension.quantity
