@@ -19,7 +19,6 @@ from porocore.interfaces.law import (
     InternalVariable,
     Interval,
     LawMemory,
-    LawWrapper,
     MacroLaw,
     MacroResponse,
     MacroTangent,
@@ -86,7 +85,7 @@ class _Evolved(Batch):
         return found
 
 
-class EvolvingLaw(LawWrapper):
+class EvolvingLaw(ExtendedLaw):
     """Law of a body whose cells change: some of their parameters follow a rate at each point.
 
     They begin at the values that are given with the states. The constants of the rates are parameters of the law,
@@ -115,14 +114,11 @@ class EvolvingLaw(LawWrapper):
     def __init__(
         self, law: MacroLaw, rates: Mapping[str, Rate], ranges: Mapping[str, tuple[float, float]]
     ) -> None:
-        super().__init__(law)
         _check(law, rates, ranges)
+        super().__init__(law, constant_names(rates), [InternalVariable(name, group=name) for name in rates])
         self.rates = dict(rates)
         self._ranges = np.array([ranges[name] for name in rates], dtype=float)
         self._columns = [law.parameters.index(name) for name in rates]
-        self._own = constant_names(rates)
-        self.parameters = (*law.parameters, *self._own)
-        self.internal = (*law.internal, *(InternalVariable(name, group=name) for name in rates))
         self.constant_tangent = False
         self._follows_state = any(rate.follows_state for rate in rates.values())
         self._follows_energy = any("energy" in rate.names for rate in rates.values())
@@ -130,17 +126,9 @@ class EvolvingLaw(LawWrapper):
         formulas = (f"{name}: {rate.formula}, {rate.constants}" for name, rate in rates.items())
         self.identity = fingerprint("evolution", law.identity, *formulas, self._ranges)
 
-    def parameters_of(self, region: int) -> tuple[str, ...]:
-        """Return those of the inner law and the constants; see :class:`~porocore.interfaces.law.MacroLaw`."""
-        return (*self.law.parameters_of(region), *self._own)
-
-    def states_in(self, states: MacroState) -> MacroState:
-        """Return the states with the parameters of the inner law alone."""
-        return replace(states, parameters=provided(states.parameters)[:, : len(self.law.parameters)])
-
-    def changes_in(self, changes: PointChanges) -> PointChanges:
-        """Return the changes of the parameters of the inner law alone."""
-        return replace(changes, parameters=provided(changes.parameters)[:, : len(self.law.parameters)])
+    def own_at_rest(self, points: MacroState, inner: LawMemory) -> Array:
+        """Return the values with which the parameters begin."""
+        return provided(inner.states.parameters)[:, self._columns]
 
     def memory_in(self, memory: LawMemory, states: MacroState) -> LawMemory:
         """Return the memory of the inner law, with the evolved parameters in its states."""
