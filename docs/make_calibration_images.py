@@ -1,6 +1,6 @@
 """The pictures of calibrations: the fit of each test from the literature, and the profile of the filmed plug.
 
-.venv/bin/python docs/make_calibration_images.py runs/brain runs/cartilage
+.venv/bin/python docs/make_calibration_images.py runs/brain runs/brain-relaxation runs/cartilage
 .venv/bin/python docs/make_calibration_images.py --plug runs/plug runs/plug-curves
 """
 

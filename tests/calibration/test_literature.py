@@ -29,6 +29,11 @@ def theory() -> ModuleType:
     ("name", "unknowns", "count"),
     [
         ("brain-consolidation", ["modulus", "pore"], 30),
+        (
+            "brain-relaxation",
+            ["modulus", "pore", *(f"relaxation.{k}.{name}" for k in (1, 2) for name in ("strength", "time"))],
+            30,
+        ),
         ("cartilage-confined-compression", ["radius", "modulus", "pore"], 20),
     ],
 )

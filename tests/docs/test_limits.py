@@ -29,10 +29,16 @@ CASES: dict[str, dict[str, tuple[dict[str, Any], str]]] = {
     "Other physics.": {
         "no plasticity": ({"cell.material.yield_stress": 0.1}, NOT_MODELLED),
         "damage": ({"cell.material.damage": 0.1}, NOT_MODELLED),
-        "viscosity of the solid": ({"cell.material.viscoelastic": 0.1}, NOT_MODELLED),
         "no inertia": ({"macro.density": 1.0}, "there is no inertia"),
         "no heat": ({"macro.boundary.y+.temperature": 1.0}, "porocore is isothermal"),
-        "no ions": ({"cell.material.fixed_charge": 0.1}, NOT_MODELLED),
+        "relaxes do so alike": (
+            {"cell.material.relaxation": {"branches": [{"strength": 1, "time": 1, "stress": "shear"}]}},
+            "unknown key",
+        ),
+        "without a diffusion": (
+            {"macro.charges": {"density": 0.1, "bath": 0.15, "diffusivity": 1}},
+            "macro.charges.diffusivity: unknown key",
+        ),
         "fluid fills all pores": ({"cell.saturation": 0.5}, NOT_MODELLED),
     },
     "Two microstructures at one place.": {
@@ -58,7 +64,7 @@ CASES: dict[str, dict[str, tuple[dict[str, Any], str]]] = {
     },
 }
 #: No key asks for these, under any of their names.
-NO_KEYS = r"inertia|density|heat|temperature|plastic|damage|concentration|charge|bodies|pyramid|extrapolat"
+NO_KEYS = r"inertia|heat|plastic|damage|diffusi|electric|bodies|pyramid|extrapolat"
 
 
 def limits() -> dict[str, str]:

@@ -43,7 +43,7 @@ UNKNOWNS: dict[str, Any] = {
     "relaxation.1.strength": {"lower": 0, "upper": 5},
     "relaxation.1.time": {"lower": 1, "upper": 1e4},
 }
-#: Drainage takes some 300 units of time.
+#: Drainage takes h²/c_v = 176 units of time.
 TIME, FIRST, LAST, COUNT = 200.0, 2.0, 3000.0, 9
 
 
@@ -66,12 +66,8 @@ def planned(
         }
         path = folder / f"{name}.yaml"
         path.write_text(yaml.safe_dump(study), encoding="utf-8")
-        count = int((times >= since * (1 - 1e-9)).sum())
-        observed = {
-            "quantity": "settlement",
-            "deviation_share": 0.01,
-            "times": {"first": float(times[-count]), "last": LAST, "count": count},
-        }
+        measured = {"first": since, "last": LAST, "count": COUNT}
+        observed = {"quantity": "settlement", "deviation_share": 0.01, "times": measured}
         experiments[name] = {"study": str(path), "observations": {"settlement": observed}}
     return read_plan({"unknowns": UNKNOWNS, "experiments": experiments, "fit": {"starts": 1}}, synthetic=True)
 
@@ -127,3 +123,20 @@ def test_intervals_cover_the_truth(tmp_path: Path) -> None:
     # 99.9 % quantiles of the binomial distribution and of χ² with 25 degrees of freedom.
     assert inside >= 20
     assert 8.6 < rises < 52.7
+
+
+def test_two_tests_separate_relaxation_from_drainage_which_one_does_not(tmp_path: Path) -> None:
+    """The numbers are those of docs/calibration.md: relative deviations of all but the radius, and a correlation."""
+    both, _ = deviations(planned(tmp_path))
+    alone, correlation = deviations(planned(tmp_path, ("confined",)))
+    np.testing.assert_allclose(both[1:], [0.054, 0.107, 0.031, 0.058], rtol=0.02)
+    np.testing.assert_allclose(alone[1:], [0.087, 0.382, 0.184, 0.196], rtol=0.02)
+    viscosity, strength = 2, 3
+    assert correlation[viscosity, strength] == pytest.approx(-0.975, abs=0.002)
+
+
+def test_a_time_before_the_first_datum_is_lost(tmp_path: Path) -> None:
+    late, correlation = deviations(planned(tmp_path, time=20.0, since=100.0))
+    strength, time = 3, 4
+    assert late[[strength, time]].min() > 2
+    assert correlation[strength, time] < -0.99
