@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from io import StringIO
 from typing import Any
 
 import numpy as np
 import pytest
 
+from porocore.commands.calibration.cells import FamilyCells
 from porocore.commands.calibration.experiment import BodyAtValues
 from porocore.commands.calibration.plan import CalibrationPlan
+from porocore.core.console import Console
 from porocore.errors import ConfigurationError
-from tests.helpers.curve_experiment import ACCURACY, MACRO, UNKNOWNS, model_of, planned, starts
+from tests.helpers.curve_experiment import ACCURACY, MACRO, UNKNOWNS, law, model_of, planned, starts
 
 pytest.importorskip("skfem")
 
@@ -201,3 +204,17 @@ def test_laws_by_dimensionless_numbers_are_refused_beside_unknown_scales(
     plan = of_laws({unknown: UNKNOWNS[unknown]}, **changes)
     with pytest.raises(ConfigurationError, match=said):
         model_of(plan)
+
+
+def test_experiments_share_cells_and_each_body_has_its_own_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    elastic, relaxing = (
+        planned({"modulus": UNKNOWNS["modulus"]}, cell=cell).experiments[0].config
+        for cell in ({"viscosity": 1.0}, {"viscosity": 1.0, "material": CELL["material"]})
+    )
+    assert elastic.stages.training == relaxing.stages.training
+    equilibrium = law()
+    monkeypatch.setattr(FamilyCells, "_in_equilibrium", lambda self: equilibrium)
+    for first in (elastic, relaxing):
+        laws = FamilyCells(None, first, ("",), Console(StringIO()), None).laws()  # type: ignore[arg-type]
+        assert laws(elastic) is equilibrium
+        assert laws(relaxing).parameters[-1] == "relaxation.2.time"
