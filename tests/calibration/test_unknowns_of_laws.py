@@ -70,6 +70,17 @@ def test_slopes_by_numbers_of_all_laws_are_limits_of_differences() -> None:
     differ(of_laws())
 
 
+def test_data_before_the_first_step_see_the_forces_that_hold_a_swollen_body() -> None:
+    """Direct derivatives and a pass backwards; the clock is late, so that data lie between rest and the first step."""
+    unknowns = {name: UNKNOWNS[name] for name in ("modulus", "radius", "delay")}
+    plan = of_laws({**unknowns, "charges.density": LAW["charges.density"]})
+    differ(plan)
+    model, at = model_of(plan), starts(plan)
+    found, weights = model.curves(at), np.random.default_rng(2).normal(size=sum(map(len, plan.curves)))
+    _, gradient = model.gradient(at, lambda values: weights)
+    np.testing.assert_allclose(gradient, weights @ found.slopes, rtol=1e-8)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("charges", [CHARGES, FIELDS], ids=["numbers", "fields"])
 @pytest.mark.parametrize("backend", ["skfem", "dolfinx"])

@@ -9,7 +9,7 @@ A sum weighs a value by ∫ weight · value dX, so weights are densities over th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -470,10 +470,15 @@ class HistoryRows:
 
 
 class _LastState(HistoryRows):
-    """Weights (local unknowns, f) of the last state of a run alone."""
+    """Weights of the last state of a run alone: of its unknowns (local unknowns, f), and of forces (3, f)."""
 
-    def __init__(self, last: int, weights: Array) -> None:
-        self._last, self._of_last = last, weights
+    def __init__(self, tape: RunTape, weights: Array, forces: Mapping[str, Array]) -> None:
+        supports, f = tape.history.d.boundary.supports, weights.shape[1]
+        reactions = {name: np.zeros((len(tape.history.rows), 3, f)) for name in forces if name in supports}
+        for name, each in reactions.items():
+            each[-1] = forces[name]
+        super().__init__(tape.history, tape.profiles, HistoryWeights(f, reactions=reactions))
+        self._last, self._of_last = len(tape.steps), weights
 
     def start(self, x: Array) -> Array:
         """Return no weights of the initial state."""
@@ -481,9 +486,9 @@ class _LastState(HistoryRows):
 
     def step(self, number: int, x: Array, dt: float, loads: Loads) -> RowWeights:
         """Return the weights of a step, of which the last alone has some."""
-        nothing, f = np.zeros_like(self._of_last), self._of_last.shape[1]
-        mine = self._of_last if number == self._last else nothing
-        return RowWeights(mine, nothing, None, np.zeros(f), np.zeros((0, f)), np.ones(f, bool))
+        found = super().step(number, x, dt, loads)
+        mine = self._of_last if number == self._last else 0.0
+        return replace(found, x=found.x + mine, begun=np.ones(self.count, bool))
 
 
 def _require_series(record: HistoryRecorder, weights: HistoryWeights) -> None:
@@ -660,7 +665,8 @@ class GradientPass:
         end = [MemoryWeights.zeros(d.n_points, self._law.memory_size)] * f
         first = self._back(tape, HistoryRows(tape.history, tape.profiles, weights), end, np.zeros(f, bool))
         if tape.swelling is not None:
-            self._shared += self._of_swelling(*tape.swelling, first)
+            forces = {name: values[0] for name, values in weights.reactions.items()}
+            self._shared += self._of_swelling(*tape.swelling, first, forces)
         else:
             first = first + (self._at_rest(tape.steps[0]) if tape.steps else 0.0)
             for j, start in enumerate(self._directions.start()):
@@ -692,15 +698,20 @@ class GradientPass:
                 raise SolveError(f"the gradients at t = {when} have no solution: {failure}") from failure
         return np.asarray(rows.start(tape.start) + self._origin)
 
-    def _of_swelling(self, free: FreeSwelling, tape: RunTape, first: Array) -> Array:
-        """Return the gradients (f, k) by way of the swollen state, of which the unknowns weigh ``first``."""
+    def _of_swelling(
+        self, free: FreeSwelling, tape: RunTape, first: Array, forces: Mapping[str, Array]
+    ) -> Array:
+        """Return the gradients (f, k) by way of the swollen state.
+
+        Its unknowns weigh ``first``, and so do the forces (3, f) on surfaces that hold it by their names.
+        """
         chosen = [j for j, each in enumerate(self._changes) if isinstance(each, PointChange)]
         found = np.zeros_like(self._own)
         if not chosen:
             return found
         back = GradientPass(free.d, free.body, free.law, [self._changes[j] for j in chosen])
         local = np.stack([free.weights(self._d, column) for column in first.T], axis=1)
-        rows = _LastState(len(tape.steps), local)
+        rows = _LastState(tape, local, forces)
         back._back(tape, rows, self._memory, np.ones(len(found), bool))
         back._at_rest(tape.steps[0])
         found[:, chosen] = back._shared + free.d.communicator.sum(back._own)

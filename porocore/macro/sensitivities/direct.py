@@ -232,11 +232,15 @@ class SensitivityTracker:
         self._record, boundary = record, self._d.boundary
         if self._swelling is not None:
             self._begin_swollen(*self._swelling)
-        nothing = np.zeros(
-            3 * len(boundary.supports) + len(boundary.drains) + len(CONTACT) * len(boundary.contacts)
+        forces, nothing = (
+            self._first_forces(),
+            np.zeros(len(boundary.drains) + len(CONTACT) * len(boundary.contacts)),
         )
+        nodal = self._nodal(x, [0.0] * len(self._x))
         self._rows.append(
-            np.stack([np.concatenate([*nodal, nothing]) for nodal in self._nodal(x, [0.0] * len(self._x))])
+            np.stack(
+                [np.concatenate([*each, force, nothing]) for each, force in zip(nodal, forces, strict=True)]
+            )
         )
         if self._swelling is None:
             states, points = memory.states, self._directions.points(memory.states)
@@ -253,6 +257,17 @@ class SensitivityTracker:
             memory.fluid_volume[:, j] = known.fluid_volume[:, place]
             memory.internal[..., j] = known.internal[..., place]
         self._origin = [each.copy() for each in self._x]
+
+    def _first_forces(self) -> Array:
+        """Return the derivatives (k, 3 · supports) of the forces with which a run begins, those of a swollen state."""
+        supports = list(self._d.boundary.supports)
+        found = np.zeros((len(self._x), len(supports), 3))
+        if self._swelling is not None:
+            reactions = self._swelling[1].result().reactions
+            for place, name in enumerate(supports):
+                if name in reactions:
+                    found[self._chosen, place] = reactions[name][-1].T[: len(self._chosen)]
+        return found.reshape(len(self._x), -1)
 
     def add_profile(self) -> None:
         """Keep the derivatives of the nodal fields of the last accepted state, of which there is a profile."""
