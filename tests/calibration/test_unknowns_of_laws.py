@@ -122,6 +122,13 @@ def test_a_body_has_the_same_laws_in_the_units_of_other_scales() -> None:
     assert found["charges.bath"].over.at(0.4 / time) == pytest.approx(0.115 / 2)  # type: ignore[union-attr]
 
 
+def test_the_course_of_a_field_keeps_its_times_in_the_units_of_other_scales() -> None:
+    course = {"kind": "formula", "formula": "0.22", "initial": 0.25, "over": {"table": [[0, 0], [0.4, 1]]}}
+    fields = {"radius": course, "poisson_ratio": 0.33}
+    plan = of_laws({name: UNKNOWNS[name] for name in ("modulus", "viscosity")}, evolution={}, fields=fields)
+    differ(plan)
+
+
 def test_unknowns_of_laws_have_units_and_times_are_searched_in_their_logarithm() -> None:
     scaled = {"scales": {"modulus": "1 kPa", "length": "1 mm", "pore": "1 um", "viscosity": "1 mPa s"}}
     unknowns = {

@@ -64,7 +64,7 @@ from porocore.study.run.solving import prepared_body
 #: Named rates that go by stresses as multiples of the modulus.
 BY_MODULUS = ("growth",)
 #: Sections of the body whose numbers depend on modulus, viscosity and pore size; lengths do not.
-SCALED = ("boundary", "contact", "body_force", "initial", "charges", "evolution")
+SCALED = ("boundary", "contact", "body_force", "initial", "fields", "regions", "charges", "evolution")
 
 
 @dataclass(frozen=True)
