@@ -98,7 +98,7 @@ class Memories(Solving):
     def test_a_killed_run_continues_with_its_internal_variables(
         self, tmp_path: Any, adaptive: Any, after: Any
     ) -> None:
-        """By steps whose lengths follow from the errors of these, too; to the last bit."""
+        """The lengths of the steps follow from their errors, too; to the last bit."""
         path: Path = tmp_path / "macro.h5"
 
         def stop(report: StepReport) -> None:

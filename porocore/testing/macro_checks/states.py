@@ -331,7 +331,7 @@ class MacroLawSuite(Suite):
             near(f"the tangent of the {name}", found, slope, states_text(states), within=within)
 
     def test_derivatives_by_parameters_and_memory_are_slopes(self, law: MacroLaw) -> None:
-        """Of the response and of the memory that is handed back, by each parameter, the memory, and the state."""
+        """The response and the memory that is handed back, by each parameter, the memory, and the state."""
         self.needs(self.derivatives, "derivatives = False: the law gives none by unknowns")
         (states, grad_p), (along, along_grad), memory = self.random(1), self.random(2), self.before(law, 3)
         other = self.before(law, 4)
