@@ -30,6 +30,11 @@ SERIES: dict[str, tuple[int, ...]] = {
 }
 
 
+def pressure_name(charged: bool) -> str:
+    """Return what the unknown p of a body is called; with fixed charges it is μ = p − π."""
+    return "effective fluid pressure" if charged else "pore pressure"
+
+
 @dataclass(frozen=True)
 class StepWork:
     """Work of the linear solver in one accepted step, and in the attempts that failed before it."""
@@ -287,7 +292,7 @@ class MacroSolution:
     @property
     def pressure(self) -> str:
         """Name of the unknown p in words."""
-        return "effective fluid pressure" if self.has_charges else "pore pressure"
+        return pressure_name(self.has_charges)
 
     @property
     def evolving(self) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from porocore.core.models.name import Name
 from porocore.core.models.strict import StrictModel
 from porocore.core.units import Dimension, units_now
 from porocore.interfaces.macro import Part
+from porocore.interfaces.solution import pressure_name
 from porocore.macro.body.kinds import AnyBody, Box, make_body
 from porocore.macro.body.mesh import BodyMesh, Patch, called, with_patches
 from porocore.macro.boundary.rigid import RigidIndenter
@@ -275,6 +276,11 @@ class MacroSetup(StrictModel):
             "load_curve": bool(self.time.load_curve),
         }
         return frozenset(part for part, is_there in there.items() if is_there)
+
+    @property
+    def pressure(self) -> str:
+        """Name of the unknown p in words."""
+        return pressure_name(self.charges is not None)
 
     @property
     def is_column(self) -> bool:

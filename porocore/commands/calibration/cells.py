@@ -364,10 +364,13 @@ def _with_distinct_times(curves: Sequence[ObservedCurve]) -> ObservedCurve:
 
 def _quantities(model: ExperimentModel) -> Iterator[tuple[MeasuredSeries, str]]:
     yield MeasuredSeries("settlement"), "the settlement"
-    yield MeasuredSeries("pressure"), "the largest pore pressure"
+    yield MeasuredSeries("pressure"), f"the largest {model.config.macro.pressure}"
     yield MeasuredSeries("drained"), "the drained volume"
     for probe in model.config.macro.probes:
-        yield MeasuredSeries("pressure", probe=probe), f"the pore pressure of the probe '{probe}'"
+        yield (
+            MeasuredSeries("pressure", probe=probe),
+            f"the {model.config.macro.pressure} of the probe '{probe}'",
+        )
         for i in (1, 2, 3):
             series = MeasuredSeries("displacement", probe=probe, component=i)
             yield series, f"the displacement {i} of the probe '{probe}'"

@@ -94,7 +94,12 @@ def _forces(of: str) -> list[tuple[str, ...]]:
 
 
 def _label(sweep: ParameterSweep, figure: str) -> str:
-    return style.axis_label(LABELS[figure.rpartition(": ")[2]], sweep.quantity(figure), sweep.units)
+    return style.axis_label(_words(sweep, figure), sweep.quantity(figure), sweep.units)
+
+
+def _words(sweep: ParameterSweep, figure: str) -> str:
+    label = LABELS[figure.rpartition(": ")[2]]
+    return label.replace("pore pressure", sweep.plan.family.macro.pressure)
 
 
 def _along(sweep: ParameterSweep) -> Figure:
@@ -137,7 +142,7 @@ def _histories(sweep: ParameterSweep, panels: Sequence[Axes], places: Array, sca
         panels[1].plot(time, solution.history.pressure_max * units.factor("pressure"), color=colour, lw=1.4)
     words = MOVED[kind] if settles else f"force on {sweep.loading_mode.displaced[0]}"
     panels[0].set_ylabel(style.axis_label(words, "displacement" if settles else "force", units))
-    panels[1].set_ylabel(style.axis_label("largest pore pressure $p$", "pressure", units))
+    panels[1].set_ylabel(style.axis_label(_words(sweep, "max_pressure"), "pressure", units))
     for axes in panels:
         axes.set_xlabel(style.axis_label("time $t$", "time", units))
         axes.set_xlim(left=0)
@@ -199,7 +204,7 @@ def _against(sweep: ParameterSweep, axes: Axes, places: Array, names: Sequence[s
         quantity = sweep.quantity(names[0])
         title = "time $t$" if quantity == "time" else "force"
         axes.set_ylabel(style.axis_label(title, quantity, sweep.units))
-        words = [LABELS[name.rpartition(": ")[2]] for name in names]
+        words = [_words(sweep, name) for name in names]
         shown = [Line2D([], [], color=style.GREY, ls="", marker=marker, ms=4.5) for marker in markers]
         _legend_above(axes, shown, words)
     _from_zero(axes)
