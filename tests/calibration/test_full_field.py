@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from io import StringIO
 from pathlib import Path
@@ -30,7 +31,9 @@ from porocore.commands.calibration.settings import FitSettings
 from porocore.core.console import Console
 from porocore.core.files.yaml_document import YamlDocument
 from porocore.errors import ConfigurationError
+from porocore.interfaces.law import MacroLaw
 from porocore.macro.laws.composed import BoundLaw
+from porocore.study.config.config import RunConfig
 from tests.helpers.curve_experiment import ACCURACY, MACRO, UNKNOWNS, law, model_of, planned, starts
 
 pytest.importorskip("skfem")
@@ -260,8 +263,8 @@ class Known:
     experiments = ("",)
 
     @staticmethod
-    def law() -> BoundLaw:
-        return BoundLaw(law(), {"poisson_ratio": 0.33})
+    def laws() -> Callable[[RunConfig], MacroLaw]:
+        return lambda config: BoundLaw(law(), {"poisson_ratio": 0.33})
 
 
 def test_points_outside_the_deformed_body_are_left_out(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ from porocore.cell.materials.prony import Relaxation
 from porocore.commands.backends import attempt, find_backends
 from porocore.commands.crosscheck.comparison import Comparison
 from porocore.core.console import Console
-from porocore.core.echo import echo, reason
+from porocore.core.echo import echo, reason, suggestion
 from porocore.core.fields import provided
 from porocore.core.files.reading import read_text
 from porocore.core.inputs import NAMES
@@ -120,7 +120,9 @@ def read_path(file: Path) -> CellPath:
         )
     for name in columns:
         if name not in allowed:
-            raise DataError(f"{file}: unknown column {echo(name)}; expected some of {', '.join(allowed)}")
+            raise DataError(
+                f"{file}: unknown column {echo(name)}; {suggestion(name, allowed, 'the columns are')}"
+            )
     values = {name: np.zeros(len(rows) - 1) for name in allowed}
     for k, row in enumerate(rows[1:]):
         if len(row) != len(columns):

@@ -191,7 +191,10 @@ class ColumnMacroSolver(MacroSolver):
                 on_step(StepReport(time, problem.time.end, iterations, rows[-1][2]))
         history = History(*map(np.array, zip(*rows, strict=True)))
         mesh = column.mesh
-        return MacroSolution(law.name, problem.load, mesh.points, mesh.cells, history, tuple(profiles))
+        kept = {each.name: each.quantity for each in law.internal}
+        return MacroSolution(
+            law.name, problem.load, mesh.points, mesh.cells, history, tuple(profiles), quantities=kept
+        )
 
     @staticmethod
     def _row(column, x, response, last, time, dt, iterations):
