@@ -99,7 +99,7 @@ def _union(arguments: tuple[Any, ...], metadata: Iterable[Any], name: str, plura
     if is_field(Union[tuple(given)]):  # noqa: UP007
         return "number, formula or field"
     if any(bare(part)[0] is TimeFunction for part in given):  # a number, or a course in time of its own
-        given = [TimeFunction]
+        given = [TimeFunction, *(part for part in given if get_origin(bare(part)[0]) is dict)]
     found = " or ".join(_words(part, metadata, name, plural) for part in given)
     return f"{found}, any of them null" if len(given) < len(arguments) and type(None) in arguments else found
 

@@ -69,6 +69,33 @@ CHARGES: dict[str, tuple[dict[str, Any], str, str]] = {
         "bath",
         "expected a concentration above 0 at all times, got",
     ),
+    "a bath of a surface without salt": (
+        {"bath": {"y+": 0}},
+        "bath.y+",
+        "expected a concentration above 0, got 0",
+    ),
+    "a bath of a surface that becomes negative": (
+        {"bath": {"y+": {"expression": "1 - 0.1*t"}}},
+        "bath.y+",
+        "expected a concentration above 0 at all times, got",
+    ),
+    "a text for a bath of a surface": ({"bath": {"y+": "much"}}, "bath.y+", "expected a number, got 'much'"),
+    "a bath of no surface": (
+        {"bath": {"y+": 0.1, "y": 0.2}},
+        "bath.y",
+        "no drained surface is called 'y'; did you mean 'y+'? the drained surfaces are y+",
+    ),
+    "a bath of a surface that is not drained": (
+        {"bath": {"y+": 0.1, "y-": 0.2}},
+        "bath.y-",
+        "expected a drained surface, but 'y-' is none; give macro.boundary.y- a 'pressure:', or remove it; the drained "
+        "surfaces are y+",
+    ),
+    "a drained surface without a bath": (
+        {"bath": {"x-": 0.1}},
+        "bath.y+",
+        "missing; the surface 'y+' is drained, but has no bath",
+    ),
     "a temperature of 0": (
         {"temperature": 0},
         "temperature",

@@ -106,6 +106,18 @@ def test_a_number_of_a_field_is_its_factor() -> None:
     np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-12)
 
 
+def test_baths_of_surfaces_have_one_factor() -> None:
+    def between(low: float, high: float) -> dict[str, Any]:
+        return {**CHARGES, "bath": {"y-": low, "y+": {"table": [[0.3, high], [0.5, high / 2]]}}}
+
+    drained = {**MACRO["boundary"], "y-": {**MACRO["boundary"]["y-"], "pressure": 0}}
+    plan = of_laws({"charges.bath": LAW["charges.bath"]}, between(0.2, 0.1), boundary=drained)
+    other = of_laws(charges=between(0.3, 0.15), boundary=drained)
+    found, wanted = model_of(plan).values(np.array([1.5])), model_of(other).values(starts(other))
+    np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-12)
+    differ(plan)
+
+
 def test_a_body_has_the_same_laws_in_the_units_of_other_scales() -> None:
     """All that has a time, a stress or a concentration is divided by its unit."""
     config = of_laws(charges=FIELDS).experiments[0].config

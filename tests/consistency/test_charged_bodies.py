@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -95,6 +97,80 @@ def test_a_cube_swells_freely(make_solver):
     assert solution.probes["corner"][-1] == pytest.approx([*3 * [strain], 0], abs=1e-9)
     expected = [0.3 * strain, 0.4 * strain, 0.6 * strain, 0]
     assert solution.probes["inside"][-1] == pytest.approx(expected, abs=1e-9)
+
+
+BATHS = {"y-": 0.05, "y+": 0.3}
+
+
+def between_baths(bath, initial="as charged", elements=6):
+    """A column that touches a bath below and another on top."""
+    charges = {"density": DENSITY, "bath": bath, "initial": initial}
+    problem = column(0.03 * (initial == "as charged"), elements=elements, charges=charges, fields={})
+    drained = {name: problem.boundary[name].model_copy(update={"pressure": 0.0}) for name in BATHS}
+    problem = problem.model_copy(
+        update={"fields": {}, "boundary": problem.boundary | drained, "probes": {"top": (0.2, HEIGHT, 0.3)}}
+    )
+    return problem.with_law_numbers({None: None})
+
+
+def end_between_baths(load):
+    """The integral of the strains along the column, each of the scalar equation with the bath at its height."""
+    x, w = np.polynomial.legendre.leggauss(8)
+    low, high = BATHS.values()
+    strains = [scalar("potential", load, low + (high - low) * (1 + each) / 2)[0] for each in x]
+    return HEIGHT * np.dot(w, strains) / 2
+
+
+def test_a_column_between_two_baths_swells_by_the_scalar_equation_at_each_height(make_solver):
+    """Salt goes linearly from one bath to the other, and the effective pressure is 0 everywhere: no osmosis."""
+    expected, errors = end_between_baths(0.03), []
+    for elements in (3, 6):
+        problem = between_baths(BATHS, elements=elements)
+        solution = solved(make_solver, problem, ChargedLaw(potential()[0], OSMOTIC))
+        _, top, _, p = solution.probes["top"][-1]
+        errors.append(abs(top - expected))
+        assert abs(p) < 1e-9
+    assert expected < 0
+    assert errors[1] < errors[0] / 8
+    assert errors[1] < 1e-6 * abs(expected)
+
+
+@pytest.mark.slow
+def test_backends_agree_on_a_column_between_two_baths():
+    found = []
+    for name in ("skfem", "dolfinx"):
+        pytest.importorskip(name)
+        problem = between_baths({"y-": 0.05, "y+": {"table": [[0, 0.3], [300, 0.1]]}})
+        law = ChargedLaw(potential()[0], OSMOTIC)
+        found.append(solved(registry().get("macro solver", name), problem, law))
+    one, other = found
+    np.testing.assert_allclose(one.probes["top"], other.probes["top"], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(one.history.drained, other.history.drained, rtol=0, atol=1e-9)
+
+
+def test_equal_baths_on_both_ends_are_one(make_solver):
+    runs = [
+        solved(make_solver, between_baths(bath), ChargedLaw(potential()[0], OSMOTIC))
+        for bath in (BATH, dict.fromkeys(BATHS, BATH))
+    ]
+    one, other = (run.probes["top"] for run in runs)
+    np.testing.assert_allclose(one, other, rtol=0, atol=1e-12 * np.abs(one).max())
+
+
+def test_a_body_between_two_baths_begins_swollen(make_solver):
+    problem = between_baths(BATHS, "free-swelling")
+    solution = solved(make_solver, problem, ChargedLaw(potential()[0], OSMOTIC))
+    assert np.ptp(solution.profiles[-1].osmotic_pressure) > 0.01
+    assert solution.probes["top"][0, 1] == pytest.approx(end_between_baths(0.0), rel=1e-6)
+    np.testing.assert_allclose(solution.probes["top"][:, [0, 2, 3]], 0, atol=1e-9)
+    assert np.ptp(solution.probes["top"][:, 1]) < 1e-9
+
+
+def test_baths_are_part_of_what_a_checkpoint_compares():
+    said = [between_baths(bath).specification() for bath in (BATHS, {**BATHS, "y-": 0.06}, 0.05)]
+    for one, other in pairwise(said):
+        assert one["charges"] != other["charges"]
+        assert one["fields"] != other["fields"]
 
 
 @pytest.mark.parametrize(

@@ -178,6 +178,30 @@ def test_the_solved_problem_has_the_numbers_of_its_laws(load):
     assert load(changes).macro.problem(-0.04).fields == {"radius": 0.25}
 
 
+def test_baths_of_surfaces_have_units_and_are_read_again(load, tmp_path):
+    dilute = {"table": [["0 s", "0.3 M"], ["10 s", "0.03 M"]]}
+    surfaces = {"y+": "0.15 mol/l", "y-": dilute}
+    config = load(
+        {
+            **SCALES,
+            "macro.charges": {"density": "0.2 mEq/ml", "bath": surfaces},
+            "macro.boundary.y-": {"displacement": [0, 0, 0], "pressure": 0},
+        }
+    )
+    unit, baths = 0.5e6 / float(GAS_CONSTANT), config.macro.charges.bath
+    assert baths["y+"] == pytest.approx(150 / unit, rel=1e-15)
+    assert [value for _, value in baths["y-"].table] == pytest.approx([300 / unit, 30 / unit], rel=1e-15)
+    field = config.problem(1.0).fields["charges.bath"]
+    assert field.surfaces == baths
+    assert field.corners == config.macro.charges.corners == tuple(time for time, _ in baths["y-"].table)
+    path = tmp_path / "again.yaml"
+    path.write_text(config.resolved_yaml())
+    again = load_config(path)
+    assert again == config
+    assert again.stages == config.stages
+    assert load({**CHARGED}).stages.macro != config.stages.macro
+
+
 def test_regions_have_the_relaxation_of_their_cell(load):
     solid = {"relaxation": {"branches": [{"strength": 2, "time": 1}]}}
     config = load(

@@ -28,6 +28,7 @@ from porocore.commands.calibration.plan import (
     with_indenter,
 )
 from porocore.commands.calibration.problem import CurveModel, CurvePrediction, Unknown
+from porocore.core.formulas import TimeFunction
 from porocore.core.models.bounds import MOST_TIMES
 from porocore.core.models.strict import with_number
 from porocore.core.parallel.calls import CallProcesses, Tell, side_by_side
@@ -235,7 +236,9 @@ def require_scalable(config: RunConfig, unknown: str, kind: NumberKind) -> None:
     charges = config.macro.charges
     entries: list[Any] = [*config.macro.fields.values()]
     if charges is not None:
-        entries += [charges.density, charges.bath_field]
+        entries.append(charges.density)
+        courses = (bath for bath in charges.baths.values() if isinstance(bath, TimeFunction))
+        formulas += [course.expression for course in courses if course.expression is not None]
     entries += [entry for region in config.macro.regions.values() for entry in region.fields.values()]
     formulas += filter(None, map(_formula_of_time, entries))
     if formulas:

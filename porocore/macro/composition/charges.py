@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field, field_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, field_validator
 
 from porocore.core.formulas import TimeFunction, Value
-from porocore.core.models.strict import StrictModel
+from porocore.core.models.strict import Name, StrictModel
 from porocore.core.units import Dimension, units_now
 from porocore.errors import ConfigurationError
 from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.composition.baths import BathsField, value_at
 from porocore.macro.composition.fields import (
     AnyField,
     FormulaField,
@@ -23,10 +25,49 @@ from porocore.macro.composition.fields import (
 from porocore.macro.laws.charges import OsmoticPressure
 from porocore.states import Array
 
-#: Key of the density.
-DENSITY = "macro.charges.density"
+#: Keys of the density and the bath.
+DENSITY, BATH = "macro.charges.density", "macro.charges.bath"
 #: State with which a charged body begins: at rest under its osmotic pressure, or undeformed.
 Beginning = Literal["free-swelling", "as charged"]
+
+
+def _of_salt(bath: float | TimeFunction) -> float | TimeFunction:
+    """Refuse a bath without salt.
+
+    Raises
+    ------
+    ValueError
+        It is one.
+    """
+    if isinstance(bath, TimeFunction) and bath.ramp is not None:
+        raise ValueError(
+            "expected a concentration above 0 at all times, got a ramp, which begins at 0; write 'table: [[0, "
+            "...], [..., ...]]'"
+        )
+    given = [bath] if isinstance(bath, float) else [value for _, value in bath.table]
+    for value in given:
+        if value <= 0:
+            raise ValueError(
+                f"expected a concentration above 0, got {_concentration(value)}; a bath of little salt has a small one"
+            )
+    return bath
+
+
+def _form(bath: Any) -> str:
+    if isinstance(bath, Mapping) and bath and not bath.keys() & TimeFunction.model_fields.keys():
+        return "by-surface"
+    return "course" if isinstance(bath, Mapping | TimeFunction) else "number"
+
+
+#: Bath of a surface.
+SurfaceBath = Annotated[Value, AfterValidator(_of_salt), Dimension("concentration")]
+#: One bath, or those of the drained surfaces by their names.
+Bath = Annotated[
+    Annotated[float, Tag("number")]
+    | Annotated[TimeFunction, Tag("course")]
+    | Annotated[dict[Name, SurfaceBath], Tag("by-surface")],
+    Discriminator(_form),
+]
 
 
 class Charges(StrictModel):
@@ -39,9 +80,12 @@ class Charges(StrictModel):
     density: Annotated[AnyField, Dimension("concentration")]
     """c_F0, fixed charge by volume of fluid in the undeformed body: a number, at least 0, or a field, whose numbers are
     multiples of the scale of concentrations."""
-    bath: Annotated[Value, Dimension("concentration")]
-    """c*, concentration of the salt in the bath, above 0: a number, which acts from the beginning, or a function of
-    time."""
+    bath: Annotated[Bath, Dimension("concentration")]
+    """c*, concentration of the salt in the bath, above 0: a number, which acts from the beginning, a function of time,
+    or where they differ one of these for each drained surface, by its name. In between the salt has then diffused to
+    its steady state in the undeformed body, without flux through other surfaces, for ions are faster than fluid; where
+    two baths touch it is the mean. The effective fluid pressure is continuous on each surface and drives the fluid, so
+    that a difference of baths moves none through a body without charges: there is no osmosis."""
     osmotic_coefficient: Annotated[float, Field(gt=0, le=10)] = 1.0
     """Φ, osmotic coefficient within the body over that of the bath."""
     temperature: Annotated[Annotated[float, Field(gt=0, le=10_000)], Dimension("temperature", si=True)] = (
@@ -72,20 +116,8 @@ class Charges(StrictModel):
 
     @field_validator("bath")
     @classmethod
-    def _of_salt(cls, bath: float | TimeFunction) -> float | TimeFunction:
-        if isinstance(bath, TimeFunction) and bath.ramp is not None:
-            raise ValueError(
-                "expected a concentration above 0 at all times, got a ramp, which begins at 0; write 'table: [[0, "
-                "...], [..., ...]]'"
-            )
-        given = [bath] if isinstance(bath, float) else [value for _, value in bath.table]
-        for value in given:
-            if value <= 0:
-                raise ValueError(
-                    f"expected a concentration above 0, got {_concentration(value)}; a bath of little salt has a small "
-                    "one"
-                )
-        return bath
+    def _has_salt(cls, bath: Any) -> Any:
+        return bath if isinstance(bath, dict) else _of_salt(bath)
 
     @property
     def osmotic(self) -> float:
@@ -93,8 +125,17 @@ class Charges(StrictModel):
         return self.temperature * self.osmotic_coefficient
 
     @property
+    def baths(self) -> dict[str, Value]:
+        """All baths by their keys."""
+        if isinstance(self.bath, dict):
+            return {f"{BATH}.{surface}": bath for surface, bath in self.bath.items()}
+        return {BATH: self.bath}
+
+    @property
     def bath_field(self) -> ParameterField:
-        """The bath as a field that is the same everywhere."""
+        """The bath as a field of the body."""
+        if isinstance(self.bath, dict):
+            return BathsField(surfaces=self.bath)
         if isinstance(self.bath, TimeFunction):
             return FormulaField(formula="1", initial=0.0, over=self.bath)
         return as_field(self.bath)
@@ -118,14 +159,17 @@ def require_charges(charges: Charges, mesh: BodyMesh, times: Array) -> None:
     ConfigurationError
         It is, or a field has no value; the message names key, place and time.
     """
-    if isinstance(charges.bath, TimeFunction):
+    for key, bath in charges.baths.items():
         for time in times.tolist():
-            if (bath := charges.bath.at(time)) <= 0:
+            if (value := value_at(bath, time)) <= 0:
                 raise ConfigurationError(
-                    f"macro.charges.bath: expected a concentration above 0 at all times, got {_concentration(bath)} at "
+                    f"{key}: expected a concentration above 0 at all times, got {_concentration(value)} at "
                     f"t = {units_now().text(time, 'time', 6)}"
                 )
-    field, points = as_field(charges.density), Points.of(mesh)
+    points = Points.of(mesh)
+    if isinstance(charges.bath, dict):
+        charges.bath_field.reached(points, 0.0, BATH)
+    field = as_field(charges.density)
     for time in times.tolist() if field.varies else [0.0]:
         values = field.in_time(field.reached(points, time, DENSITY), time)
         worst = int(values.argmin())

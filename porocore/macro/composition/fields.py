@@ -45,24 +45,32 @@ class Points:
         Centres of the elements, at which files and pictures are read.
     element : (n,)
         Element of each point, by its place in ``centres``.
+    mesh
+        Of the body; None: the places are no points of one.
+    number : (n,)
+        Number of each point among all of the body.
     """
 
     places: Array
     centres: Array
     element: IntArray
+    mesh: BodyMesh | None = None
+    number: IntArray | None = None
 
     @classmethod
     def of(cls, mesh: BodyMesh, elements: IntArray | None = None) -> Points:
         """Return the points of some elements of a body, by their numbers; None: of all."""
         chosen = np.arange(len(mesh.cells)) if elements is None else elements
-        places = mesh.quadrature_points[chosen].reshape(-1, 3)
-        return cls(places, mesh.centres[chosen], np.repeat(np.arange(len(chosen)), mesh.weights.shape[1]))
+        places, count = mesh.quadrature_points[chosen].reshape(-1, 3), mesh.weights.shape[1]
+        number = (chosen[:, None] * count + np.arange(count)).ravel()
+        return cls(places, mesh.centres[chosen], np.repeat(np.arange(len(chosen)), count), mesh, number)
 
     def __len__(self) -> int:
         return len(self.places)
 
     def __getitem__(self, rows: Any) -> Points:
-        return Points(self.places[rows], self.centres, self.element[rows])
+        number = None if self.number is None else self.number[rows]
+        return Points(self.places[rows], self.centres, self.element[rows], self.mesh, number)
 
 
 class ParameterField(StrictModel, ABC):

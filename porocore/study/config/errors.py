@@ -183,7 +183,7 @@ VECTORS = {"traction": "0", "body_force": "0", "displacement": "null"}
 #: A section of more keys than these is not described by them.
 MOST_KEYS = 8
 #: Names that pydantic adds behind the key of a value that may be a number or a section.
-FORMS = ("number", "course", "text", "vector", "in-plane")
+FORMS = ("number", "course", "text", "vector", "in-plane", "by-surface")
 
 
 def faults(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from porocore.core.echo import echo, joined, suggestion
+from porocore.core.echo import choices, echo, joined, suggestion
 from porocore.core.files.yaml_document import Location, dotted
 from porocore.errors import ConfigurationError
 from porocore.macro.composition.fields import AXES, as_field
@@ -40,6 +40,29 @@ def law_faults(config: RunConfig) -> Iterator[tuple[Location, str]]:
                     yield at, str(error)
                     break
     yield from _moving_fields(config)
+    yield from _baths(config)
+
+
+def _baths(config: RunConfig) -> Iterator[tuple[Location, str]]:
+    """Yield baths of surfaces that are not drained, and drained surfaces without a bath."""
+    macro = config.macro
+    if macro.charges is None or not isinstance(baths := macro.charges.bath, dict):
+        return
+    drained = [name for name, face in macro.boundary.items() if face.pressure is not None]
+    at, listed = ("macro", "charges", "bath"), "the drained surfaces are"
+    for name in baths:
+        here = (*at, name)
+        if name in macro.boundary and name not in drained:
+            advice = f"give macro.boundary.{name} a 'pressure:', or remove it; {choices(drained, listed)}"
+            yield here, f"{dotted(here)}: expected a drained surface, but {echo(name)} is none; {advice}"
+        elif name not in drained:
+            advice = suggestion(name, drained, listed)
+            yield here, f"{dotted(here)}: no drained surface is called {echo(name)}; {advice}"
+    for name in drained:
+        if name not in baths:
+            here = (*at, name)
+            told = f"missing; the surface {echo(name)} is drained, but has no bath: add '{name}:' under '{dotted(at)}:'"
+            yield at, f"{dotted(here)}: {told}; {choices(drained, listed)}"
 
 
 def _taken_names(cell: str | None, names: Sequence[str]) -> Iterator[tuple[Location, str]]:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from porocore.core.formulas import TimeFunction
 from porocore.core.units import ResultUnits
 from porocore.macro.body.mesh import BodyMesh
+from porocore.macro.composition.baths import value_at
 from porocore.macro.composition.charges import Charges
 from porocore.macro.composition.evolution import Evolution
 from porocore.macro.composition.fields import Points, as_field
@@ -69,8 +69,7 @@ class OsmoticPressures:
                 for t in (times if field.varies else times[:1])
             ]
         )
-        course = charges.bath
-        baths = [course.at(t) for t in times] if isinstance(course, TimeFunction) else [course]
+        baths = [value_at(bath, t) for bath in charges.baths.values() for t in times]
         density, bath = ((float(min(values)), float(max(values))) for values in (densities.tolist(), baths))
         pressures = [
             charges.osmotic_pressure(*ends) for ends in ((density[0], bath[1]), (density[1], bath[0]))
@@ -81,12 +80,13 @@ class OsmoticPressures:
 def _charges(charges: Charges, found: OsmoticPressures, units: ResultUnits) -> str:
     density, bath = (_from_to(ends, "concentration", units) for ends in (found.density, found.bath))
     pressure = _from_to(found.pressure, "pressure", units)
+    where = "baths" if isinstance(charges.bath, dict) else "a bath"
     begins = {
         "free-swelling": "the run begins when it has swollen freely",
         "as charged": "the run begins undeformed",
     }
     return (
-        f"fixed charges: {density} of the fluid, in a bath of {bath} at {charges.temperature:g} K: osmotic pressure "
+        f"fixed charges: {density} of the fluid, in {where} of {bath} at {charges.temperature:g} K: osmotic pressure "
         f"{pressure} in the undeformed body; {begins[charges.initial]}"
     )
 
