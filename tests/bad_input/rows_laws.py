@@ -250,6 +250,11 @@ ROWS = [
         "macro.evolution.radius: no cell has the parameter 'radius'; there are none",
     ),
     faulty(
+        "evolution: a rate of the state with the mean gradient",
+        {**FAMILY, "macro.evolution": {"radius": {"rate": "-0.01*flux"}}, "closure": "mean-gradient"},
+        "macro.evolution.radius: the rate follows the state of the body, and closure 'mean-gradient' does not know",
+    ),
+    faulty(
         "evolution: a first value that changes",
         {**FAMILY, "macro.evolution": {"radius": {"rate": "1"}}, "macro.fields": {"radius": "0.25 + 0.01*t"}},
         "macro.fields.radius: expected the value at the beginning, since the parameter evolves",

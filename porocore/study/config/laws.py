@@ -35,12 +35,23 @@ def law_faults(config: RunConfig) -> Iterator[tuple[Location, str]]:
         for names in parameters.values():
             if name in names:
                 try:
-                    evolution.rate_of(name, names)
+                    rate = evolution.rate_of(name, names)
                 except ConfigurationError as error:
                     yield at, str(error)
                     break
+                if rate.follows_state and config.closure == "mean-gradient":
+                    yield at, _needs_the_potential(at)
+                    break
     yield from _moving_fields(config)
     yield from _baths(config)
+
+
+def _needs_the_potential(at: Location) -> str:
+    """Return why a rate that follows the state does not go with the closure mean-gradient."""
+    return (
+        f"{dotted(at)}: the rate follows the state of the body, and closure 'mean-gradient' does not know how the "
+        "fluid that it sums over the steps changes with the cell; choose closure: potential"
+    )
 
 
 def _baths(config: RunConfig) -> Iterator[tuple[Location, str]]:
