@@ -94,7 +94,7 @@ class Charges(StrictModel):
     """T, the same everywhere and always."""
     initial: Beginning = "free-swelling"
     """State to begin with: at rest under the osmotic pressure with nothing prescribed but the supports, which is found
-    first; or undeformed, from where the body swells."""
+    first; or undeformed: the body has been held in its shape in the bath, and is released at t = 0."""
 
     @field_validator("density")
     @classmethod

@@ -136,6 +136,9 @@ class TimeSteppingMacroSolver(MacroSolver[Discretisation]):
             d.contact_scales = _contact_scales(d, law, body)
         saved = CheckpointFile(checkpoint, d, law, self.checkpoint_seconds, body)
         course = _Course(Stepper(problem.time, problem.corners), ErrorControl(d, law.internal), Predictor())
+        if problem.time.tolerance is not None and course.control.follows_variables:
+            rest = _fields_at(d, body, 0.0).given_to(MacroState.zeros(d.n_points))
+            course.control.start = law.initial_at(rest).internal
         known = saved.load(course.stepper, course.control, course.predictor)
         if known is None and starts_swollen(problem):
             known = self._swollen(d, body, law, course.predictor, tracker)

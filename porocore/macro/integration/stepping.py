@@ -212,7 +212,8 @@ class TimeState:
 class ErrorControl:
     """Error estimate from the rate of the last accepted step and the largest values so far.
 
-    Quantities are the displacements, the pressures, and each group of the internal variables.
+    Quantities are the displacements, the pressures, and each group of the internal variables, of which the changes
+    since the beginning count.
 
     Parameters
     ----------
@@ -228,7 +229,9 @@ class ErrorControl:
     length
         Δt of that step.
     scales
-        Largest |u|, |p| and numbers of each group so far.
+        Largest |u|, |p| and changes of the numbers of each group so far.
+    start
+        Internal variables at the beginning (points, v), from which their changes count; one number: all alike.
     """
 
     def __init__(self, d: Discretisation, variables: Sequence[InternalVariable] = ()) -> None:
@@ -237,6 +240,7 @@ class ErrorControl:
         self._groups = _columns_of_groups(variables)
         self.rate: TimeState | None = None
         self.length = 0.0
+        self.start: Array | float = 0.0
         self.scales = (0.0,) * (len(self._blocks) + len(self._groups))
         self._found = self.scales
 
@@ -262,7 +266,7 @@ class ErrorControl:
             Share that has acted of the load that first comes up, by which the largest values are divided: at its
             beginning they say nothing yet, and the first step would be in error by a quarter however short it is.
         """
-        largest = self._largest(new)
+        largest = self._largest(TimeState(new.x, new.internal - self.start))
         self._found = tuple(max(pair) for pair in zip(self.scales, largest, strict=True))
         if self.rate is not None:
             change, factor = new.rate(old, dt).rate(self.rate, 1.0), dt**2 / (dt + self.length)
@@ -275,6 +279,11 @@ class ErrorControl:
             for found, scale in zip(self._largest(change), self._found, strict=True)
         ]
         return max(errors)
+
+    @property
+    def follows_variables(self) -> bool:
+        """True where errors of internal variables count."""
+        return bool(self._groups)
 
     def _largest(self, of: TimeState) -> list[float]:
         """Return the largest size of each quantity over all processes."""

@@ -78,7 +78,8 @@ def at_rest(config: RunConfig, store: ResultStore | None = None) -> Iterator[str
     law = law_of_body(config, laws)
     head = "consolidation" if config.cells else "  consolidation"  # else below the lines of the cell
     linear = linear_in_body(config.macro, law, coefficients)
-    yield from _consolidation(config.macro, linear, config.result_units, head)
+    relaxes = any(config.relaxations.values())
+    yield from _consolidation(config.macro, linear, config.result_units, head, relaxes=relaxes)
     remembering = {name: with_memory(each, config.of_cell(name), linear=True) for name, each in laws.items()}
     yield from predicted_reach(config, law_of_body(config, remembering))
 
@@ -312,9 +313,17 @@ def coefficients_of_consolidation(
 
 
 def _consolidation(
-    macro: MacroSetup, coefficients: LinearCoefficients | RestCoefficients, units: ResultUnits, head: str
+    macro: MacroSetup,
+    coefficients: LinearCoefficients | RestCoefficients,
+    units: ResultUnits,
+    head: str,
+    *,
+    relaxes: bool,
 ) -> Iterator[str]:
-    """Yield in which time the body consolidates, and notes on times that do not fit it; ``head`` begins the line."""
+    """Yield in which time the body consolidates, and notes on times that do not fit it; ``head`` begins the line.
+
+    A solid that ``relaxes`` has times of its own.
+    """
     nodes = len(body_mesh(macro).points)
     if nodes > MOST_NODES:
         yield f"{head}: not computed, since the body has more than {MOST_NODES:,} nodes, {nodes:,}"
@@ -332,11 +341,11 @@ def _consolidation(
     if relaxation is not None:
         yield (
             f"  relaxation: {units.text(relaxation, 'time', 3)} until the force after a sudden displacement is "
-            "within 5 % of its final value"
+            f"within 5 % of its final value{', if the solid did not relax' if relaxes else ''}"
         )
     elif moved(macro):
         yield "  the body is moved by displacements, not by a load: how fast its force relaxes is another time"
-    yield from (f"note: {note}" for note in run_times(macro, time, units))
+    yield from (f"note: {note}" for note in run_times(macro, time, units, slower=relaxes))
 
 
 def _along(values: Array, quantity: str, units: ResultUnits) -> str:

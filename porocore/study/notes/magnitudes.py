@@ -232,8 +232,13 @@ GROWS = (
 )
 
 
-def run_times(macro: MacroSetup, consolidation: float, units: ResultUnits) -> Iterator[str]:
-    """Yield notes on ramps, end and steps of a run that are far from the time in which the body consolidates."""
+def run_times(
+    macro: MacroSetup, consolidation: float, units: ResultUnits, *, slower: bool = False
+) -> Iterator[str]:
+    """Yield notes on ramps, end and steps of a run that are far from the time in which the body consolidates.
+
+    A body whose cells evolve has times of its own, by which long steps are chosen; so may have one that is ``slower``.
+    """
 
     def text(time: float) -> str:
         return units.text(time, "time", 3)
@@ -255,7 +260,7 @@ def run_times(macro: MacroSetup, consolidation: float, units: ResultUnits) -> It
             f"the run ends after {text(plan.end)}, long before the body consolidates ({told}); "
             f"check macro.time{scales}"
         )
-    elif plan.end > LATE * consolidation and plan.step > consolidation:
+    elif plan.end > LATE * consolidation and plan.step > consolidation and not (slower or macro.evolution):
         yield (
             f"the run ends after {text(plan.end)}, and its steps of {text(plan.step)} are longer than the "
             f"consolidation ({told}); check macro.time{scales}"
