@@ -85,8 +85,9 @@ nitpick_ignore_regex = [
         r"(porocore\.interfaces\.(cell|macro)\.)?Prepared|porocore\.(cell\.(contact|materials|meshing|stability\.map)|core|macro\.(analytic|problem\.TimePlan)|study\.(api\.solved\.T|config|run\.folder|tuning)"
         r"|plugins\.kinds\.Scaffold|testing\.sampler_checks|commands\.(calibration|fields\.points|sensitivity\.(plan|results)|representative))\b.*",
     ),
-    # An alias of states.py and a class of the core where they are imported for type checkers only.
+    # An alias of states.py and classes of the core where they are imported for type checkers only.
     ("py:class", "Array"),
+    ("py:class", "Relaxation"),
     ("py:class", "YamlDocument"),
     # What stands where a type stands in a docstring, such as (n, 3, 3).
     ("py:class", r"(?!porocore\.)[^A-Z].*"),

@@ -69,7 +69,7 @@ class InternalVariable:
         Variables of one group, such as stresses, share the largest value to which their errors in time are referred;
         empty: the error does not decide on the step.
     quantity
-        Of :data:`porocore.core.units.QUANTITIES`; empty: a plain number, or that of the cell's parameter of this name.
+        Of ``porocore.core.units.QUANTITIES``; empty: a plain number, or that of the cell's parameter of this name.
     """
 
     name: str
