@@ -35,6 +35,9 @@ SHOWN = {
     "swelling-gel": (1, ("pressure at the probes", "displacement of the probes")),
     "cartilage-zones": (0, ("displacement of the probes",)),
     "graded-gyroid": (0, ("pressure at the probes",)),
+    "charged-cartilage": (0, ("forces of held or moved surfaces", "displacement of the probes")),
+    "clogging-filter": (0, ("inflow through surfaces of given pressure", "displacement of the probes")),
+    "degrading-scaffold": (1, ("displacement of the probes", "forces of held or moved surfaces")),
 }
 #: Of bodies whose cell varies with the height: the parameter that is shown over it, and its name.
 OVER_HEIGHT = {
