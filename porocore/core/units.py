@@ -117,6 +117,9 @@ def _with_texts(schema: JsonSchema) -> JsonSchema:
     for name in ("anyOf", "oneOf", "prefixItems"):
         if name in schema:
             widened[name] = [_with_texts(part) for part in schema[name]]
+    # A text with a unit is also one of the texts that a choice between a number and a formula has.
+    if any(part.get("type") == "number" for part in schema.get("oneOf", ())):
+        widened["anyOf"] = widened.pop("oneOf")
     return widened
 
 
