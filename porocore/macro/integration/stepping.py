@@ -185,6 +185,8 @@ class Stepper:
             self.halvings += 1
 
 
+#: Share of an internal variable that counts as its change at least: at the beginning there is none.
+SLIGHT = 0.01
 #: Times up to the first kink at which the loads are evaluated for their largest values.
 SAMPLES = 100
 
@@ -266,7 +268,10 @@ class ErrorControl:
             Share that has acted of the load that first comes up, by which the largest values are divided: at its
             beginning they say nothing yet, and the first step would be in error by a quarter however short it is.
         """
-        largest = self._largest(TimeState(new.x, new.internal - self.start))
+        changes = self._largest(TimeState(new.x, new.internal - self.start))
+        largest = [
+            max(change, SLIGHT * size) for change, size in zip(changes, self._largest(new), strict=True)
+        ]
         self._found = tuple(max(pair) for pair in zip(self.scales, largest, strict=True))
         if self.rate is not None:
             change, factor = new.rate(old, dt).rate(self.rate, 1.0), dt**2 / (dt + self.length)
