@@ -37,6 +37,7 @@ SHOWN = {
     "graded-gyroid": (0, ("pressure at the probes",)),
     "charged-cartilage": (0, ("forces of held or moved surfaces", "displacement of the probes")),
     "clogging-filter": (0, ("inflow through surfaces of given pressure", "displacement of the probes")),
+    "degrading-scaffold": (0, ("displacement of the probes", "forces of held or moved surfaces")),
 }
 #: Of bodies whose cell varies with the height: the parameter that is shown over it, and its name.
 OVER_HEIGHT = {
