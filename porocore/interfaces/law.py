@@ -617,7 +617,11 @@ class LawWrapper(MacroLaw):
         reached = response.memory
         seen = replace(response, memory=self.memory_in(reached, reached.states))
         changed = self.law.before_accept(seen, self.memory_in(memory, memory.states))
-        return None if changed is None else self.memory_out(changed, memory.states)
+        return None if changed is None else self.renewed(changed, memory)
+
+    def renewed(self, inner: LawMemory, memory: LawMemory) -> LawMemory:
+        """Return the ``memory`` of a step's beginning where the inner law, which has changed, has another one of it."""
+        return self.memory_out(inner, memory.states)
 
     def reasons(self, states: MacroState) -> list[str]:
         """Return the reasons that the inner law knows; see :class:`~porocore.interfaces.law.MacroLaw`."""
@@ -710,12 +714,7 @@ class ExtendedLaw(LawWrapper):
         internal = np.concatenate([inner.internal, self.own_at_rest(rest, inner)], axis=1)
         return replace(inner, states=rest, internal=internal)
 
-    def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
-        """Ask the inner law; its own internal variables stay."""
-        reached = response.memory
-        seen = replace(response, memory=self.memory_in(reached, reached.states))
-        changed = self.law.before_accept(seen, self.memory_in(memory, memory.states))
-        if changed is None:
-            return None
-        internal = np.concatenate([changed.internal, self.own_internal(memory.internal)], axis=1)
-        return replace(changed, states=memory.states, internal=internal)
+    def renewed(self, inner: LawMemory, memory: LawMemory) -> LawMemory:
+        """Return the memory with that of the inner law; its own internal variables stay."""
+        internal = np.concatenate([inner.internal, self.own_internal(memory.internal)], axis=1)
+        return replace(inner, states=memory.states, internal=internal)

@@ -222,14 +222,12 @@ class RelaxingLaw(ExtendedLaw):
         derived = _Derivatives(self, course, at, inner.p, response, found, changes, before)
         return whole, derived.changes()
 
-    def before_accept(self, response: MacroResponse, memory: LawMemory) -> LawMemory | None:
-        """Ask the law; of one that has changed the stress at the beginning is another one, too."""
-        changed = super().before_accept(response, memory)
-        if changed is None:
-            return None
-        inner, internal = self.memory_in(changed, memory.states), changed.internal.copy()
-        internal[:, -BLOCK:-1] = self._stress_at(inner.states, inner)
-        return replace(changed, internal=internal)
+    def renewed(self, inner: LawMemory, memory: LawMemory) -> LawMemory:
+        """Return the memory with that of the law, and with the stress that the law now has at the beginning."""
+        found = super().renewed(inner, memory)
+        seen, internal = self.memory_in(found, memory.states), found.internal.copy()
+        internal[:, -BLOCK:-1] = self._stress_at(seen.states, seen)
+        return replace(found, internal=internal)
 
     def _asked(
         self, states: MacroState, memory: LawMemory, step: Interval | None
