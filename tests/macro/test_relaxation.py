@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from porocore.interfaces.law import Interval
+from porocore.interfaces.law import Interval, LawWrapper
 from porocore.macro.analytic import LayeredConsolidation, SoilLayer
 from porocore.macro.laws.linear import LinearisedLaw
 from porocore.macro.laws.relaxation import RelaxingLaw
@@ -133,6 +133,34 @@ def test_no_closed_path_gives_work(n):
             done = np.einsum("nij,nij->n", stress, now.grad_u - old.grad_u) - fluid * (now.p - old.p)
             work, scale, old, time = work + done, scale + abs(done), now, step.end
     assert (work > 5e-3 * scale).all()
+
+
+class LearningLaw(LawWrapper):
+    """A law that becomes stiffer when a step is to be accepted, once."""
+
+    factor = 1.0
+
+    def response_out(self, response, states):
+        return replace(response, stress=self.factor * response.stress)
+
+    def before_accept(self, response, memory):
+        done, self.factor = self.factor > 1, 1.1
+        return None if done else memory
+
+
+def test_a_law_that_learns_leaves_the_overstress_as_it_is():
+    """The stress that relaxes is measured from what the new law says of the beginning."""
+    inner = LearningLaw(elastic())
+    law, at = RelaxingLaw(inner, 2), states(6, n=8)
+    memory = respond(law, at, law.initial_at(at), AT_ONCE).memory
+    reached = respond(law, at, memory, Interval(0.0, 0.1))
+    changed = law.before_accept(reached, memory)
+    assert law.before_accept(reached, memory) is None
+    over = slice(0, 20)
+    np.testing.assert_array_equal(changed.internal[:, over], memory.internal[:, over])
+    again = respond(law, at, changed, Interval(0.0, 0.0)).memory
+    np.testing.assert_allclose(again.internal[:, over], memory.internal[:, over], rtol=0, atol=1e-14)
+    assert np.abs(again.internal[:, 20:29] - memory.internal[:, 20:29]).max() > 1e-3
 
 
 def test_a_rotation_of_the_body_rotates_the_stress():
